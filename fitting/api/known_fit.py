@@ -13,6 +13,7 @@ from fitting.api.problem import Problem
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.summary import Interval
+from fitting.inference.values import DerivedResult
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -23,11 +24,12 @@ __all__ = ["KnownFit"]
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFit:
-    """What a fit knows: its minima (who, place), its values and intervals by name."""
+    """What a fit knows: its minima (who, place), values and intervals by name, derived outputs."""
 
     places: tuple[tuple[str, FloatArray], ...]
     most_likely: Mapping[str, float]
     intervals: Mapping[str, Interval]
+    derived: Mapping[str, DerivedResult]
     alternative: Mapping[str, Scalar]
     knowledge: Knowledge | None
     sha256: str
@@ -72,6 +74,7 @@ class KnownFit:
             places=tuple((who, np.array([p[n] for n in names])) for who, p in whole),
             most_likely=likely,
             intervals={n: r.ci95 for n, r in results.items()},
+            derived=inferred.derived,
             alternative=chosen,
             knowledge=knowledge,
             sha256=sha256,

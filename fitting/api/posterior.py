@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
 import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -26,12 +27,14 @@ from fitting.inference.posterior.chain import Walk, sampler_library, walked
 from fitting.inference.posterior.kept import Kept, keep, kept_in
 from fitting.inference.posterior.learnt import REACHES, TRIED, learnt, worth
 from fitting.inference.posterior.minima import Target, minima_of
+from fitting.inference.posterior.outputs import outputs_of, read_outputs
 from fitting.inference.posterior.start import Mixture
 from fitting.inference.posterior.summary import (
     CONVERGED,
     INTERRUPTED,
     NOT_CONVERGED,
     Interval,
+    PosteriorOutput,
     PosteriorSummary,
     PosteriorValue,
     Reached,
@@ -108,13 +111,16 @@ class Posterior:
 
     ``draws`` has the shape (steps, walkers, n), in the parameters' units and in the order of
     ``names``, without the beginning of the chain; ``log`` (steps, walkers) is ln of the posterior
-    but for a constant. Values are told where ``status`` is "converged"; the draws are there always.
+    but for a constant. ``outputs`` are derived outputs of the model by name, (k,), at the draws of
+    ``thinned``, and NaN where it has no value. Values are told where ``status`` is "converged"; the
+    draws are there always.
     """
 
     summary: PosteriorSummary
     names: tuple[str, ...]
     draws: FloatArray
     log: FloatArray
+    outputs: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def status(self) -> str:
@@ -132,16 +138,20 @@ class Posterior:
         return self.summary.values
 
     @property
+    def derived(self) -> Mapping[str, PosteriorOutput]:
+        """Every derived output by name; none where the draws have not converged."""
+        return self.summary.derived
+
+    @property
     def thinned(self) -> FloatArray:
         """Draws that are nearly independent, (k, n): one in so many steps as τ is at most."""
-        longest = max(value.tau for value in self.values.values())
-        every = max(1, math.ceil(longest)) if math.isfinite(longest) else len(self.draws)
-        return np.asarray(self.draws[every - 1 :: every].reshape(-1, len(self.names)))
+        return _thinned(self.draws, max(value.tau for value in self.values.values()))
 
-    def __getitem__(self, name: str) -> PosteriorValue:
-        if name not in self.values:
-            raise KeyError(f"no value '{name}'{did_you_mean(name, sorted(self.values))}")
-        return self.values[name]
+    def __getitem__(self, name: str) -> PosteriorValue | PosteriorOutput:
+        found: Mapping[str, PosteriorValue | PosteriorOutput] = {**self.derived, **self.values}
+        if name not in found:
+            raise KeyError(f"no value '{name}'{did_you_mean(name, sorted(found))}")
+        return found[name]
 
     def __repr__(self) -> str:
         return "\n".join(posterior_lines(self.summary))
@@ -193,7 +203,8 @@ def posterior(
         progress: Is called with a line of what is under way.
 
     Returns:
-        The draws, and medians with central intervals as ``posterior["name"]``.
+        The draws, and medians with central intervals as ``posterior["name"]``, of derived outputs
+        too.
 
     Raises:
         BadInput: no such fit, unknown noise, too few walkers, or ``emcee`` is missing.
@@ -257,7 +268,7 @@ def write_posterior(found: Posterior, out: str | Path, *, drawn: bool = True) ->
     with results_folder(folder, "posterior", POSTERIOR_FILES):
         paths = [folder / "posterior.json", folder / "draws.csv"]
         write_json(paths[0], found.summary)
-        write_whole(paths[1], draws_csv(found.summary, found.thinned))
+        write_whole(paths[1], draws_csv(found.summary, found.thinned, found.outputs))
         if drawn:
             # matplotlib takes a second to import: only where something is drawn
             drawing = importlib.import_module("fitting.report.figures.posterior")
@@ -284,6 +295,12 @@ def truth_beside(problem: Problem, at: Result) -> dict[str, float]:
     true = true_values(read_toml(paths[0]), reflection=reflected)
     likely = at.fitted_values
     return {n: nearest(n, v, likely.get(n, math.nan)) for n, v in true.items() if n in likely}
+
+
+def _thinned(draws: FloatArray, longest: float) -> FloatArray:
+    """One in so many steps of draws (steps, walkers, n) as the longest correlation time, (k, n)."""
+    every = max(1, math.ceil(longest)) if math.isfinite(longest) else len(draws)
+    return np.asarray(draws[every - 1 :: every].reshape(-1, draws.shape[-1]))
 
 
 def _late(walk: Walk) -> FloatArray:
@@ -391,12 +408,25 @@ class _Job:
         if walk is None:
             raise RuntimeError("a chain without a part")
         found = found or reached(self.target, self.minima, walk)
+        outputs: Mapping[str, FloatArray] = {}
+        if status == CONVERGED:
+            progress("derived outputs at the draws")
+            with contextlib.suppress(KeyboardInterrupt):  # the draws are there
+                outputs = self._outputs(found)
+        derived = outputs_of(outputs, self._fit.derived, truth)
         return Posterior(
-            summary=self._summary(status, walk, found, truth),
+            summary=replace(self._summary(status, walk, found, truth), derived=derived),
+            outputs=outputs,
             names=self.problem.names,
             draws=found.draws,
             log=walk.log[found.discarded :],
         )
+
+    def _outputs(self, found: Reached) -> dict[str, FloatArray]:
+        """Derived outputs that the fit has, at draws that are nearly independent, (k,) each."""
+        read = self.problem.objective.response.derived_many
+        draws = _thinned(found.draws, float(np.max(found.taus)))
+        return read_outputs(read, draws, tuple(self._fit.derived)) if self._fit.derived else {}
 
     def _parts(self, walk: Walk | None, progress: Callable[[str], None]) -> Iterator[Walk]:
         """The walk as it grows, from what there is."""

@@ -8,7 +8,7 @@ from fitting.inference.posterior.summary import CONVERGED, PosteriorSummary
 from fitting.report.figures.style import FigureFile
 from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.table import pairs_table
-from fitting.report.tables.posterior import ending, mode_table, value_table
+from fitting.report.tables.posterior import ending, mode_table, output_table, value_table
 
 
 def write_report(found: PosteriorSummary, figure: FigureFile, folder: Path) -> Path:
@@ -23,6 +23,8 @@ def write_report(found: PosteriorSummary, figure: FigureFile, folder: Path) -> P
         BadInput: the folder cannot be written.
     """
     tables = [value_table(found)]
+    if found.derived:
+        tables.append(output_table(found))
     if len(found.modes) > 1:
         tables.append(mode_table(found))
     facts = {

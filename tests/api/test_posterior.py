@@ -58,12 +58,35 @@ def test_a_linear_problem_has_the_posterior_of_its_normal_equations(linear: ff.P
     )
 
 
+def test_derived_outputs_are_read_at_the_draws(linear: ff.Posterior) -> None:
+    """A sum of Gaussian values is Gaussian; a root has a value where it is real."""
+    mean, covariance = closed.linear_moments()
+    along, found = closed.ALONG, linear.derived["sum"]
+    std, error = math.sqrt(along @ covariance @ along), 4.0 / math.sqrt(found.draws)
+    assert found.missing == 0.0
+    assert abs(found.mean - along @ mean) < error * std
+    assert found.std / std == pytest.approx(1.0, abs=error)
+    assert found.interval95 == pytest.approx(
+        (found.mean - 1.96 * std, found.mean + 1.96 * std), abs=2.67 * error * std
+    )
+    assert found.profile95 == pytest.approx(
+        (along @ mean - 1.96 * std, along @ mean + 1.96 * std), abs=0.02 * std
+    )
+    root = linear.derived["root"]
+    share = 0.5 * math.erfc(closed.REAL_FROM / math.sqrt(2.0))  # of a Gaussian beyond -0.5 sigma
+    assert 1.0 - root.missing == pytest.approx(share, abs=0.5 * error)
+    assert linear.outputs["sum"] == pytest.approx(linear.thinned @ along)
+    text = repr(linear)
+    assert "Derived outputs" in text
+    assert "no value" in text
+
+
 def test_a_gaussian_prior_is_one_more_measurement() -> None:
     prior = (3.0, 0.2)
     problem = closed.linear(prior)
     found = ff.posterior(problem, fitted(problem))
     close(found, *closed.linear_moments(prior))
-    assert found["p1"].prior_sigma == 0.2
+    assert found.values["p1"].prior_sigma == 0.2
     assert "p1 has a Gaussian prior" in " ".join(found.summary.notes)
 
 
@@ -97,7 +120,7 @@ def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
     assert all(math.isnan(end) for end in (*found["p1"].interval68, *found["p1"].interval95))
     assert all(math.isnan(mode.share) for mode in found.summary.modes)
     assert "no interval is told" in repr(found)
-    assert found["p1"].rhat > 1.01
+    assert found.values["p1"].rhat > 1.01
 
 
 def test_a_box_that_cuts_the_posterior_cuts_the_draws() -> None:
@@ -111,7 +134,7 @@ def test_a_box_that_cuts_the_posterior_cuts_the_draws() -> None:
     below = 0.5 * math.erfc(0.2 / math.sqrt(2.0))  # Phi(-0.2)
     density = math.exp(-0.5 * 0.2**2) / math.sqrt(2.0 * math.pi)
     mean = 11.2 - density / below
-    value = found["p"]
+    value = found.values["p"]
     assert value.mean == pytest.approx(mean, abs=4.0 * value.std / math.sqrt(value.effective))
 
 
@@ -123,7 +146,7 @@ def test_a_period_counts_once_where_the_box_holds_it() -> None:
     problem = closed.problem(circle, [angle], measured, np.array([0.1, 0.1]))
     found = ff.posterior(problem, fitted(problem))
     assert found.status == "converged"
-    value = found["p"]
+    value = found.values["p"]
     error = 4.0 / math.sqrt(value.effective)
     assert value.mean == pytest.approx(0.05, abs=0.1 * error)
     assert value.std == pytest.approx(0.1, rel=error + 0.01)  # an arc is as good as straight
@@ -185,7 +208,7 @@ def test_what_is_written_says_what_was_found(tmp_path: Path, linear: ff.Posterio
     told = json.loads((tmp_path / "posterior.json").read_text("utf-8"))
     assert told["values"]["p2"]["median"] == linear["p2"].median
     head, *rows = (tmp_path / "draws.csv").read_text("utf-8").splitlines()
-    assert head == "p1,p2,p3"
+    assert head == "p1,p2,p3,sum,root"
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
     assert np.array_equal(table, linear.thinned)
     page = (tmp_path / "report.html").read_text("utf-8")

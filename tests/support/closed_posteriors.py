@@ -23,10 +23,11 @@ from tests.support.datasets import answer, dataset
 
 @dataclass(frozen=True)
 class Formula:
-    """`Response` of a formula, p (k, n) -> z (k, m); `fails` says where it has no value."""
+    """`Response` of a formula, p (k, n) -> z (k, m), and `outputs`; `fails`: it has no value."""
 
     of: Callable[[FloatArray], FloatArray]
     fails: Callable[[FloatArray], bool] = lambda p: False
+    outputs: Callable[[FloatArray], dict[str, float]] = lambda p: {}
 
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
         if any(self.fails(p) for p in ps):
@@ -34,7 +35,7 @@ class Formula:
         return [answer(row, runs=1) for row in self.of(np.array(ps))]
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
-        return [{} for _ in ps]
+        return [{n: np.array([v]) for n, v in self.outputs(p).items()} for p in ps]
 
 
 def problem(
@@ -73,7 +74,22 @@ def linear(prior: tuple[float, float] | None = None) -> ff.Problem:
         parameter("p2", -100.0, 100.0, 1.0),
         parameter("p3", -100.0, 100.0, 1.0),
     ]
-    return problem(Formula(lambda p: p @ MATRIX.T), names, MEASURED, SIGMAS)
+    formula = Formula(lambda p: p @ MATRIX.T, outputs=linear_outputs)
+    return problem(formula, names, MEASURED, SIGMAS)
+
+
+#: The first parameter from which the linear problem's `root` is real: half a sigma below its mean.
+ALONG, REAL_FROM = np.array([1.0, 2.0, -1.0]), -0.5
+
+
+def linear_outputs(p: FloatArray) -> dict[str, float]:
+    """A sum of the parameters, and a root that is real in 69 % of the posterior."""
+    mean, covariance = linear_moments()
+    beyond = (p[0] - mean[0]) / np.sqrt(covariance[0, 0]) - REAL_FROM
+    return {
+        "sum": float(ALONG @ p),
+        "root": float(np.sqrt(beyond)) if beyond >= 0.0 else float("nan"),
+    }
 
 
 def linear_moments(prior: tuple[float, float] | None = None) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,7 @@ learnt.py       the same about places of a first walk, where the posterior is be
 chain.py        the sampler, the one door to ``emcee``
 diagnostics.py  correlation of a chain with itself, agreement of its walkers
 summary.py      what is told: values with intervals, shares of minima
+outputs.py      derived outputs at the draws
 ranks.py        simulation-based calibration
 
 Nothing here knows an FMU: a posterior is a function of parameters.

@@ -59,6 +59,28 @@ class PosteriorValue:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PosteriorOutput:
+    """One derived output, read from the model at `draws` nearly independent draws, in `unit`.
+
+    The intervals are central, as of parameters. `missing` is the share of these draws at which the
+    model has no value of it (a lambda that is not real); the numbers are of the others.
+    `most_likely`, `profile95` are the fit's, `truth` what is true, NaN where nobody knows it.
+    """
+
+    unit: str
+    median: float
+    mean: float
+    std: float
+    interval68: Interval
+    interval95: Interval
+    draws: int
+    missing: float
+    most_likely: float
+    profile95: Interval
+    truth: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class PosteriorMode:
     """One minimum: where it is, who knew of it, the share of draws nearest to it, its error.
 
@@ -79,7 +101,8 @@ class PosteriorSummary:
     `status` is "converged", "not converged" or "interrupted", `message` says why. `steps` of
     `walkers` were taken, `discarded` of them at the beginning are left out. `evaluations` of the
     model were asked for, `failed` of them had no value, which counts as impossible; `accepted` is
-    the share of proposals that were taken. `alternative` are the discrete settings.
+    the share of proposals that were taken. `alternative` are the discrete settings. `derived` are
+    outputs of the model, none where the draws have not converged; reading them is not counted.
     """
 
     title: str
@@ -97,6 +120,7 @@ class PosteriorSummary:
     accepted: float
     seed: int
     notes: tuple[str, ...]
+    derived: Mapping[str, PosteriorOutput] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from fitting.inference.posterior.summary import (
     CONVERGED,
     PosteriorMode,
+    PosteriorOutput,
     PosteriorSummary,
     PosteriorValue,
 )
@@ -30,6 +33,10 @@ NOTE = (
     "several minima they hold what lies between these, too. "
     "R is 1 where all walkers agree; τ is the correlation time in steps, and so many independent "
     "draws are worth as much as these."
+)
+OUTPUT_NOTE = (
+    "Read from the model at draws that are nearly independent. Where the model has no value of an "
+    "output (a λ that is not real) its numbers are those of the other draws."
 )
 Named = tuple[str, PosteriorValue]
 
@@ -56,6 +63,30 @@ def value_table(found: PosteriorSummary) -> Table:
     table = tabulate("Values", columns, found.values.items(), NOTE)
     known = any(math.isfinite(v.truth) for v in found.values.values())
     return table if known else table.without("truth")
+
+
+def output_table(found: PosteriorSummary) -> Table:
+    """Every derived output with its intervals, beside the fit's.
+
+    Args:
+        found: What the draws say.
+    """
+    columns: tuple[Column[tuple[str, PosteriorOutput]], ...] = (
+        Column("value", lambda row: symbol(row[0]), role="name"),
+        Column("unit", lambda row: unit_text(row[1].unit)),
+        Column("median", lambda row: _of(row[1].median, row[1].std)),
+        Column("std", lambda row: _of(row[1].std, row[1].std)),
+        Column("68 %", lambda row: _between(row[1].interval68)),
+        Column("95 %", lambda row: _between(row[1].interval95)),
+        Column("95 % of the fit", lambda row: _between(row[1].profile95)),
+        Column("truth", lambda row: _of(row[1].truth, row[1].std)),
+        Column("no value", lambda row: Cell(f"{100.0 * row[1].missing:.1f} %")),
+        Column("draws", lambda row: Cell(str(row[1].draws), value=row[1].draws)),
+    )
+    table = tabulate("Derived outputs", columns, found.derived.items(), OUTPUT_NOTE)
+    if not any(math.isfinite(v.truth) for v in found.derived.values()):
+        table = table.without("truth")
+    return table if any(v.missing for v in found.derived.values()) else table.without("no value")
 
 
 def mode_table(found: PosteriorSummary) -> Table:
@@ -112,6 +143,8 @@ def posterior_lines(found: PosteriorSummary) -> list[str]:
     """
     lines = [found.title, "", *wrapped(ending(found)), ""]
     lines += text_lines(value_table(found))
+    if found.derived:
+        lines += ["", *text_lines(output_table(found))]
     if len(found.modes) > 1:
         lines += ["", *text_lines(mode_table(found))]
     lines += ["", *(line for note in found.notes for line in wrapped(note))]
@@ -134,16 +167,20 @@ def ending(found: PosteriorSummary) -> str:
     return f"{words}."
 
 
-def draws_csv(found: PosteriorSummary, draws: FloatArray) -> str:
-    """Draws that are nearly independent as CSV, a row each.
+def draws_csv(found: PosteriorSummary, draws: FloatArray, outputs: Mapping[str, FloatArray]) -> str:
+    """Draws that are nearly independent as CSV, a row each, with derived outputs.
 
     Args:
         found: What they say.
         draws: (k, n) in the parameters' units.
+        outputs: Derived outputs at these, (k,) each.
     """
 
     def column(k: int, name: str, unit: str) -> Column[Sequence[float]]:
         return Column(name, lambda row: float(row[k]), unit=unit)
 
-    columns = [column(k, name, v.unit) for k, (name, v) in enumerate(found.values.items())]
-    return csv_text(tabulate("Draws", columns, draws.tolist()))
+    units = {name: v.unit for name, v in found.values.items()}
+    units |= {name: found.derived[name].unit for name in outputs}
+    columns = [column(k, name, unit) for k, (name, unit) in enumerate(units.items())]
+    rows = np.column_stack([draws, *outputs.values()])
+    return csv_text(tabulate("Draws", columns, rows.tolist()))

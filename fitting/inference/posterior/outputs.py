@@ -1,0 +1,80 @@
+"""What draws say of derived outputs: the model's values at draws that are nearly independent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from fitting.fit.outputs import answered_apart, mean
+from fitting.inference.posterior.summary import ENDS68, ENDS95, NONE, PosteriorOutput
+from fitting.inference.values import DerivedResult
+from fitting.text.arrays import FloatArray
+
+#: Draws that are read in one batch.
+BATCH = 500
+
+#: Derived outputs at parameters (n,), each in its own unit, for many of them.
+Read = Callable[[Sequence[FloatArray]], Sequence[Mapping[str, FloatArray]]]
+
+
+def read_outputs(read: Read, draws: FloatArray, names: Sequence[str]) -> dict[str, FloatArray]:
+    """Outputs at every draw, (k,), the mean over experiments; NaN where the model has no value.
+
+    Args:
+        read: The model.
+        draws: Parameters, shape (k, n), each in its own unit.
+        names: Of the outputs.
+
+    Raises:
+        NoAnswer: the model does not answer any more.
+    """
+
+    def asked(ps: Sequence[FloatArray]) -> list[dict[str, float]]:
+        return [{name: mean(answer[name]) for name in names} for answer in read(ps)]
+
+    def failed(p: FloatArray, failure: Exception) -> dict[str, float]:
+        return dict.fromkeys(names, math.nan)
+
+    rows: list[dict[str, float]] = []
+    for begin in range(0, len(draws), BATCH):
+        rows += answered_apart(asked, list(draws[begin : begin + BATCH]), failed)
+    return {name: np.array([row[name] for row in rows]) for name in names}
+
+
+def outputs_of(
+    table: Mapping[str, FloatArray],
+    beside: Mapping[str, DerivedResult],
+    truth: Mapping[str, float],
+) -> dict[str, PosteriorOutput]:
+    """Every derived output by name.
+
+    Args:
+        table: Its values at the draws, (k,).
+        beside: What the fit says of it.
+        truth: What is true, by name, where it is known.
+    """
+    return {
+        name: _output(values, beside[name], truth.get(name, math.nan))
+        for name, values in table.items()
+    }
+
+
+def _output(values: FloatArray, fit: DerivedResult, truth: float) -> PosteriorOutput:
+    there = values[np.isfinite(values)]
+    mine = there if there.size else np.array([math.nan])
+    ends = np.quantile(mine, [0.5, *ENDS68, *ENDS95]).tolist()
+    return PosteriorOutput(
+        unit=fit.unit,
+        median=ends[0],
+        mean=float(np.mean(mine)),
+        std=float(np.std(mine)),
+        interval68=(ends[1], ends[2]),
+        interval95=(ends[3], ends[4]),
+        draws=int(there.size),
+        missing=1.0 - there.size / values.size if values.size else math.nan,
+        most_likely=fit.most_likely,
+        profile95=fit.ci95 if all(map(math.isfinite, fit.ci95)) else NONE,
+        truth=truth,
+    )
