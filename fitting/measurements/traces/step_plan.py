@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.signal.free_decay import FewSamples
 from fitting.simulate.budget import Basis, Decision, Kind
 from fitting.text.arrays import FloatArray
 
@@ -34,7 +35,9 @@ class StepPlan:
     """Steps ``per_sample`` of one trace, ``label``, and what they may be off by, relative.
 
     ``change`` was seen when they were halved, ``runs`` is what that took; ``own_s`` is a step of
-    the FMU's own that the samples do not fit (0: none, or they do).
+    the FMU's own that the samples do not fit (0: none, or they do). ``few``: at which samples the
+    response to a pulse is simulated, where all follow from them to ``tolerance``, which is checked
+    in every evaluation; None: at all of them.
     """
 
     label: str
@@ -44,6 +47,8 @@ class StepPlan:
     change: float = 0.0
     runs: int = 0
     own_s: float = 0.0
+    few: FewSamples | None = None
+    tolerance: float = 0.0
 
     @property
     def step_s(self) -> float:
