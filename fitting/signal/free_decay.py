@@ -1,4 +1,4 @@
-"""All samples of a free decay from a few of them: a linear system that is left alone repeats itself.
+"""All samples of a free decay from a few of them: a linear system left alone repeats itself.
 
 A state of r numbers moves by the matrix A from sample to sample, and by F = A^S over S of them:
 
