@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fitting.campaign import Setup
 from fitting.fmu import HeldSignal
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
+from fitting.measurements.traces.decay_run import ask_decay, few_samples, read_decay
 from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
@@ -25,6 +26,26 @@ from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Change of a response to half a pulse, doubled, above which an FMU is not linear.
 NONLINEAR = 1e-6
+#: Of the accuracy that is left, what decays of few samples may cost, and the part of that which
+#: they may at the points of the survey.
+SHARE, MARGIN = 0.01, 0.1
+#: An error below which no more samples are tried. Elsewhere it may be so many times as large as at
+#: the points of the survey, or as rounding is.
+GOAL, WORSE, FLOOR = 1e-11, 100.0, 1e-10
+
+
+class Asked(NamedTuple):
+    """Numbers of the runs that answer for a trace; None: it wants none.
+
+    Args:
+        driven: under its input.
+        decay: after a pulse; of a few samples where the plan says so.
+        further: whatever else.
+    """
+
+    driven: int | None = None
+    decay: int | None = None
+    further: int | None = None
 
 
 class Begun(Protocol):
@@ -94,7 +115,7 @@ class Kind(Protocol[T_contra]):
 
     def ask(
         self, model: DrivenModel, trace: T_contra, p: FloatArray, batch: Batch, owner: int
-    ) -> Sequence[int | None]:
+    ) -> Asked:
         """Numbers of the runs that answer for a trace."""
 
 
@@ -130,7 +151,59 @@ class Survey(Generic[T]):
         kept = self._that_run(points, steps)
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
         runs = partial(self._simulated, kept)
-        return plan.with_steps(planned_steps(first, runs, left, trace.run_samples))
+        steps = planned_steps(first, runs, left, trace.run_samples)
+        if own_s is None and steps.per_sample == 1:
+            steps = self._of_few_samples(kept, steps, left)
+        return plan.with_steps(steps)
+
+    def _of_few_samples(
+        self, points: Sequence[FloatArray], steps: StepPlan, left: float
+    ) -> StepPlan:
+        """The steps with the few samples of a decay from which all follow; else as they are.
+
+        At all points they are compared with the whole run. What the FMU's solver makes of a long
+        communication step is not known: where it is not exact, nothing follows.
+
+        Args:
+            points: parameter vectors (n,) that the FMU takes.
+            steps: of whole runs.
+            left: accuracy that is still to be had.
+        """
+        trace, most = self.trace, SHARE * max(0.0, left - steps.bound)
+        if not trace.has_unknown_start or most <= 0.0:
+            return steps
+        best = steps
+        for few in few_samples(trace.pulse_window.samples):
+            error = self._misfit(points, replace(steps, few=few, tolerance=most))
+            if error <= MARGIN * most and (best.few is None or error < best.few_error):
+                tolerance = min(most, max(FLOOR, WORSE * error))
+                best = replace(steps, few=few, tolerance=tolerance, few_error=error)
+            if best.few is not None and best.few_error <= GOAL:
+                break
+        return replace(best, bound=steps.bound + best.tolerance)
+
+    def _misfit(self, points: Sequence[FloatArray], steps: StepPlan) -> float:
+        """Largest difference of whole decays from those of few samples, over their largest."""
+        trace, output, batch = self.trace, self.kind.output(self.trace), Batch()
+        asked = []
+        for p in points:
+            values = self.model.values(p, trace.label or None, trace.settings)
+            few, whole = (ask_decay(trace, values, s, batch, output) for s in (steps, None))
+            asked.append((few, whole))
+        try:
+            batch.simulate(self.workers)
+        except NoAnswer:
+            raise
+        except FmuFailure:  # it refuses long steps
+            return np.inf
+        worst = 0.0
+        for few, run in asked:
+            whole, found = batch.samples(run, output), read_decay(steps, batch, few, output)
+            if found is None:
+                return np.inf
+            largest = float(np.max(np.abs(whole)))
+            worst = max(worst, float(np.max(np.abs(found - whole))) / largest)
+        return worst
 
     def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
         """Outputs of its runs at all points, with so many steps between two samples."""
