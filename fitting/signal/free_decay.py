@@ -28,8 +28,12 @@ from scipy.linalg import lstsq
 
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 
-#: Samples that are held out, beside the last one: spread over the strides, and over a stride.
-HELD_OUT, GOLDEN = 7, 0.6180339887498949
+#: Samples that are held out, beside the last one: spread over the strides, and over a stride. In
+#: the first stride, where what decays fast is seen, there are further ones, each so many times as
+#: far from the first block as the one before.
+HELD_OUT, GOLDEN, FARTHER = 7, 0.6180339887498949, 2
+#: How many times the difference at samples that are seen an error may be: there are few of them.
+SAFETY = 10.0
 #: Numbers of states that are tried, those behind which singular values fall most.
 TRIED = 3
 #: Singular values below this share of the largest are rounding.
@@ -81,7 +85,8 @@ class FewSamples:
         block = k * (self.blocks - 1) // HELD_OUT
         inside = np.remainder((k + 1) * GOLDEN, 1.0) * (self.stride - self.length)
         between = self.stride * block + self.length + inside.astype(np.intp)
-        return np.append(between, self.samples - 1)
+        early = self.length + FARTHER ** np.arange(int(np.log2(self.stride - self.length)) + 1) - 1
+        return np.unique(np.concatenate([between, early, [self.samples - 1]]))
 
     @cached_property
     def indices(self) -> IntArray:
@@ -91,7 +96,10 @@ class FewSamples:
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """All samples (n,), and what those that were seen differ from them, over the largest."""
+    """All samples (n,), and what they may be off by, over the largest.
+
+    `error` is `SAFETY` times the largest difference from the samples that were seen.
+    """
 
     samples: FloatArray
     error: float
@@ -127,7 +135,7 @@ def rebuilt(few: FewSamples, values: FloatArray, tolerance: float) -> Rebuilt | 
     Args:
         few: which samples were taken.
         values: of these, shape (m,), in the order of their indices.
-        tolerance: largest difference that may be seen, over the largest value.
+        tolerance: largest error that they may have, over the largest value.
     """
     largest = float(np.max(np.abs(values)))
     if not 0.0 < largest < np.inf:
@@ -136,7 +144,7 @@ def rebuilt(few: FewSamples, values: FloatArray, tolerance: float) -> Rebuilt | 
     with np.errstate(all="ignore"):  # what a wrong number of states makes is not finite
         for motion in _motions(few, blocks):
             samples = motion.samples(blocks)[: few.samples]
-            error = float(np.max(np.abs(samples[few.indices] - values / largest)))
+            error = SAFETY * float(np.max(np.abs(samples[few.indices] - values / largest)))
             if error <= tolerance:
                 return Rebuilt(np.asarray(largest * samples), error)
     return None

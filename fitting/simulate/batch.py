@@ -160,6 +160,14 @@ class Batch:
         ]
         self._answers += workers.run(runs) if runs else []
 
+    def forget(self) -> None:
+        """Ask no more for what has no answer, as after a failure; what was simulated stays."""
+        known = len(self._answers)
+        del self._runs[known:], self.owners[known:]
+        for index in self._index.values():
+            for key in [key for key, k in index.items() if k >= known]:
+                del index[key]
+
     def samples(self, k: int, output: str) -> FloatArray:
         """One output of a simulated run, shape (samples,).
 

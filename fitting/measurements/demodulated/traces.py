@@ -146,6 +146,21 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
         decays = yield from self.decays(model, table, asked, batch)
         return [self._solved(runs, free, batch) for runs, free in zip(asked, decays, strict=True)]
 
+    def followed(
+        self, trace: DemodulatedRecord, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> ComplexArray:
+        """Values (n,) of a trace as simulated runs and a decay have it.
+
+        Args:
+            trace: one of them.
+            runs: numbers of its runs.
+            decay: after a pulse, whole.
+            batch: that has simulated them.
+        """
+        if decay is None or runs.further is None:
+            raise TypeError(f"a demodulated trace follows from two runs, not from {runs!r}")
+        return solved(trace, decay, batch.samples(runs.further, self.output(trace)))[0]
+
     def _solved(
         self, runs: Sequence[Asked], decays: Sequence[FloatArray | None], batch: Batch
     ) -> SolvedTraces:

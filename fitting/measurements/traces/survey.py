@@ -7,7 +7,7 @@ demodulator makes of them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -17,11 +17,11 @@ from fitting.campaign import Setup
 from fitting.fmu import HeldSignal
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
-from fitting.measurements.traces.decay_run import ask_decay, few_samples, read_decay
+from fitting.measurements.traces.decay_run import few_samples, read_decay
 from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Change of a response to half a pulse, doubled, above which an FMU is not linear.
@@ -29,9 +29,14 @@ NONLINEAR = 1e-6
 #: Of the accuracy that is left, what decays of few samples may cost, and the part of that which
 #: they may at the points of the survey.
 SHARE, MARGIN = 0.01, 0.1
-#: An error below which no more samples are tried. Elsewhere it may be so many times as large as at
-#: the points of the survey, or as rounding is.
-GOAL, WORSE, FLOOR = 1e-11, 100.0, 1e-10
+#: An error below which no more samples are tried, and the part of an error that more of them are
+#: taken for.
+GOAL, BETTER = 1e-11, 0.1
+#: Elsewhere decays may be off by so many times what they are at the points of the survey, or by so
+#: much where that is rounding.
+WORSE, FLOOR = 100.0, 1e-10
+#: A change below this is none.
+ROUNDING = 1e-16
 
 
 class Asked(NamedTuple):
@@ -118,6 +123,11 @@ class Kind(Protocol[T_contra]):
     ) -> Asked:
         """Numbers of the runs that answer for a trace."""
 
+    def followed(
+        self, trace: T_contra, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> FloatArray | ComplexArray:
+        """Values (n,) of a trace as simulated runs and a decay have it."""
+
 
 @dataclass(frozen=True)
 class Survey(Generic[T]):
@@ -127,6 +137,7 @@ class Survey(Generic[T]):
     trace: T
     model: DrivenModel
     workers: Workers
+    batch: Batch = field(default_factory=Batch)
 
     def planned(self, points: Sequence[FloatArray]) -> Plan:
         """The model's plan with the communication step of the trace.
@@ -152,7 +163,7 @@ class Survey(Generic[T]):
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
-        if own_s is None and steps.per_sample == 1:
+        if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
             steps = self._of_few_samples(kept, steps, left)
         return plan.with_steps(steps)
 
@@ -169,56 +180,76 @@ class Survey(Generic[T]):
             steps: of whole runs.
             left: accuracy that is still to be had.
         """
-        trace, most = self.trace, SHARE * max(0.0, left - steps.bound)
-        if not trace.has_unknown_start or most <= 0.0:
-            return steps
-        best = steps
-        for few in few_samples(trace.pulse_window.samples):
-            error = self._misfit(points, replace(steps, few=few, tolerance=most))
-            if error <= MARGIN * most and (best.few is None or error < best.few_error):
-                tolerance = min(most, max(FLOOR, WORSE * error))
-                best = replace(steps, few=few, tolerance=tolerance, few_error=error)
-            if best.few is not None and best.few_error <= GOAL:
+        most = SHARE * max(0.0, left - steps.bound)
+        best, least = steps, MARGIN * most
+        for few in few_samples(self.trace.pulse_window.samples):
+            decays, values = self._misfit(points, replace(steps, few=few, tolerance=most))
+            error = max(decays, values)
+            if error <= least:
+                gain = max(1.0, values / max(decays, ROUNDING))
+                tolerance = min(most / gain, max(FLOOR, WORSE * decays))
+                bound = steps.bound + gain * tolerance
+                best = replace(steps, bound=bound, few=few, tolerance=tolerance, few_error=error)
+                least = BETTER * error
+            if error <= GOAL:
                 break
-        return replace(best, bound=steps.bound + best.tolerance)
+        return best
 
-    def _misfit(self, points: Sequence[FloatArray], steps: StepPlan) -> float:
-        """Largest difference of whole decays from those of few samples, over their largest."""
-        trace, output, batch = self.trace, self.kind.output(self.trace), Batch()
-        asked = []
-        for p in points:
-            values = self.model.values(p, trace.label or None, trace.settings)
-            few, whole = (ask_decay(trace, values, s, batch, output) for s in (steps, None))
-            asked.append((few, whole))
+    def _misfit(self, points: Sequence[FloatArray], steps: StepPlan) -> tuple[float, float]:
+        """What few samples change most, relative: whole decays, and the trace as it follows.
+
+        The trace is a combination of decays: where lines are near, small differences of these are
+        large ones of it.
+        """
+        trace, kind, batch = self.trace, self.kind, self.batch
+        output, plan = kind.output(trace), self._plan(1)
+        asked = [
+            (
+                kind.ask(self._with(plan), trace, p, batch, 0),
+                kind.ask(self._with(steps), trace, p, batch, 0),
+            )
+            for p in points
+        ]
         try:
             batch.simulate(self.workers)
         except NoAnswer:
             raise
         except FmuFailure:  # it refuses long steps
-            return np.inf
-        worst = 0.0
-        for few, run in asked:
-            whole, found = batch.samples(run, output), read_decay(steps, batch, few, output)
-            if found is None:
-                return np.inf
-            largest = float(np.max(np.abs(whole)))
-            worst = max(worst, float(np.max(np.abs(found - whole))) / largest)
-        return worst
+            batch.forget()
+            return np.inf, np.inf
+        worst = [(0.0, 0.0)]
+        for whole, few in asked:
+            decays = [
+                None if runs.decay is None else read_decay(how, batch, runs.decay, output)
+                for runs, how in ((whole, plan), (few, steps))
+            ]
+            if decays[0] is None or decays[1] is None:
+                return np.inf, np.inf
+            before, after = (kind.followed(trace, whole, decay, batch) for decay in decays)
+            worst.append((_change(*decays), _change(after, before)))
+        return max(d for d, _ in worst), max(v for _, v in worst)
 
-    def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
-        """Outputs of its runs at all points, with so many steps between two samples."""
-        trial = StepPlan(
+    def _plan(self, per_sample: int) -> StepPlan:
+        """So many steps between two samples, and whole runs."""
+        return StepPlan(
             label=self.kind.key(self.trace),
             spacing_s=self.trace.run_step_s,
             per_sample=per_sample,
             bound=0.0,
         )
-        model = replace(self.model, plan=replace(self.model.plan, steps=(trial,)))
-        batch, output = Batch(), self.kind.output(self.trace)
+
+    def _with(self, steps: StepPlan) -> DrivenModel:
+        """The model with these steps of the trace."""
+        return replace(self.model, plan=replace(self.model.plan, steps=(steps,)))
+
+    def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
+        """Outputs of its runs at all points, with so many steps between two samples."""
+        model, batch = self._with(self._plan(per_sample)), self.batch
+        output = self.kind.output(self.trace)
         asked = [
             run
-            for k, p in enumerate(points)
-            for run in self.kind.ask(model, self.trace, p, batch, k)
+            for p in points
+            for run in self.kind.ask(model, self.trace, p, batch, 0)
             if run is not None
         ]
         batch.simulate(self.workers)
@@ -233,6 +264,7 @@ class Survey(Generic[T]):
             except NoAnswer:
                 raise
             except FmuFailure:
+                self.batch.forget()
                 continue
             kept.append(p)
         return kept
@@ -243,7 +275,7 @@ class Survey(Generic[T]):
         if not trace.has_unknown_start:
             return
         values = self.model.values(p, trace.label or None, trace.settings)
-        output, batch = self.kind.output(trace), Batch()
+        output, batch = self.kind.output(trace), self.batch
         runs = [
             batch.ask(values, trace.pulse_window, trace.pulse(per_sample, level), output)
             for level in (1.0, 0.5)
@@ -264,3 +296,13 @@ class Survey(Generic[T]):
                 "one whose own drive is off ([fmu.start], as A1 = 0.0), else start values among "
                 "the parameters"
             )
+
+
+def _change(
+    found: FloatArray | ComplexArray | None, expected: FloatArray | ComplexArray | None
+) -> float:
+    """Largest difference over the largest value."""
+    if found is None or expected is None:
+        return np.inf
+    largest = float(np.max(np.abs(expected)))
+    return float(np.max(np.abs(found - expected))) / largest if largest > 0.0 else 0.0

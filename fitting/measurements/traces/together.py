@@ -13,7 +13,7 @@ from fitting.measurements.plan import Plan
 from fitting.measurements.traces.decay_run import ask_decay, read_decay
 from fitting.measurements.traces.survey import Asked, Begun, Survey
 from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 
@@ -125,6 +125,19 @@ class TracesTogether(MeasurementKind, Generic[R]):
             p: parameters (n,), each in its own unit.
             batch: where runs are asked for.
             owner: which evaluation pays for them.
+        """
+        raise NotImplementedError
+
+    def followed(
+        self, trace: R, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> FloatArray | ComplexArray:
+        """Values (n,) of a trace as simulated runs and a decay have it.
+
+        Args:
+            trace: one of them.
+            runs: numbers of its runs.
+            decay: after a pulse, whole; None: it wants none.
+            batch: that has simulated them.
         """
         raise NotImplementedError
 

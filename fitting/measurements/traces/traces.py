@@ -23,9 +23,9 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
 from fitting.measurements.tones import PLATEAU
+from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.figure import trace_figure
 from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
-from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
 from fitting.simulate.batch import Batch
@@ -167,6 +167,19 @@ class Traces(TracesTogether[TraceRecord]):
         if trace.start == UNKNOWN:
             decay = ask_decay(trace, values, plan, batch, output, owner)
         return Asked(driven=driven, decay=decay)
+
+    def followed(
+        self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> FloatArray:
+        """Values (n,) of a trace as simulated runs and a decay have it.
+
+        Args:
+            trace: one of them.
+            runs: numbers of its runs.
+            decay: after a pulse, whole; None: it wants none.
+            batch: that has simulated them.
+        """
+        return self._read(trace, runs, decay, batch)[0]
 
     def _read(
         self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
