@@ -64,7 +64,7 @@ class FewSamples:
     length: int
 
     def __post_init__(self) -> None:
-        if self.blocks < 4 or self.length < 4 or self.stride < 2 * self.length + self.blocks:
+        if self.blocks < 4 or self.length < 4 or self.stride < 2 * self.length:
             raise ValueError(f"{self!r}: wanted blocks of 4 or more, far apart")
 
     @property

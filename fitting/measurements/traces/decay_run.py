@@ -45,11 +45,9 @@ def few_samples(samples: int) -> list[FewSamples]:
     Args:
         samples: of the whole run.
     """
-    return [
-        FewSamples(samples, blocks, length)
-        for blocks, length in BLOCKS
-        if SPARED * (blocks * length + blocks) <= samples
-    ]
+    apart = [each for each in BLOCKS if SPARED * each[0] * each[1] <= samples]
+    tried = [FewSamples(samples, blocks, length) for blocks, length in apart]
+    return [few for few in tried if SPARED * few.indices.size <= samples]
 
 
 def ask_decay(
