@@ -28,10 +28,10 @@ from scipy.linalg import lstsq
 
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 
-#: Samples that are held out, beside the last one: spread over the strides, and over a stride. In
-#: the first stride, where what decays fast is seen, there are further ones, each so many times as
-#: far from the first block as the one before.
-HELD_OUT, GOLDEN, FARTHER = 7, 0.6180339887498949, 2
+#: Samples that are held out, beside the last one: one in every stride, elsewhere in each. In the
+#: first stride, where what decays fast is seen, there are further ones, each so many times as far
+#: from the first block as the one before.
+GOLDEN, FARTHER = 0.6180339887498949, 2
 #: How many times the difference at samples that are seen an error may be: there are few of them.
 SAFETY = 10.0
 #: Numbers of states that are tried, those behind which singular values fall most.
@@ -44,6 +44,8 @@ MEETING = 1e6
 MIXED = 0.37
 #: Factors over a stride below which a state has decayed, and the logarithm up to which z^S is w.
 DECAYED, NEAR = 1e-3, 0.5
+#: How far F may be from A^S, relative: of what is hardly seen A is hardly known.
+APART = 0.3
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,8 @@ class FewSamples:
     @cached_property
     def held_out(self) -> IntArray:
         """Samples between blocks by which what was made of these is checked; the last is one."""
-        k = np.arange(HELD_OUT)
-        block = k * (self.blocks - 1) // HELD_OUT
-        inside = np.remainder((k + 1) * GOLDEN, 1.0) * (self.stride - self.length)
+        block = np.arange(self.blocks - 1)
+        inside = np.remainder((block + 1) * GOLDEN, 1.0) * (self.stride - self.length)
         between = self.stride * block + self.length + inside.astype(np.intp)
         early = self.length + FARTHER ** np.arange(int(np.log2(self.stride - self.length)) + 1) - 1
         return np.unique(np.concatenate([between, early, [self.samples - 1]]))
@@ -159,6 +160,8 @@ def _motions(few: FewSamples, blocks: FloatArray) -> Iterator[_Motion]:
         seen = left[:, :count].reshape(rows, inside, count)
         one = _propagator(seen[:, :-1], seen[:, 1:])
         far = _propagator(seen[:-1], seen[1:])
+        if not _agree(few, one, far):
+            continue
         for motion in (_of_poles(few, one, far), _of_matrices(few, one, far, seen[0, 0])):
             if motion is not None:
                 yield motion
@@ -177,10 +180,18 @@ def _propagator(before: FloatArray, after: FloatArray) -> FloatArray:
     return np.asarray(lstsq(before.reshape(-1, count), after.reshape(-1, count))[0])
 
 
+def _agree(few: FewSamples, one: FloatArray, far: FloatArray) -> bool:
+    """Whether F is A^S; else something is seen in some blocks alone, as behind an event."""
+    if not (np.isfinite(one).all() and np.isfinite(far).all()):
+        return False
+    apart = np.linalg.matrix_power(one, few.stride) - far
+    if not np.isfinite(apart).all():
+        return False
+    return bool(np.linalg.norm(apart, 2) <= APART * max(1.0, float(np.linalg.norm(far, 2))))
+
+
 def _of_poles(few: FewSamples, one: FloatArray, far: FloatArray) -> _Motion | None:
     """Powers of the factors of every state; None where poles meet."""
-    if not (np.isfinite(one).all() and np.isfinite(far).all()):
-        return None
     shapes = np.linalg.eig(far + MIXED * one)[1].astype(complex)
     if not np.linalg.cond(shapes) < MEETING:
         return None
