@@ -128,7 +128,7 @@ class Duffing:
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         self.runs += runs
         if self.refuses_long_steps and any(run.segments for run in runs):
-            raise FmuFailure("wanted steps as short as those before", {}, "duffing.fmu")
+            raise FmuFailure("wanted steps as short as those before", {}, Path("duffing.fmu"))
         return [self._run(run) for run in runs]
 
     def _run(self, run: Run) -> FloatArray:

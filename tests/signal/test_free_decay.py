@@ -36,34 +36,27 @@ def first_found(y: FloatArray, tolerance: float = TOLERANCE) -> Rebuilt | None:
     return next((found for found in tried if found is not None), None)
 
 
-@pytest.mark.parametrize(
-    ("y", "error"),
-    [
-        pytest.param(summed((0.97j - 1e-4, 1 + 0.3j)), 1e-11, id="one mode"),
-        pytest.param(summed((0.97j - 1e-8, 1 + 0.3j)), 1e-10, id="Q of 1e8"),
-        pytest.param(
-            summed((0.97j - 1e-4, 1.0), (0.9703j - 1.3e-4, 0.5 - 1j)), 1e-10, id="beating"
-        ),
-        pytest.param(
-            summed((0.97j - 1e-4, 1.0), (0.97001j - 1.3e-4, 0.5 - 1j)), 1e-10, id="a tenth of a beat"
-        ),
-        pytest.param(
-            summed((0.3j - 1e-4, 1.0), (0.31j - 1e-4, 1.0), (1.7j - 1e-4, 1.0)), 1e-10, id="three"
-        ),
-        pytest.param(summed((0.3j - 1e-4, 1.0), (0.0, 1.0)), 1e-10, id="on an offset"),
-        pytest.param(summed((0.3j - 1e-2, 1.0)), 1e-9, id="decayed after a tenth"),
-        pytest.param(summed((1.3j - 0.03, 1.0), (0.3j - 1e-4, 1.0)), 1e-10, id="one fast"),
-        pytest.param(summed((-0.2, 1.0), (-0.01, -1.0)), 1e-9, id="overdamped"),
-        pytest.param((1.0 + 1e-2 * np.arange(N)) * np.exp(-1e-3 * np.arange(N)), 1e-10, id="critical"),
-        pytest.param(
-            (1.0 + 1e-3 * np.arange(N)) * summed((0.97j - 1e-4, 1 + 0.3j)), 1e-8, id="modes that meet"
-        ),
-        pytest.param(summed((np.pi * 1j - 1e-4, 1.0)), 1e-12, id="at half the rate"),
-        pytest.param(
-            summed((2j * np.pi * 1000 / FEW[12].stride - 1e-4, 1 + 0.3j)), 1e-10, id="a turn in a stride"
-        ),
-    ],
-)  # fmt: skip
+n = np.arange(N)
+BLOCK_TURNS = 2j * np.pi * 1000 / FEW[12].stride
+#: A decay, and what it may be off by.
+CLOSED: dict[str, tuple[FloatArray, float]] = {
+    "one mode": (summed((0.97j - 1e-4, 1 + 0.3j)), 1e-11),
+    "Q of 1e8": (summed((0.97j - 1e-8, 1 + 0.3j)), 1e-10),
+    "beating": (summed((0.97j - 1e-4, 1.0), (0.9703j - 1.3e-4, 0.5 - 1j)), 1e-10),
+    "a tenth of a beat": (summed((0.97j - 1e-4, 1.0), (0.97001j - 1.3e-4, 0.5 - 1j)), 1e-10),
+    "three": (summed((0.3j - 1e-4, 1.0), (0.31j - 1e-4, 1.0), (1.7j - 1e-4, 1.0)), 1e-10),
+    "on an offset": (summed((0.3j - 1e-4, 1.0), (0.0, 1.0)), 1e-10),
+    "decayed after a tenth": (summed((0.3j - 1e-2, 1.0)), 1e-9),
+    "one fast": (summed((1.3j - 0.03, 1.0), (0.3j - 1e-4, 1.0)), 1e-10),
+    "overdamped": (summed((-0.2, 1.0), (-0.01, -1.0)), 1e-9),
+    "critical": ((1.0 + 1e-2 * n) * np.exp(-1e-3 * n), 1e-10),
+    "modes that meet": ((1.0 + 1e-3 * n) * summed((0.97j - 1e-4, 1 + 0.3j)), 1e-8),
+    "at half the rate": (summed((np.pi * 1j - 1e-4, 1.0)), 1e-12),
+    "a turn in a stride": (summed((BLOCK_TURNS - 1e-4, 1 + 0.3j)), 1e-10),
+}
+
+
+@pytest.mark.parametrize(("y", "error"), CLOSED.values(), ids=CLOSED.keys())
 def test_a_sum_of_damped_exponentials_follows_from_few_samples(y: FloatArray, error: float) -> None:
     found = first_found(y)
     assert found is not None
@@ -112,7 +105,7 @@ def test_no_decay_is_further_off_than_is_said(tolerance: float) -> None:
             count += 1
             given += any(each is not None for each in found)
     assert worst <= 1.0
-    assert given >= 0.97 * count > 100
+    assert given >= 0.95 * count > 100
 
 
 def test_noise_of_the_samples_is_part_of_what_is_said() -> None:
@@ -138,9 +131,10 @@ def test_a_line_that_moves_with_its_amplitude_is_no_sum_of_exponentials(shift: f
 
 def test_what_differs_between_the_blocks_alone_is_seen() -> None:
     """A decay that jumps where no block lies, as one of an FMU with an event."""
-    y = summed((0.97j - 1e-4, 1 + 0.3j))
-    y[FEW[16].stride // 2 :] *= 1.0 + 1e-6
-    assert first_found(y) is None
+    for at in (100, 300, 345, FEW[16].stride // 2, 2000, 5000):
+        y = summed((0.97j - 1e-4, 1 + 0.3j))
+        y[at:] *= 1.0 + 1e-6
+        assert first_found(y) is None
 
 
 def test_nothing_and_no_numbers_are_no_decay() -> None:
