@@ -34,6 +34,8 @@ from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 GOLDEN, FARTHER = 0.6180339887498949, 2
 #: How many times the difference at samples that are seen an error may be: there are few of them.
 SAFETY = 10.0
+#: An error below which no other number of states is tried.
+ENOUGH = 1e-11
 #: Numbers of states that are tried, those behind which singular values fall most.
 TRIED = 3
 #: Singular values below this share of the largest are rounding.
@@ -44,7 +46,7 @@ MEETING = 1e6
 MIXED = 0.37
 #: Factors over a stride below which a state has decayed, and the logarithm up to which z^S is w.
 DECAYED, NEAR = 1e-3, 0.5
-#: How far F may be from A^S, relative: of what is hardly seen A is hardly known.
+#: How far F may be from A^S, relative.
 APART = 0.3
 
 
@@ -99,7 +101,8 @@ class FewSamples:
 class Rebuilt:
     """All samples (n,), and what they may be off by, over the largest.
 
-    `error` is `SAFETY` times the largest difference from the samples that were seen.
+    `error` is `SAFETY` times the largest difference from the samples that were seen, or the share
+    of these that does not repeat itself, if that is more.
     """
 
     samples: FloatArray
@@ -142,17 +145,23 @@ def rebuilt(few: FewSamples, values: FloatArray, tolerance: float) -> Rebuilt | 
     if not 0.0 < largest < np.inf:
         return None
     blocks = values[np.searchsorted(few.indices, few.used)] / largest
+    best, least = None, tolerance
     with np.errstate(all="ignore"):  # what a wrong number of states makes is not finite
-        for motion in _motions(few, blocks):
+        for motion, unsure in _motions(few, blocks, tolerance):
             samples = motion.samples(blocks)[: few.samples]
-            error = SAFETY * float(np.max(np.abs(samples[few.indices] - values / largest)))
-            if error <= tolerance:
-                return Rebuilt(np.asarray(largest * samples), error)
-    return None
+            off = float(np.max(np.abs(samples[few.indices] - values / largest)))
+            error = max(SAFETY * off, unsure)
+            if error <= least:
+                best, least = Rebuilt(np.asarray(largest * samples), error), error
+            if error <= ENOUGH:
+                break
+    return best
 
 
-def _motions(few: FewSamples, blocks: FloatArray) -> Iterator[_Motion]:
-    """What moves so, the likeliest first."""
+def _motions(
+    few: FewSamples, blocks: FloatArray, tolerance: float
+) -> Iterator[tuple[_Motion, float]]:
+    """What moves so, the likeliest first, and the share of what is seen that may not."""
     rows, inside = few.blocks // 2, few.length // 2
     moved = sliding_window_view(blocks, (few.blocks - rows + 1, few.length - inside + 1))
     left, singular, _ = np.linalg.svd(moved.reshape(rows * inside, -1), full_matrices=False)
@@ -160,11 +169,12 @@ def _motions(few: FewSamples, blocks: FloatArray) -> Iterator[_Motion]:
         seen = left[:, :count].reshape(rows, inside, count)
         one = _propagator(seen[:, :-1], seen[:, 1:])
         far = _propagator(seen[:-1], seen[1:])
-        if not _agree(few, one, far):
+        unsure = _unsure(few, one, far, singular[:count])
+        if not unsure <= tolerance:
             continue
         for motion in (_of_poles(few, one, far), _of_matrices(few, one, far, seen[0, 0])):
             if motion is not None:
-                yield motion
+                yield motion, unsure
 
 
 def _states(singular: FloatArray, most: int) -> list[int]:
@@ -180,14 +190,23 @@ def _propagator(before: FloatArray, after: FloatArray) -> FloatArray:
     return np.asarray(lstsq(before.reshape(-1, count), after.reshape(-1, count))[0])
 
 
-def _agree(few: FewSamples, one: FloatArray, far: FloatArray) -> bool:
-    """Whether F is A^S; else something is seen in some blocks alone, as behind an event."""
-    if not (np.isfinite(one).all() and np.isfinite(far).all()):
-        return False
+def _unsure(few: FewSamples, one: FloatArray, far: FloatArray, seen: FloatArray) -> float:
+    """Share of what is seen whose F is not A^S, as if it was there in some blocks alone.
+
+    So does what an event leaves behind it; of what is hardly seen A is hardly known.
+
+    Args:
+        few: which samples were taken.
+        one: A, (r, r).
+        far: F, (r, r).
+        seen: how much of each state is, (r,).
+    """
     apart = np.linalg.matrix_power(one, few.stride) - far
     if not np.isfinite(apart).all():
-        return False
-    return bool(np.linalg.norm(apart, 2) <= APART * max(1.0, float(np.linalg.norm(far, 2))))
+        return np.inf
+    off = np.linalg.norm(apart, axis=0)
+    sure = off <= APART * max(1.0, float(np.linalg.norm(far, 2)))
+    return float(np.sum(np.where(sure, 0.0, off * seen))) / float(seen[0])
 
 
 def _of_poles(few: FewSamples, one: FloatArray, far: FloatArray) -> _Motion | None:

@@ -32,9 +32,6 @@ SHARE, MARGIN = 0.01, 0.1
 #: An error below which no more samples are tried, and the part of an error that more of them are
 #: taken for.
 GOAL, BETTER = 1e-11, 0.1
-#: Elsewhere decays may be off by so many times what they are at the points of the survey, or by so
-#: much where that is rounding.
-WORSE, FLOOR = 100.0, 1e-10
 #: A change below this is none.
 ROUNDING = 1e-16
 
@@ -150,16 +147,16 @@ class Survey(Generic[T]):
         """
         plan, trace = self.model.plan, self.trace
         own_s = self.model.own_step_s if trace.has_own_steps else None
-        steps, misfit_s = first_steps(trace.run_step_s, own_s)
+        count, misfit_s = first_steps(trace.run_step_s, own_s)
         first = StepPlan(
             label=self.kind.key(trace),
             spacing_s=trace.run_step_s,
-            per_sample=steps,
+            per_sample=count,
             bound=0.0,
             own_s=misfit_s,
         )
-        self._refuse_nonlinear(points[0], steps)
-        kept = self._that_run(points, steps)
+        self._refuse_nonlinear(points[0], count)
+        kept = self._that_run(points, count)
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
@@ -187,9 +184,8 @@ class Survey(Generic[T]):
             error = max(decays, values)
             if error <= least:
                 gain = max(1.0, values / max(decays, ROUNDING))
-                tolerance = min(most / gain, max(FLOOR, WORSE * decays))
-                bound = steps.bound + gain * tolerance
-                best = replace(steps, bound=bound, few=few, tolerance=tolerance, few_error=error)
+                bound = steps.bound + most
+                best = replace(steps, bound=bound, few=few, tolerance=most / gain, few_error=error)
                 least = BETTER * error
             if error <= GOAL:
                 break
