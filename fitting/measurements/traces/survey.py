@@ -28,7 +28,7 @@ from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 NONLINEAR = 1e-6
 #: Of the accuracy that is left, what decays of few samples may cost, and the part of that which
 #: they may at the points of the survey.
-SHARE, MARGIN = 0.01, 0.1
+SHARE, MARGIN = 0.03, 0.1
 #: An error below which no more samples are tried, and the part of an error that more of them are
 #: taken for.
 GOAL, BETTER = 1e-11, 0.1
