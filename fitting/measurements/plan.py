@@ -84,6 +84,16 @@ class Plan:
         return replace(self, steps=steps, budget=budget)
 
     @property
+    def has_long_steps(self) -> bool:
+        """Whether free decays are simulated at few samples, with long steps between these."""
+        return any(steps.few is not None for steps in self.steps)
+
+    @property
+    def of_whole_runs(self) -> Plan:
+        """The same with free decays at all samples."""
+        return replace(self, steps=tuple(replace(steps, few=None) for steps in self.steps))
+
+    @property
     def decisions(self) -> tuple[Decision, ...]:
         """Every choice with its bound."""
         return () if self.budget is None else self.budget.decisions

@@ -17,6 +17,7 @@ from fitting.fit.planned_fmu import plan_problem
 from fitting.fmu import HeldSignal, Run
 from fitting.fmu.runs import row_times
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, plan_series
@@ -123,10 +124,12 @@ class Duffing:
 
     def __init__(self) -> None:
         self.runs: list[Run] = []
-        self.refuses_long_steps = False
+        self.refuses_long_steps = self.fails = False
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         self.runs += runs
+        if self.fails:
+            raise FmuFailure("told to fail", {}, Path("duffing.fmu"))
         if self.refuses_long_steps and any(run.segments for run in runs):
             raise FmuFailure("wanted steps as short as those before", {}, Path("duffing.fmu"))
         return [self._run(run) for run in runs]
@@ -218,6 +221,27 @@ def test_an_fmu_that_refuses_long_steps_makes_whole_runs() -> None:
     [steps] = driven.plan.steps
     assert steps.few is None
     assert np.isfinite(predicted(model, driven, [0.0])[0].values).all()
+
+
+def test_long_steps_that_are_refused_elsewhere_are_not_made_there() -> None:
+    model = Duffing()
+    driven = ready(model)
+    [steps] = driven.plan.steps
+    assert steps.few is not None
+    response = FmuResponse(
+        workers=model, parameters=(BEND,), measurements=(TRACES,), models={"": driven}
+    )
+    [fine] = response.evaluate_many([np.zeros(1)])
+    model.refuses_long_steps = True
+    model.runs.clear()
+    [refused] = response.evaluate_many([np.zeros(1)])
+    assert steps_asked(model.runs)[-1] == TRACES.traces[0].pulse_window.samples
+    [before], [after] = fine.predictions, refused.predictions
+    assert np.max(np.abs(before.values - after.values)) <= steps.bound
+    driven = replace(driven, plan=driven.plan.of_whole_runs)
+    model.fails = True
+    with pytest.raises(FmuFailure, match="told to fail"):
+        replace(response, models={"": driven}).evaluate_many([np.zeros(1)])
 
 
 def test_the_survey_makes_no_run_twice() -> None:
