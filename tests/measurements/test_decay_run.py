@@ -28,6 +28,7 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, reworded
 from tests.support.linear_traces import held_response, oscillator
+from tests.support.twins import swift_model
 
 QUICK = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
 MASS, C, K = 1e-3, 5e-2, 4e3
@@ -252,3 +253,38 @@ def test_the_survey_makes_no_run_twice() -> None:
         (run.rows, run.input_signal, run.segments, run.start_values.get("u")) for run in model.runs
     ]
     assert len(set(asked)) == len(asked) <= 7
+
+
+# --- an FMU that bends ----------------------------------------------------------------------
+
+
+def test_an_fmu_whose_spring_bends_makes_whole_runs_there(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    """Planned where its cubic term is zero; elsewhere each evaluation is one of whole runs."""
+    still = {"A1": 0.0, "A2": 0.0, "solver": 2, "rk4_substep": 1e-5, "alpha2": 0.0, "theta": 0.0}
+    lines = {"eta_plus": 100.0, "eta_minus": 170.0, "d1": 3.0, "d2": 3.0}
+    setup = ff.Setup(ff.Drive(), "q1_hybrid", start_values={**still, **lines})
+    trace = ff.Trace(RING_T, RING, setup=setup, input="b", start="unknown", states=2, unit="m")
+    parameters = [ff.Parameter("alpha1", 0.0, bounds=(0.0, 1e18))]
+    with ff.Fmu(swift_model("DuffingOscillator", tmp_path_factory), workers=1) as fmu:
+        problem = ff.Problem(fmu, parameters, trace)
+        [plan] = problem.planned.plans.values()
+        [steps] = plan.steps
+        assert steps.few is not None
+        whole, few = trace.pulse_window.samples, steps.few.indices.size
+
+        def taken(alpha: float) -> tuple[int, FloatArray]:
+            before = fmu.workers.counts.steps
+            rows = problem.residuals(np.array([alpha]))
+            return fmu.workers.counts.steps - before, rows
+
+        taken(0.0)  # and steps of derivatives are found
+        assert taken(0.0)[0] == few
+        steps_bent, bent = taken(1e17)
+        assert steps_bent == few + whole
+        series = {name: each.of_whole_runs for name, each in problem.planned.plans.items()}
+        exact = replace(problem.planned, plans=series).response({})
+        [answer] = exact.evaluate_many([np.array([1e17])])
+        expected = (answer.predictions[0].values - RING) / trace.largest
+        assert bent == pytest.approx(expected, abs=1e-12)
