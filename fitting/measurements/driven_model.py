@@ -46,7 +46,8 @@ def _in_unit(tone_hz: float, unit: str) -> float:
 class DrivenModel:
     """How parameter vectors become runs of the FMU, for one series and one discrete alternative.
 
-    `own_step_s` is the step that the FMU was made for, None where it tells none.
+    `own_step_s` is the step that the FMU was made for, None where it tells none; `any_steps`:
+    whether its communication steps may differ from each other.
     """
 
     setup: Setup
@@ -54,6 +55,7 @@ class DrivenModel:
     plan: Plan
     alternative: Mapping[str, Scalar] = field(default_factory=dict)
     own_step_s: float | None = None
+    any_steps: bool = True
 
     @cached_property
     def _acting(self) -> dict[str | None, list[int]]:

@@ -21,6 +21,7 @@ from fitting.measurements.measurement import Evaluation, Measurement, Predicting
 from fitting.signal.window import tone_misfit
 from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import FmuFailure, NoAnswer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +49,27 @@ class FmuResponse:
             whole: whether everything is wanted that reports show, not residuals only.
         """
         table = np.array([np.asarray(p, dtype=float) for p in ps])
+        try:
+            return self._evaluated(self.models, table, whole)
+        except NoAnswer:
+            raise
+        except FmuFailure:
+            if not any(model.plan.has_long_steps for model in self.models.values()):
+                raise
+        return self._evaluated(self._of_whole_runs, table, whole)  # it may have been these
+
+    @cached_property
+    def _of_whole_runs(self) -> dict[str, DrivenModel]:
+        return {
+            name: replace(model, plan=model.plan.of_whole_runs)
+            for name, model in self.models.items()
+        }
+
+    def _evaluated(
+        self, models: Mapping[str, DrivenModel], table: FloatArray, whole: bool
+    ) -> list[Evaluation]:
         batch = Batch()
-        tasks = [
-            m.predict(self.models[m.series], table, batch, whole=whole) for m in self.measurements
-        ]
+        tasks = [m.predict(models[m.series], table, batch, whole=whole) for m in self.measurements]
         columns = self._answered(tasks, batch)
         runs = batch.count(len(table))
         return [

@@ -62,13 +62,13 @@ class Plan:
         budget = Budget(self.budget.wanted, (*others, curve_decision(curves)))
         return replace(self, curves=curves, budget=budget)
 
-    def steps_of(self, label: str) -> int:
-        """Communication steps between two samples of a trace.
+    def step_plan(self, label: str) -> StepPlan | None:
+        """What was planned for a trace; None: nothing was.
 
         Args:
             label: of the trace.
         """
-        return next((plan.per_sample for plan in self.steps if plan.label == label), 1)
+        return next((plan for plan in self.steps if plan.label == label), None)
 
     def with_steps(self, found: StepPlan) -> Plan:
         """The plan with the steps of a further trace; one decision tells of all of them.
@@ -82,6 +82,16 @@ class Plan:
         others = tuple(d for d in self.budget.decisions if d.kind != Kind.STEP)
         budget = Budget(self.budget.wanted, (*others, step_decision(steps)))
         return replace(self, steps=steps, budget=budget)
+
+    @property
+    def has_long_steps(self) -> bool:
+        """Whether free decays are simulated at few samples, with long steps between these."""
+        return any(steps.few is not None for steps in self.steps)
+
+    @property
+    def of_whole_runs(self) -> Plan:
+        """The same with free decays at all samples."""
+        return replace(self, steps=tuple(replace(steps, few=None) for steps in self.steps))
 
     @property
     def decisions(self) -> tuple[Decision, ...]:

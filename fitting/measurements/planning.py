@@ -38,7 +38,8 @@ class Series:
 
     `alternative` are start values of one discrete alternative; `seed` that of points of the box;
     `own_step_s` the step that the FMU was made for, None where it tells none, and `fixed_step`
-    whether its solver takes no other; `exchange`: its equations are integrated here.
+    whether its solver takes no other; `any_steps`: whether its communication steps may differ from
+    each other; `exchange`: its equations are integrated here.
     """
 
     measurements: tuple[Measurement, ...]
@@ -48,6 +49,7 @@ class Series:
     seed: int = 1
     own_step_s: float | None = None
     fixed_step: bool = False
+    any_steps: bool = True
     exchange: bool = False
 
     @property
@@ -140,6 +142,7 @@ def measured_plan(
         plan=draft,
         alternative=series.alternative,
         own_step_s=series.own_step_s,
+        any_steps=series.any_steps,
     )
     drives = _drives(series, model, workers)
     if not drives:

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from fitting.fmu import HeldSignal, InputSignal, Run
+from fitting.fmu import HeldSignal, InputSignal, Run, Segment
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 
@@ -48,17 +48,23 @@ def alike(table: FloatArray) -> tuple[IntArray, IntArray]:
 
 @dataclass(frozen=True, eq=False)
 class Variation:
-    """What one of several runs has of its own: further start values, its window, its signal."""
+    """What one of several runs has of its own: further start values, its window, its signal.
+
+    `segments` follow the window, with other values of the variable that is ``moved``.
+    """
 
     values: Mapping[str, Scalar]
     window: Window
     signal: Signal = None
+    moved: str = ""
+    segments: tuple[Segment, ...] = ()
 
     @cached_property
     def key(self) -> tuple[object, ...]:
         """By which it is told from others."""
         w = self.window
-        return (*self.values.items(), w.settle_s, w.step_s, w.samples, w.longest_s, self.signal)
+        times = (w.settle_s, w.step_s, w.samples, w.longest_s)
+        return (*self.values.items(), *times, self.signal, self.moved, self.segments)
 
 
 class _Asked(NamedTuple):
@@ -147,10 +153,20 @@ class Batch:
                 outputs=outputs,
                 input_signal=own.signal,
                 longest_step_s=own.window.longest_s,
+                moved=own.moved,
+                segments=own.segments,
             )
             for shared, own, outputs in self._runs[len(self._answers) :]
         ]
         self._answers += workers.run(runs) if runs else []
+
+    def forget(self) -> None:
+        """Ask no more for what has no answer, as after a failure; what was simulated stays."""
+        known = len(self._answers)
+        del self._runs[known:], self.owners[known:]
+        for index in self._index.values():
+            for key in [key for key, k in index.items() if k >= known]:
+                del index[key]
 
     def samples(self, k: int, output: str) -> FloatArray:
         """One output of a simulated run, shape (samples,).

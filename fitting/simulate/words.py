@@ -401,6 +401,9 @@ def _halved(decision: Decision) -> str:
     )
     if own_s:
         said += f"; the FMU's own step of {own_s:.4g} s is longer than the sampling interval"
+    if "few" in decision.numbers:
+        few, of = (int(decision.numbers[key]) for key in ("few", "of"))
+        said += f"; a free decay of {of} samples follows from {few} of them"
     return said
 
 

@@ -6,6 +6,7 @@ that are off by a share within its promise, in the same way at every repetition.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,6 +22,7 @@ from fitting.fit.solver.continuation import Schedule
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity, interval
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind
 from fitting.measurements.measurement import Evaluation
@@ -149,6 +151,29 @@ def test_a_bounded_error_adds_its_worst_to_what_noise_makes(profiles: bool) -> N
         assert result.ci95 == pytest.approx(ends, abs=0.03 * half)
     [said] = [w.sentence for w in found.warnings if w.kind is Kind.SIMULATION]
     assert "known to 3.0e-03 only, which may move p by 0." in said
+
+
+def at(value: float, delta: float) -> ProfilePoint:
+    return ProfilePoint(value=value, delta=delta, x=np.array([value]), outputs=np.empty(0))
+
+
+def test_in_another_valley_the_worst_is_added_to_the_side_of_that_valley() -> None:
+    """Dchi^2 = (k/s)^2 and m + ((k - 10)/s)^2: s (1.96 + reach) where both are as low."""
+    s, reach = 1e-3, 0.5
+    for m in (0.0, 1.0, 3.0):
+        quantity = Quantity(
+            name="k", index=0, output=-1, best=0.0, sigma=s, low=-5.0, high=20.0, reach=reach
+        )
+        inside = [(0.5e-3, 0.25), (2e-3, 4.0), (10.0 - s, m + 1.0), (10.0, m)]
+        walked = [*inside, (10.0 + s, m + 1.0), (10.0 + 3.0 * s, m + 9.0)]
+        points = tuple(at(value, delta) for value, delta in walked)
+        there = 10.0 + s * math.sqrt(Z95**2 - m)
+        up = ProfileBranch(points=points, end="crossed", at_68=math.nan, at_95=there)
+        down = ProfileBranch(points=(at(-2e-3, 4.0),), end="crossed", at_68=-s, at_95=-Z95 * s)
+        low, high = interval(quantity, (down, up), (False, False))
+        assert low == pytest.approx(-s * (Z95 + reach), rel=1e-6)
+        along = s * reach * Z95 / math.sqrt(Z95**2 - m)  # by the slope of the root of Dchi^2
+        assert high - 10.0 == pytest.approx(there - 10.0 + along, rel=1e-6)
 
 
 def test_a_promise_far_below_the_noise_changes_nothing_and_is_not_told() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 
 from fitting.fmu import Run
 from fitting.signal.window import plan_window
@@ -52,6 +53,28 @@ def test_runs_of_the_same_values_are_one_and_those_of_others_are_not() -> None:
     for k, output, a, u in ((first[0], "x", 2.0, 3.0), (again[0], "y", 2.0, 5.0)):
         assert np.allclose(batch.phasors(k, plan_window((u,), 0.0), output), a, rtol=1e-12)
     assert np.allclose(batch.phasors(other[0], plan_window((3.0,), 0.0), "x"), 1.0, rtol=1e-12)
+
+
+def test_what_failed_is_not_asked_for_again() -> None:
+    class Failing(Tone):
+        def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+            if any(run.start_values["u"] == 7.0 for run in runs):
+                raise ArithmeticError
+            return super().run(runs)
+
+    batch, tone = Batch(), Failing()
+    [kept] = batch.ask_varied({"a": 2.0}, varied(3.0), "x")
+    batch.simulate(tone)
+    batch.ask_varied({"a": 2.0}, varied(7.0, 9.0), "x")
+    with pytest.raises(ArithmeticError):
+        batch.simulate(tone)
+    batch.forget()
+    [again, other] = batch.ask_varied({"a": 2.0}, varied(3.0, 5.0), "x", owner=1)
+    batch.simulate(tone)
+    assert again == kept
+    assert [run.start_values["u"] for run in tone.runs] == [3.0, 5.0]
+    assert np.allclose(batch.phasors(other, plan_window((5.0,), 0.0), "x"), 2.0, rtol=1e-12)
+    assert list(batch.count(2)) == [1, 1]
 
 
 def test_another_output_of_a_run_that_is_done_is_a_new_run() -> None:

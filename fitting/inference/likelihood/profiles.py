@@ -469,8 +469,8 @@ def interval(
     """The interval of a profile: crossings, or the ends of the range where it does not cross.
 
     Where the simulation may move the estimate by `reach` sigma, the true value lies where
-    sqrt(Dchi^2) is below its threshold plus that: sides are longer in that ratio, each by its own.
-    No side goes beyond the range.
+    sqrt(Dchi^2) is below its threshold plus that: sides are longer in that ratio, each by its own,
+    from the minimum in whose valley it crosses. No side goes beyond the range.
 
     `branches` are (downward, upward), `ends_fit` whether the ends of the range fit the data.
 
@@ -486,7 +486,30 @@ def interval(
         if fits or math.isnan(crossing):
             ends.append(limit)
             continue
-        root = reach(ROOT_95 if mark == "95" else ROOT_68, quantity.freedom)
-        far = quantity.best + (crossing - quantity.best) * (1.0 + quantity.reach / root)
+        root = ROOT_95 if mark == "95" else ROOT_68
+        longer = quantity.reach / reach(root, quantity.freedom)
+        far = crossing + longer * _valley(quantity, branch, crossing, root)
         ends.append(max(far, limit) if limit < quantity.best else min(far, limit))
     return ends[0], ends[1]
+
+
+def _valley(quantity: Quantity, branch: ProfileBranch, crossing: float, root: float) -> float:
+    """Way to a crossing per share by which the root of Dchi^2 grows there, as of a parabola.
+
+    Its valley is that of the last minimum before it, whose Dchi^2 is m: then it is the distance
+    from that over 1 - m/root^2. Never more than from the best value.
+    """
+    whole = crossing - quantity.best
+    inside = [x for x in branch.points if abs(x.value - quantity.best) < abs(whole)]
+    if not inside:
+        return whole
+    lowest = inside[-1]
+    for point in reversed(inside[:-1]):
+        if point.delta > lowest.delta:
+            break
+        lowest = point
+    else:
+        return whole  # down to the best value itself
+    left = 1.0 - lowest.delta / root**2
+    own = (crossing - lowest.value) / left if left > 0.0 else whole
+    return own if abs(own) < abs(whole) else whole

@@ -26,6 +26,8 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
 from fitting.measurements.tones import PLATEAU
+from fitting.measurements.traces.decay_run import ask_decay
+from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
 from fitting.measurements.traces.traces import SMALLEST_MISFIT, SolvedTraces
 from fitting.signal.rotating import line_columns, rotating_responses
@@ -114,7 +116,7 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
 
     def ask(
         self, model: DrivenModel, trace: DemodulatedRecord, p: FloatArray, batch: Batch, owner: int
-    ) -> tuple[int, int]:
+    ) -> Asked:
         """Numbers of the runs after a pulse: as the record is sampled, and a little slower.
 
         Args:
@@ -125,10 +127,11 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             owner: which evaluation pays for them.
         """
         values = model.values(p, trace.label or None, trace.settings)
-        steps, output = model.plan.steps_of(self.key(trace)), self.output(trace)
-        return (
-            batch.ask(values, trace.pulse_window, trace.pulse(steps), output, owner),
-            batch.ask(values, trace.sensing_window, trace.sensing_pulse(steps), output, owner),
+        plan, output = model.plan.step_plan(self.key(trace)), self.output(trace)
+        sensing = trace.sensing_pulse(1 if plan is None else plan.per_sample)
+        return Asked(
+            decay=ask_decay(trace, values, plan, batch, output, owner),
+            further=batch.ask(values, trace.sensing_window, sensing, output, owner),
         )
 
     def predict(
@@ -140,12 +143,31 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             for k, p in enumerate(table)
         ]
         yield
-        return [self._solved(runs, batch) for runs in asked]
+        decays = yield from self.decays(model, table, asked, batch)
+        return [self._solved(runs, free, batch) for runs, free in zip(asked, decays, strict=True)]
 
-    def _solved(self, runs: Sequence[tuple[int, int]], batch: Batch) -> SolvedTraces:
+    def followed(
+        self, trace: DemodulatedRecord, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> ComplexArray:
+        """Values (n,) of a trace as simulated runs and a decay have it.
+
+        Args:
+            trace: one of them.
+            runs: numbers of its runs.
+            decay: after a pulse, whole.
+            batch: that has simulated them.
+        """
+        if decay is None or runs.further is None:
+            raise TypeError(f"a demodulated trace follows from two runs, not from {runs!r}")
+        return solved(trace, decay, batch.samples(runs.further, self.output(trace)))[0]
+
+    def _solved(
+        self, runs: Sequence[Asked], decays: Sequence[FloatArray | None], batch: Batch
+    ) -> SolvedTraces:
         found = [
-            solved(trace, *(batch.samples(run, self.output(trace)) for run in both))
-            for trace, both in zip(self.traces, runs, strict=True)
+            solved(trace, decay, batch.samples(each.further, self.output(trace)))
+            for trace, each, decay in zip(self.traces, runs, decays, strict=True)
+            if decay is not None and each.further is not None  # both were asked for
         ]
         values = np.concatenate([values for values, _ in found])
         return SolvedTraces(values, designs=tuple(design for _, design in found))

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.signal.free_decay import FewSamples
 from fitting.simulate.budget import Basis, Decision, Kind
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, Scalar
 
 #: Communication steps of a run, at most, and how often they are halved.
 MOST_STEPS, MOST_HALVINGS = 2_000_000, 12
@@ -34,7 +35,9 @@ class StepPlan:
     """Steps ``per_sample`` of one trace, ``label``, and what they may be off by, relative.
 
     ``change`` was seen when they were halved, ``runs`` is what that took; ``own_s`` is a step of
-    the FMU's own that the samples do not fit (0: none, or they do).
+    the FMU's own that the samples do not fit (0: none, or they do). ``few``: at which samples the
+    response to a pulse is simulated, where all follow from them to ``tolerance``, which is checked
+    in every evaluation, and to ``few_error`` in the survey; None: at all of them.
     """
 
     label: str
@@ -44,6 +47,9 @@ class StepPlan:
     change: float = 0.0
     runs: int = 0
     own_s: float = 0.0
+    few: FewSamples | None = None
+    tolerance: float = 0.0
+    few_error: float = 0.0
 
     @property
     def step_s(self) -> float:
@@ -128,5 +134,12 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
             "change": worst.change,
             "runs": sum(plan.runs for plan in plans),
             "own_s": max(plan.own_s for plan in plans),
+            **_few(plans),
         },
     )
+
+
+def _few(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
+    """Of how many samples decays are simulated, the most, and how many follow."""
+    most = max((p.few for p in plans if p.few), key=lambda few: few.samples, default=None)
+    return {} if most is None else {"few": most.indices.size, "of": most.samples}

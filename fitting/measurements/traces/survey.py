@@ -7,9 +7,9 @@ demodulator makes of them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,14 +17,37 @@ from fitting.campaign import Setup
 from fitting.fmu import HeldSignal
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
+from fitting.measurements.traces.decay_run import few_samples, read_decay
 from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Change of a response to half a pulse, doubled, above which an FMU is not linear.
 NONLINEAR = 1e-6
+#: Of the accuracy that is left, what decays of few samples may cost, and the part of that which
+#: they may at the points of the survey.
+SHARE, MARGIN = 0.03, 0.1
+#: An error below which no more samples are tried, and the part of an error that more of them are
+#: taken for.
+GOAL, BETTER = 1e-11, 0.1
+#: A change below this is none.
+ROUNDING = 1e-16
+
+
+class Asked(NamedTuple):
+    """Numbers of the runs that answer for a trace; None: it wants none.
+
+    Args:
+        driven: under its input.
+        decay: after a pulse; of a few samples where the plan says so.
+        further: whatever else.
+    """
+
+    driven: int | None = None
+    decay: int | None = None
+    further: int | None = None
 
 
 class Begun(Protocol):
@@ -94,8 +117,13 @@ class Kind(Protocol[T_contra]):
 
     def ask(
         self, model: DrivenModel, trace: T_contra, p: FloatArray, batch: Batch, owner: int
-    ) -> Sequence[int | None]:
+    ) -> Asked:
         """Numbers of the runs that answer for a trace."""
+
+    def followed(
+        self, trace: T_contra, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> FloatArray | ComplexArray:
+        """Values (n,) of a trace as simulated runs and a decay have it."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +134,7 @@ class Survey(Generic[T]):
     trace: T
     model: DrivenModel
     workers: Workers
+    batch: Batch = field(default_factory=Batch)
 
     def planned(self, points: Sequence[FloatArray]) -> Plan:
         """The model's plan with the communication step of the trace.
@@ -118,34 +147,105 @@ class Survey(Generic[T]):
         """
         plan, trace = self.model.plan, self.trace
         own_s = self.model.own_step_s if trace.has_own_steps else None
-        steps, misfit_s = first_steps(trace.run_step_s, own_s)
+        count, misfit_s = first_steps(trace.run_step_s, own_s)
         first = StepPlan(
             label=self.kind.key(trace),
             spacing_s=trace.run_step_s,
-            per_sample=steps,
+            per_sample=count,
             bound=0.0,
             own_s=misfit_s,
         )
-        self._refuse_nonlinear(points[0], steps)
-        kept = self._that_run(points, steps)
+        self._refuse_nonlinear(points[0], count)
+        kept = self._that_run(points, count)
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
         runs = partial(self._simulated, kept)
-        return plan.with_steps(planned_steps(first, runs, left, trace.run_samples))
+        steps = planned_steps(first, runs, left, trace.run_samples)
+        if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
+            steps = self._of_few_samples(kept, steps, left)
+        return plan.with_steps(steps)
 
-    def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
-        """Outputs of its runs at all points, with so many steps between two samples."""
-        trial = StepPlan(
+    def _of_few_samples(
+        self, points: Sequence[FloatArray], steps: StepPlan, left: float
+    ) -> StepPlan:
+        """The steps with the few samples of a decay from which all follow; else as they are.
+
+        At all points they are compared with the whole run. What the FMU's solver makes of a long
+        communication step is not known: where it is not exact, nothing follows.
+
+        Args:
+            points: parameter vectors (n,) that the FMU takes.
+            steps: of whole runs.
+            left: accuracy that is still to be had.
+        """
+        most = SHARE * max(0.0, left - steps.bound)
+        best, least = steps, MARGIN * most
+        for few in few_samples(self.trace.pulse_window.samples):
+            decays, values = self._misfit(points, replace(steps, few=few, tolerance=most))
+            error = max(decays, values)
+            if error <= least:
+                gain = max(1.0, values / max(decays, ROUNDING))
+                bound = steps.bound + most
+                best = replace(steps, bound=bound, few=few, tolerance=most / gain, few_error=error)
+                least = BETTER * error
+            if error <= GOAL:
+                break
+        return best
+
+    def _misfit(self, points: Sequence[FloatArray], steps: StepPlan) -> tuple[float, float]:
+        """What few samples change most, relative: whole decays, and the trace as it follows.
+
+        The trace is a combination of decays: where lines are near, small differences of these are
+        large ones of it.
+        """
+        trace, kind, batch = self.trace, self.kind, self.batch
+        output, plan = kind.output(trace), self._plan(1)
+        asked = [
+            (
+                kind.ask(self._with(plan), trace, p, batch, 0),
+                kind.ask(self._with(steps), trace, p, batch, 0),
+            )
+            for p in points
+        ]
+        try:
+            batch.simulate(self.workers)
+        except NoAnswer:
+            raise
+        except FmuFailure:  # it refuses long steps
+            batch.forget()
+            return np.inf, np.inf
+        worst = [(0.0, 0.0)]
+        for whole, few in asked:
+            decays = [
+                None if runs.decay is None else read_decay(how, batch, runs.decay, output)
+                for runs, how in ((whole, plan), (few, steps))
+            ]
+            if decays[0] is None or decays[1] is None:
+                return np.inf, np.inf
+            before, after = (kind.followed(trace, whole, decay, batch) for decay in decays)
+            worst.append((_change(*decays), _change(after, before)))
+        return max(d for d, _ in worst), max(v for _, v in worst)
+
+    def _plan(self, per_sample: int) -> StepPlan:
+        """So many steps between two samples, and whole runs."""
+        return StepPlan(
             label=self.kind.key(self.trace),
             spacing_s=self.trace.run_step_s,
             per_sample=per_sample,
             bound=0.0,
         )
-        model = replace(self.model, plan=replace(self.model.plan, steps=(trial,)))
-        batch, output = Batch(), self.kind.output(self.trace)
+
+    def _with(self, steps: StepPlan) -> DrivenModel:
+        """The model with these steps of the trace."""
+        return replace(self.model, plan=replace(self.model.plan, steps=(steps,)))
+
+    def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
+        """Outputs of its runs at all points, with so many steps between two samples."""
+        model, batch = self._with(self._plan(per_sample)), self.batch
+        output = self.kind.output(self.trace)
         asked = [
             run
-            for k, p in enumerate(points)
-            for run in self.kind.ask(model, self.trace, p, batch, k)
+            for p in points
+            for run in self.kind.ask(model, self.trace, p, batch, 0)
             if run is not None
         ]
         batch.simulate(self.workers)
@@ -160,6 +260,7 @@ class Survey(Generic[T]):
             except NoAnswer:
                 raise
             except FmuFailure:
+                self.batch.forget()
                 continue
             kept.append(p)
         return kept
@@ -170,7 +271,7 @@ class Survey(Generic[T]):
         if not trace.has_unknown_start:
             return
         values = self.model.values(p, trace.label or None, trace.settings)
-        output, batch = self.kind.output(trace), Batch()
+        output, batch = self.kind.output(trace), self.batch
         runs = [
             batch.ask(values, trace.pulse_window, trace.pulse(per_sample, level), output)
             for level in (1.0, 0.5)
@@ -191,3 +292,13 @@ class Survey(Generic[T]):
                 "one whose own drive is off ([fmu.start], as A1 = 0.0), else start values among "
                 "the parameters"
             )
+
+
+def _change(
+    found: FloatArray | ComplexArray | None, expected: FloatArray | ComplexArray | None
+) -> float:
+    """Largest difference over the largest value."""
+    if found is None or expected is None:
+        return np.inf
+    largest = float(np.max(np.abs(expected)))
+    return float(np.max(np.abs(found - expected))) / largest if largest > 0.0 else 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
@@ -10,9 +10,10 @@ from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import MeasurementKind, Prediction, Values
 from fitting.measurements.plan import Plan
-from fitting.measurements.traces.survey import Begun, Survey
+from fitting.measurements.traces.decay_run import ask_decay, read_decay
+from fitting.measurements.traces.survey import Asked, Begun, Survey
 from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 
@@ -115,9 +116,7 @@ class TracesTogether(MeasurementKind, Generic[R]):
         """
         raise NotImplementedError
 
-    def ask(
-        self, model: DrivenModel, trace: R, p: FloatArray, batch: Batch, owner: int
-    ) -> Sequence[int | None]:
+    def ask(self, model: DrivenModel, trace: R, p: FloatArray, batch: Batch, owner: int) -> Asked:
         """Numbers of the runs that answer for a trace.
 
         Args:
@@ -128,6 +127,58 @@ class TracesTogether(MeasurementKind, Generic[R]):
             owner: which evaluation pays for them.
         """
         raise NotImplementedError
+
+    def followed(
+        self, trace: R, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> FloatArray | ComplexArray:
+        """Values (n,) of a trace as simulated runs and a decay have it.
+
+        Args:
+            trace: one of them.
+            runs: numbers of its runs.
+            decay: after a pulse, whole; None: it wants none.
+            batch: that has simulated them.
+        """
+        raise NotImplementedError
+
+    def decays(
+        self,
+        model: DrivenModel,
+        table: FloatArray,
+        asked: Sequence[Sequence[Asked]],
+        batch: Batch,
+    ) -> Generator[None, None, list[list[FloatArray | None]]]:
+        """Responses to a pulse, for every parameter vector and trace; None where none was asked.
+
+        Where they do not follow from few samples, the batch is asked for whole runs.
+
+        Args:
+            model: the FMU as the series drives it.
+            table: parameter vectors (k, n), each in its own unit.
+            asked: runs that the batch has simulated.
+            batch: that has.
+        """
+        found: list[list[FloatArray | None]] = [[None] * len(self.traces) for _ in table]
+        again: dict[tuple[int, int], int] = {}
+        for i, trace in enumerate(self.traces):
+            plan, output = model.plan.step_plan(self.key(trace)), self.output(trace)
+            for k, p in enumerate(table):
+                run = asked[k][i].decay
+                if run is None:
+                    continue
+                found[k][i] = whole = (
+                    batch.samples(run, output)
+                    if plan is None
+                    else read_decay(plan, batch, run, output)
+                )
+                if whole is None:
+                    values = model.values(p, trace.label or None, trace.settings)
+                    again[k, i] = ask_decay(trace, values, None, batch, output, k)
+        if again:
+            yield
+        for (k, i), run in again.items():
+            found[k][i] = batch.samples(run, self.output(self.traces[i]))
+        return found
 
     def output(self, trace: R) -> str:
         """The FMU's output that a trace shows.

@@ -23,8 +23,10 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
 from fitting.measurements.tones import PLATEAU
+from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.figure import trace_figure
 from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
+from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
 from fitting.simulate.batch import Batch
 from fitting.text.arrays import FloatArray
@@ -132,19 +134,20 @@ class Traces(TracesTogether[TraceRecord]):
             for k, p in enumerate(table)
         ]
         yield
+        decays = yield from self.decays(model, table, asked, batch)
         return [
             self._solved(
                 [
-                    self._read(trace, runs, batch)
-                    for trace, runs in zip(self.traces, each, strict=True)
+                    self._read(trace, runs, decay, batch)
+                    for trace, runs, decay in zip(self.traces, each, free, strict=True)
                 ]
             )
-            for each in asked
+            for each, free in zip(asked, decays, strict=True)
         ]
 
     def ask(
         self, model: DrivenModel, trace: TraceRecord, p: FloatArray, batch: Batch, owner: int
-    ) -> tuple[int | None, int | None]:
+    ) -> Asked:
         """Numbers of the run under the input, and of that after a pulse.
 
         Args:
@@ -155,20 +158,34 @@ class Traces(TracesTogether[TraceRecord]):
             owner: which evaluation pays for them.
         """
         values = model.values(p, trace.label or None, trace.settings)
-        steps = model.plan.steps_of(self.key(trace))
+        plan = model.plan.step_plan(self.key(trace))
         driven = decay = None
         output = self.output(trace)
         if trace.is_driven:
-            driven = batch.ask(values, trace.window(), trace.signal(steps), output, owner)
+            signal = trace.signal(1 if plan is None else plan.per_sample)
+            driven = batch.ask(values, trace.window(), signal, output, owner)
         if trace.start == UNKNOWN:
-            decay = batch.ask(values, trace.pulse_window, trace.pulse(steps), output, owner)
-        return driven, decay
+            decay = ask_decay(trace, values, plan, batch, output, owner)
+        return Asked(driven=driven, decay=decay)
+
+    def followed(
+        self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
+    ) -> FloatArray:
+        """Values (n,) of a trace as simulated runs and a decay have it.
+
+        Args:
+            trace: one of them.
+            runs: numbers of its runs.
+            decay: after a pulse, whole; None: it wants none.
+            batch: that has simulated them.
+        """
+        return self._read(trace, runs, decay, batch)[0]
 
     def _read(
-        self, trace: TraceRecord, runs: tuple[int | None, int | None], batch: Batch
+        self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
     ) -> tuple[FloatArray, FloatArray]:
         """Values (n,) of a trace as the model has it, and what is solved for, (n, k)."""
-        driven, decay = runs
+        driven = runs.driven
         output, count = self.output(trace), trace.y.size
         base, columns = np.zeros(count), []
         if driven is not None:
@@ -180,7 +197,7 @@ class Traces(TracesTogether[TraceRecord]):
         if trace.offset:
             columns.append(np.ones(count))
         if decay is not None:
-            columns += list(trace.free_responses(batch.samples(decay, output)).T)
+            columns += list(trace.free_responses(decay).T)
         design = np.stack(columns, axis=1) if columns else np.empty((count, 0))
         return base + _projected(design, trace.y - base), design
 
