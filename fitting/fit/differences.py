@@ -51,16 +51,25 @@ class Stencil:
             values: of the function at every node, in their order, numbers or arrays of one shape.
             difference: of two values, e.g. of their logarithms.
         """
-        columns = []
-        for axis, parts in enumerate(self.along):
-            of_parts = [
-                part.weight
-                * difference(np.asarray(values[part.above]), np.asarray(values[part.below]))
-                / (self.nodes[part.above][axis] - self.nodes[part.below][axis])
-                for part in parts
-            ]
-            columns.append(sum(of_parts[1:], of_parts[0]))
+        # an output may be infinite, as Q without damping is: NaN says that it has no slope there
+        with np.errstate(invalid="ignore"):
+            columns = [self._quotient(values, axis, difference) for axis in range(len(self.along))]
         return np.stack(columns, axis=-1)
+
+    def _quotient(
+        self,
+        values: Sequence[npt.ArrayLike],
+        axis: int,
+        difference: Callable[[FloatArray, FloatArray], FloatArray],
+    ) -> FloatArray:
+        """The derivative along one axis."""
+        of_parts = [
+            part.weight
+            * difference(np.asarray(values[part.above]), np.asarray(values[part.below]))
+            / (self.nodes[part.above][axis] - self.nodes[part.below][axis])
+            for part in self.along[axis]
+        ]
+        return np.asarray(sum(of_parts[1:], of_parts[0]))
 
     def between(self, axis: int, above: FloatArray, below: FloatArray) -> Stencil:
         """The stencil whose quotient along one axis is taken between two other points.

@@ -91,3 +91,12 @@ def test_logarithms_may_be_what_differs() -> None:
     found = around.quotients(values, lambda above, below: np.log(above / below))
     assert found == pytest.approx(np.array([[2.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), abs=1e-12)
     assert math.isfinite(float(found.sum()))
+
+
+@pytest.mark.filterwarnings("error")
+def test_infinite_values_have_no_slope_and_warn_of_nothing() -> None:
+    """1/x0 on the way to zero damping: inf - inf."""
+    around = central(X, 0.1, *WIDE)
+    found = around.quotients([math.inf if abs(x[0] - X[0]) < 0.05 else x[0] for x in around.nodes])
+    assert found[0] == pytest.approx(1.0)
+    assert np.all(np.isnan(found[1:]))

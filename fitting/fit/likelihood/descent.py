@@ -160,7 +160,8 @@ def _carried(likelihood: Likelihood, here: Expansion, sample: Sample) -> Expansi
 
     outward = np.empty((0, way.size))
     if sample.outputs.size:
-        outward = mended(here.outward, sample.outputs - here.sample.outputs)
+        with np.errstate(invalid="ignore"):  # of an infinite output no slope is known
+            outward = mended(here.outward, sample.outputs - here.sample.outputs)
     return Expansion(sample, mended(here.matrix, sample.rows - here.sample.rows), outward)
 
 
