@@ -22,6 +22,10 @@ from fitting.api.jobs import check_problem
 from fitting.api.known_fit import KnownFit
 from fitting.api.problem import Problem
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
+from fitting.campaign.parameters import scales
+from fitting.fit.noise import fitted_noise
+from fitting.fit.objective import evaluate_many
+from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.chain import Walk, sampler_library, walked
 from fitting.inference.posterior.kept import Kept, keep, kept_in
@@ -45,6 +49,7 @@ from fitting.inference.posterior.summary import (
 from fitting.lab.true_values import nearest, true_values
 from fitting.report.tables.posterior import draws_csv, posterior_lines
 from fitting.result.result import Result
+from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
 from fitting.text.files import write_whole
@@ -70,6 +75,8 @@ GOOD = 0.3
 LEARNING, PLACES, EVERY = 2, 8, 12
 #: Walkers where nothing is said, at least.
 FEWEST = 24
+#: Standard deviation of parameters, over their scales, that is as good as none.
+ANY = 1e6
 #: Rounds in which a walker that began where the model has no value is moved towards a minimum.
 ROUNDS = 40
 
@@ -195,7 +202,8 @@ def posterior(
     1.01); else it is called not converged, and no interval is told.
 
     Args:
-        problem: What is looked for, and from what; the noise of all its rows must be known.
+        problem: What is looked for, and from what; noise of rows that is not known is integrated
+            out.
         at: A fit of it, or what was inferred of one: walkers begin at its minima.
         options: How many walkers and steps; None: `Sampling()`.
         truth: What is true, by name, in the parameters' units: for tables and figures alone.
@@ -207,7 +215,8 @@ def posterior(
         too.
 
     Raises:
-        BadInput: no such fit, unknown noise, too few walkers, or ``emcee`` is missing.
+        BadInput: no such fit, noise that too few rows tell, too few walkers, or ``emcee`` is
+            missing.
         FmuFailure: the FMU failed where the fit ended.
     """
     asked = options or Sampling()
@@ -303,6 +312,23 @@ def _thinned(draws: FloatArray, longest: float) -> FloatArray:
     return np.asarray(draws[every - 1 :: every].reshape(-1, draws.shape[-1]))
 
 
+def _structure(problem: Problem, place: FloatArray) -> Structure | None:
+    """What residuals of unknown noise do beside white noise of one size, where the fit ended.
+
+    Raises:
+        BadInput: noise that nobody knows, and the rows do not tell.
+        FmuFailure: the FMU failed there.
+    """
+    problem.white_rows(place)  # complains
+    if not problem.unknown_noise:
+        return None
+    objective, parameters = problem.objective, problem.record.parameters
+    [point] = evaluate_many(objective, [problem.to_search(place)])
+    matrix = problem.jac(place) * scales(parameters)
+    noise = fitted_noise(objective, point, matrix, np.full(len(parameters), ANY))
+    return curve_structure(objective, point, matrix, noise)
+
+
 def _late(walk: Walk) -> FloatArray:
     """Places of a first walk about which is learnt, (k, n): of all walkers, the last apart."""
     late = walk.places[-1 : walk.steps // 2 : -EVERY][:PLACES]
@@ -330,7 +356,10 @@ class _Job:
                 f"posterior: {self.walkers} walkers for {least // 2} parameters, wanted at least "
                 f"{least}"
             )
-        self.problem.white_rows(self._fit.places[0][1])  # complains of noise that nobody knows
+        self.structure = _structure(self.problem, self._fit.places[0][1])
+        if self.structure is not None and self.structure.widening > 1.0:
+            place = self._fit.places[0][1]
+            self.problem = self.problem.widened(self.structure.widening, place)
         found = minima_of(self.target, self._fit.places)
         self.minima = found[: self.walkers]
         self.mixture = Mixture.of(self.minima)
@@ -542,6 +571,16 @@ class _Job:
             )
         if record.data.outliers == "huber":
             yield "Noise is taken for Gaussian; the fit counts what is far off less than that."
+        if self.problem.unknown_noise:
+            yield (
+                "Noise that nobody stated has one size, which is integrated out with the prior 1/σ."
+            )
+        if self.structure is not None and self.structure.widening > TOLD:
+            found, wider = listed(self.structure.found), number(self.structure.widening, 3)
+            yield (
+                f"The residuals of the fit {found}: its errors are {wider} times as wide for it, "
+                "and so are draws about it."
+            )
         if self.failed:
             yield (
                 f"{self.failed} of {self.evaluations} evaluations had no value of the model, which "

@@ -3,7 +3,14 @@
     ln L(p) = -1/2 r^T V^-1 r - 1/2 ln det(2 pi V)        V = diag(sigma^2) + U U^T
 
 r are the residual rows at p, sigma their standard deviations, U the error that rows share through a
-scale which the sweep gives. V does not depend on p.
+scale which the sweep gives. V does not depend on p. Where the noise of m rows is not known it has
+one size for all of them, which is integrated out with the prior 1/sigma (Jeffreys):
+
+    ln L(p) = ln Gamma(nu/2) - ln 2 - nu/2 ln(pi S)        S = r^T r, nu = m - s
+
+s the unknowns that these rows are solved for inside: Student's t of what is fitted, no Gaussian.
+
+Source: G. Box and G. Tiao, Bayesian Inference in Statistical Analysis (1973), section 2.4.
 """
 
 from __future__ import annotations
@@ -17,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import gammaln
 
 from fitting.api.fmu import Fmu, held_fmu
 from fitting.api.start_values import Starts, started
@@ -39,12 +47,14 @@ from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
 from fitting.measurements.noise.spectra import NoiseSpectrum
 from fitting.measurements.traces.traces import Trace
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
 
 __all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
 
+#: Residuals in all below this are none.
+TINY = 1e-150
 #: What a program gives as measured.
 Measured = Tones | Sweep | ComplexSweep | Trace | DemodulatedTrace | NoiseSpectrum | Measurement
 #: Makes the model of one discrete alternative.
@@ -164,6 +174,7 @@ class Problem:
         self.record, self.options, self.campaigns = record, options, tuple(campaigns)
         self._fmu, self._respond = fmu, respond
         self._alternative = 0
+        self._share, self._least = 1.0, 0.0
 
     def with_alternative(self, number: int) -> Problem:
         """The same problem, whose functions are those of another alternative.
@@ -182,6 +193,33 @@ class Problem:
         other._alternative = number
         return other
 
+    def widened(self, factor: float, p: npt.ArrayLike) -> Problem:
+        """The same problem, whose rows of unknown noise tell so much less of the parameters.
+
+            S(p) -> S(p0) + (S(p) - S(p0))/factor^2
+
+        Residuals that hang together do: errors about p0 are wider by the factor.
+
+        Args:
+            factor: At least 1.
+            p: p0, where the rows are described best, shape (n,).
+
+        Raises:
+            BadInput: a factor below 1.
+            FmuFailure: the FMU failed there.
+        """
+        if not factor >= 1.0:
+            raise BadInput(f"problem: the factor is {factor!r}, wanted at least 1")
+        other = copy(self)
+        other._share = factor**-2
+        other._least = float(np.sum(self.residuals(p)[~self._is_known] ** 2))
+        return other
+
+    @property
+    def unknown_noise(self) -> int:
+        """Number of rows whose noise is not known."""
+        return int(np.sum(~self._is_known))
+
     def part(self, settings: Mapping[str, Scalar]) -> Problem:
         """The same problem with what was measured where settings have these values, alone.
 
@@ -195,7 +233,7 @@ class Problem:
         """
         data = part_of(self.record.data, settings)
         other = copy(self)
-        for cached in ("objective", "planned", "_noise_root"):
+        for cached in ("objective", "planned", "_noise"):
             other.__dict__.pop(cached, None)
         other.record = replace(self.record, data=data)
         return other
@@ -301,19 +339,25 @@ class Problem:
         return np.asarray(scaled.reshape(*table.shape[:-1], *scaled.shape[-2:]))
 
     def logl(self, p: npt.ArrayLike) -> FloatArray:
-        """ln L, shape (...): Gaussian rows with the covariance V of the module.
+        """ln L, shape (...): rows of known noise as a Gaussian, of unknown noise as Student's t.
 
         Args:
             p: Parameters, shape (..., n), in their units.
 
         Raises:
-            BadInput: the noise of some rows is not known.
+            BadInput: the noise of some rows is not known, and they are too few to tell it, or share
+                the error of a scale.
             FmuFailure: the FMU failed at one of them.
         """
-        noise, rows = self._noise, self.residuals(p)
-        white = noise.whitened(rows.reshape(-1, noise.size).T)
+        noise, freedom, rows = self._noise, self._freedom, self.residuals(p)
+        flat, known = rows.reshape(-1, rows.shape[-1]), self._is_known
+        white = noise.whitened(flat[:, known].T)
         size = noise.size * math.log(2.0 * math.pi) + noise.log_determinant
         found = -0.5 * (np.sum(white**2, axis=0) + size)
+        if freedom > 0.0:
+            squares = self._squares(flat[:, ~known])
+            found += gammaln(0.5 * freedom) - math.log(2.0)
+            found -= 0.5 * freedom * np.log(math.pi * squares)
         return np.asarray(found.reshape(rows.shape[:-1]))
 
     def logp(self, p: npt.ArrayLike) -> FloatArray:
@@ -326,7 +370,7 @@ class Problem:
             p: Parameters, shape (..., n), in their units.
 
         Raises:
-            BadInput: the noise of some rows is not known.
+            BadInput: as `logl`.
             FmuFailure: the FMU failed inside the box.
         """
         table = self._checked(p)
@@ -339,15 +383,16 @@ class Problem:
         return found.reshape(table.shape[:-1])
 
     def white_rows(self, p: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Rows of unit variance and their derivatives: sum r^2 = -2 ln of posterior + constant.
+        """Rows of unit variance and their derivatives: r^T dr/dp = -d ln(posterior)/dp.
 
         Gaussian priors are rows, too: (p - reference)/prior_sigma. Shapes (m + k,), (m + k, n).
+        Rows of unknown noise have the scatter that they have at p, sqrt(S/nu).
 
         Args:
             p: Parameters, shape (n,), in their units, inside the box.
 
         Raises:
-            BadInput: the noise of some rows is not known.
+            BadInput: as `logl`.
             FmuFailure: the FMU failed at one of them.
         """
         place, noise = self._checked(p), self._noise
@@ -355,9 +400,14 @@ class Problem:
         sigmas = np.array([q.prior_sigma for _, q in held])
         off = np.array([place[i] - q.reference for i, q in held])
         unit = np.eye(place.size)[[i for i, _ in held]]
-        rows = np.concatenate([noise.whitened(self.residuals(place)), off / sigmas])
-        slopes = np.vstack([noise.whitened(self.jac(place)), unit / sigmas[:, None]])
-        return rows, slopes
+        r, jac, known = self.residuals(place), self.jac(place), self._is_known
+        scatter = 1.0
+        if self._freedom > 0.0:
+            squares = float(self._squares(r[None, ~known])[0])
+            scatter = math.sqrt(squares / (self._freedom * self._share))
+        rows = np.concatenate([noise.whitened(r[known]), r[~known] / scatter, off / sigmas])
+        slopes = [noise.whitened(jac[known]), jac[~known] / scatter, unit / sigmas[:, None]]
+        return rows, np.vstack(slopes)
 
     def _logprior(self, table: FloatArray) -> FloatArray:
         total = np.zeros(len(table))
@@ -369,19 +419,48 @@ class Problem:
             total -= math.log(q.prior_sigma * math.sqrt(2.0 * math.pi))
         return total
 
+    @property
+    def _is_known(self) -> BoolArray:
+        """Whether the noise of each row is known, (m,)."""
+        return np.asarray(self.record.data.sigma > 0.0)
+
+    @property
+    def _freedom(self) -> float:
+        """nu of the module; 0 where all noise is known."""
+        missing = self.unknown_noise
+        if not missing:
+            return 0.0
+        free = missing - self.record.data.solved_of(known=False)
+        if free < len(self.record.parameters) + 1:
+            raise BadInput(
+                f"problem: the noise of {missing} of {self._is_known.size} rows is not known, and "
+                "these are too few to tell it; wanted sigmas_v, or noise with a relative or "
+                "absolute part"
+            )
+        return float(free)
+
+    def _squares(self, rows: FloatArray) -> FloatArray:
+        """S (k,) of the module for rows (k, m) of unknown noise, widened."""
+        plain = np.sum(rows**2, axis=1)
+        widened = self._least + self._share * (plain - self._least)
+        return np.asarray(np.maximum(widened, TINY**2))
+
     @cached_property
     def _noise(self) -> RowCovariance:
-        """V, with the error of the scale as the data have it."""
-        data = self.record.data
-        if not np.all(data.sigma > 0.0):
-            missing = int(np.sum(~(data.sigma > 0.0)))
-            raise BadInput(
-                f"problem: the noise of {missing} of {data.sigma.size} rows is not known; wanted "
-                "sigmas_v, or noise with a relative or absolute part"
-            )
+        """V of the rows of known noise, with the error of the scale as the data have it."""
+        data, known = self.record.data, self._is_known
         mine = data.series_of_rows[:, None] == np.arange(len(data.series))
         shared = np.where(mine, data.measured_rows[:, None] * np.array(data.scale_sigmas), 0.0)
-        return RowCovariance(data.sigma, shared)
+        for m, place in zip(data.measurements, data.slices, strict=True):
+            if m.takes_scale_from_rows and not np.any(known[place]):
+                shared[place] = 0.0  # its scale is solved for inside these rows
+        if np.any(shared[~known]):
+            raise BadInput(
+                f"problem: the noise of {self.unknown_noise} of {known.size} rows is not known, "
+                "and they share the error of a scale; wanted sigmas_v, noise with a relative or "
+                'absolute part, or scale = "free"'
+            )
+        return RowCovariance(data.sigma[known], shared[known])
 
     def _rows(self, table: FloatArray) -> FloatArray:
         xs = list(to_search(self.record.parameters, table))

@@ -270,7 +270,6 @@ def test_what_only_the_fmu_can_tell_is_refused_beside_it(fmu: ff.Fmu) -> None:
         (lambda: fmu.simulate({"u1": "3 kg"}), "u1"),
         (lambda: fmu.simulate(tones=("theta",)), "wanted a frequency"),
         (lambda: problem(fmu).logp([1.0, 2.0]), "wanted (..., 3)"),
-        (lambda: problem(fmu, noise=ff.Noise()).logl([1.9, 100.0, 100.0]), "noise of 21 of 21"),
     ):
         with pytest.raises(ff.BadInput, match=re.escape(words)):
             make()

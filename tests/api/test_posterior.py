@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 import fitting as ff
 from fitting.api.written import CHAIN_FILE
@@ -78,6 +79,31 @@ def test_derived_outputs_are_read_at_the_draws(linear: ff.Posterior) -> None:
     assert 1.0 - root.missing == pytest.approx(share, abs=0.5 * error)
     assert linear.outputs["sum"] == pytest.approx(linear.thinned @ along)
     assert re.search(r"root .* 3\d\.\d %", repr(linear))  # of the draws have no value
+
+
+def test_unknown_noise_makes_student_s_t() -> None:
+    """Twelve values of three unknowns: t with nine degrees of freedom, wider than a Gaussian."""
+    rng = np.random.default_rng(5)
+    matrix = rng.standard_normal((12, 3)) + np.array([3.0, 0.0, 0.0])
+    measured = matrix @ [3.0, -1.0, 2.0] + 0.1 * rng.standard_normal(12) + 40.0
+    names = [closed.parameter(f"p{k}", -100.0, 100.0, 1.0) for k in (1, 2, 3)]
+    formula = closed.Formula(lambda p: p @ matrix.T + 40.0)
+    problem = closed.problem(formula, names, measured, np.zeros(12))
+    found = ff.posterior(problem, fitted(problem))
+    assert found.status == "converged"
+    # rows are relative, z/z* - 1: weights 1/z*^2
+    weighed, right = matrix / measured[:, None], (measured - 40.0) / measured
+    centre, left, *_ = np.linalg.lstsq(weighed, right, rcond=None)
+    spread = np.sqrt(np.diag(np.linalg.inv(weighed.T @ weighed)) * left[0] / 9.0)
+    for value, middle, scale in zip(found.values.values(), centre, spread, strict=True):
+        error = 4.0 / math.sqrt(value.effective)
+        assert value.mean == pytest.approx(middle, abs=error * scale)
+        assert value.std == pytest.approx(scale * math.sqrt(9.0 / 7.0), rel=1.5 * error)
+        half = t.ppf(0.975, 9) * scale
+        assert value.interval95[1] - value.interval95[0] == pytest.approx(
+            2.0 * half, rel=1.5 * error
+        )
+    assert "integrated out" in repr(found)
 
 
 def test_a_gaussian_prior_is_one_more_measurement() -> None:
@@ -240,7 +266,9 @@ def test_what_cannot_be_drawn_from_is_told(tmp_path: Path) -> None:
     with pytest.raises(ff.BadInput, match="of another problem: p, p1, p2 and p3"):
         ff.posterior(one_of_unknown_noise(), at)
     unknown = one_of_unknown_noise()
-    with pytest.raises(ff.BadInput, match="noise of 1 of 1 rows is not known"):
+    with pytest.raises(
+        ff.BadInput, match="noise of 1 of 1 rows is not known, and these are too few"
+    ):
         ff.posterior(unknown, fitted(unknown))
     with pytest.raises(ff.BadInput, match="found a int, wanted a Fit"):
         ff.posterior(problem, 3)  # type: ignore[arg-type]

@@ -16,6 +16,7 @@ import pytest
 
 import fitting as ff
 from fitting.fit.problem import Problem as Record
+from tests.support import closed_posteriors as closed
 from tests.support.single_line import (
     ETA_HZ,
     TOP,
@@ -67,6 +68,37 @@ def test_the_logarithms_are_those_of_gauss(problem: ff.Problem) -> None:
     lower, upper = problem.bounds
     prior = -float(np.sum(np.log(upper - lower)))
     assert float(problem.logp(p)) == pytest.approx(by_hand + prior, rel=1e-12)
+
+
+def test_unknown_noise_is_integrated_out() -> None:
+    """A sum over ln sigma of Gaussian rows: the prior 1/sigma, by the trapezoidal rule."""
+    rng = np.random.default_rng(3)
+    matrix = rng.standard_normal((9, 2))
+    names = [closed.parameter(name, -10.0, 10.0, 1.0) for name in ("p1", "p2")]
+    measured = 20.0 + matrix @ [1.0, 2.0] + 0.2 * rng.standard_normal(9)
+    formula = closed.Formula(lambda p: 20.0 + p @ matrix.T)
+    made = closed.problem(formula, names, measured, np.zeros(9))
+    p = np.array([1.1, 1.9])
+    rows, grid = made.residuals(p), np.linspace(math.log(SIGMA) - 4.0, math.log(SIGMA) + 4.0, 4001)
+    logs = [
+        -0.5 * float(rows @ rows) * math.exp(-2.0 * u)
+        - rows.size * (u + 0.5 * math.log(2.0 * math.pi))
+        for u in grid
+    ]
+    by_hand = max(logs) + math.log(np.trapezoid(np.exp(np.array(logs) - max(logs)), grid))
+    assert float(made.logl(p)) == pytest.approx(by_hand, rel=1e-9)
+    # the slopes of the logarithm are those of its rows
+    best = p - np.linalg.lstsq(made.jac(p), made.residuals(p), rcond=None)[0]
+    wider = made.widened(3.0, best)
+    for each in (made, wider):
+        white, slopes = each.white_rows(p)
+        seen = [(each.logl(p + h) - each.logl(p - h)) / 2e-4 for h in 1e-4 * np.eye(2)]
+        assert -(white @ slopes) == pytest.approx(np.array(seen), rel=1e-4)
+    # and errors about the best place are as much wider
+    plain, wide = (each.white_rows(best)[1] for each in (made, wider))
+    assert plain == pytest.approx(3.0 * wide, rel=1e-9)
+    with pytest.raises(ff.BadInput, match="at least 1"):
+        made.widened(0.5, best)
 
 
 def test_a_stack_of_parameters_is_a_stack_of_answers(problem: ff.Problem) -> None:
