@@ -124,11 +124,18 @@ def _faults(
         if bound.sweep is None or bound.sweep.background != "none" or name in explained:
             continue
         faults = sweep_faults(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-        on_background = [f for f in faults if f.fault is Fault.BACKGROUND]
-        if on_background and solution is not None and explained_by_model(solution, name):
-            faults = tuple(f for f in faults if f not in on_background)
+        lines = [f for f in faults if _is_like_lines(f)]
+        if lines and solution is not None and explained_by_model(solution, name):
+            faults = tuple(f for f in faults if f not in lines)
         found[name] = faults
     return found
+
+
+def _is_like_lines(found: SweepFault) -> bool:
+    """Whether a model of several lines may have the shape: points cut off alike no model has."""
+    return found.fault is Fault.BACKGROUND or (
+        found.two_lines and found.fault is not Fault.CLIPPING
+    )
 
 
 def _sentences(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> list[str]:
