@@ -57,7 +57,9 @@ def test_a_mistake_is_named_by_its_kind(seed: int, kind: Kind, words: str, tmp_p
     assert any(w.kind is kind and re.search(words, w.sentence) for w in said), said
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("pairs", 4), ("readings", 5), ("joint", 3), ("joint", 40028)])
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("pairs", 4), ("readings", 5), ("joint", 3), ("joint", 40028)]
+)
 def test_nothing_is_named_where_nothing_is_wrong(kind: str, seed: int, tmp_path: Path) -> None:
     assert KINDS[kind](seed).honest
     assert warned_of(kind, seed, tmp_path) == []
