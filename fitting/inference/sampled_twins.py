@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from fitting.inference.likelihood.knowledge import Equivalent, Profile
 from fitting.text.notation import listed, number
 
+#: How such a sentence begins.
+SAMPLED = "Sampled "
 #: How far two frequencies may be from a whole number of rates apart, as a share of the rate.
 WHOLE = 1e-3
 
@@ -28,7 +30,7 @@ def sampling_sentences(
             if found:
                 there = [_beside(name, turns, rate) for turns in found]
                 said.append(
-                    f"Sampled {number(rate)} times a second, {listed([name, *there])} give the "
+                    f"{SAMPLED}{number(rate)} times a second, {listed([name, *there])} give the "
                     f"same record: a box narrower than {number(rate)} Hz decides."
                 )
     return tuple(said)

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
+from fitting.inference.sampled_twins import SAMPLED
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
@@ -259,6 +260,8 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
         return _otherwise(result), ""
     if result.knowledge is None:
         return _profiles(result)
+    if any(said.startswith(SAMPLED) for said in result.knowledge.sentences):
+        return "a box that holds one of the values that the samples leave, or faster samples", ""
     target = _target(result, left)
     if not target:
         return "", ""
