@@ -132,10 +132,9 @@ def _faults(
 
 
 def _is_like_lines(found: SweepFault) -> bool:
-    """Whether a model of several lines may have the shape: points cut off alike no model has."""
-    return found.fault is Fault.BACKGROUND or (
-        found.two_lines and found.fault is not Fault.CLIPPING
-    )
+    """Whether a model of several lines may have the shape."""
+    flat = found.fault is Fault.SATURATION and found.two_lines
+    return flat or found.fault is Fault.BACKGROUND
 
 
 def _sentences(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> list[str]:
