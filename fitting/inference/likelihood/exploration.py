@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import UNIFORM_WIDTH, to_model
+from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds, to_model
 from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.likelihood.descent import (
     AT_LIMIT,
@@ -336,7 +336,12 @@ def _gone_on(
 def _farthest_beyond(
     explored: Exploration, quantity: Quantity, side: int, fitting: Sequence[ProfilePoint]
 ) -> FloatArray | None:
-    """Search vector of the farthest point in hand that fits beyond where a branch ended."""
+    """Search vector of the farthest point in hand that fits beyond where a branch ended.
+
+    None where a parameter is cut inside its box and all such points lie beyond that: what fits
+    there may do so by a coincidence, as a frequency whole rates of the samples away does, and
+    leaves nothing open in the box.
+    """
     branch, direction = explored.branches[quantity.name][side], (-1.0, 1.0)[side]
     if branch.end == "bound" or explored.range_ends[quantity.name][side] is not None:
         return None
@@ -347,13 +352,21 @@ def _farthest_beyond(
     margin = BEYOND * abs(end - quantity.best) + 1e-9 * quantity.width
     beyond = [(direction * (quantity.of(p, periods) - end), p) for p in fitting]
     beyond = [(gap, p) for gap, p in beyond if gap > margin]
-    if not beyond:
+    if not beyond or _is_apart(explored, quantity, side, end, min(gap for gap, _ in beyond)):
         return None
     point = max(beyond, key=lambda each: each[0])[1]
     begin = point.x.copy()
     if quantity.index >= 0:
         begin[quantity.index] = quantity.of(point, periods)
     return begin
+
+
+def _is_apart(explored: Exploration, quantity: Quantity, side: int, end: float, gap: float) -> bool:
+    """Whether a branch ends inside the box, and the next point that fits is beyond the box."""
+    if quantity.index < 0 or quantity.round:
+        return False
+    limit = float(search_bounds(explored.optimum.likelihood.parameters)[side][quantity.index])
+    return 0.0 < (-1.0, 1.0)[side] * (limit - end) < gap
 
 
 def _worth_reaching(quantity: Quantity, end: float) -> bool:

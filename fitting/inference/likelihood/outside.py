@@ -28,6 +28,8 @@ from fitting.inference.likelihood.ways import value_at, walked_to_ends
 from fitting.signal.student import ROOT_95
 from fitting.text.notation import as_known, number
 
+#: Digits of the ends of a box: as somebody has written them.
+BOX_DIGITS = 10
 #: How many times as wide as the box the surroundings are that are looked at. In a box of ten times
 #: the guess profiles go ten times as far again: what they would find there is told here.
 TIMES = 100.0
@@ -239,7 +241,8 @@ def _is_out(parameter: Parameter, values: Mapping[str, float]) -> bool:
 def _place(parameter: Parameter, value: float, profiles: Mapping[str, Profile]) -> str:
     own = profiles.get(parameter.name)
     shown = as_known(value, math.nan if own is None else own.sigma, parameter.unit)
-    box = f"{number(parameter.lower)} to {number(parameter.upper)} {parameter.unit}".rstrip()
+    low, high = (number(end, BOX_DIGITS) for end in (parameter.lower, parameter.upper))
+    box = f"{low} to {high} {parameter.unit}".rstrip()
     return f"{parameter.name} = {shown} (box: {box})"
 
 
