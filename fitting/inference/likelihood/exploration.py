@@ -47,6 +47,8 @@ WORTH_REACHING = 0.3
 BEYOND, EXTENSIONS = 0.02, 2
 #: Points from which an end is tried once more where a branch lost its way.
 NEAREST = 2
+#: Share of the way to the end of the room that counts as there.
+AT_ROOM = 1e-6
 #: Strides towards an end of a range that is known to fit: they only show what is between.
 OPEN_STEPS = 4
 #: A branch that nobody walked, to an end that is known to fit.
@@ -338,9 +340,8 @@ def _farthest_beyond(
 ) -> FloatArray | None:
     """Search vector of the farthest point in hand that fits beyond where a branch ended.
 
-    None where a parameter is cut inside its box and all such points lie beyond that: what fits
-    there may do so by a coincidence, as a frequency whole rates of the samples away does, and
-    leaves nothing open in the box.
+    None where a parameter is cut inside its box and only the end of its room fits, far beyond: by a
+    coincidence, as a frequency whole rates of the samples away does. It leaves nothing open.
     """
     branch, direction = explored.branches[quantity.name][side], (-1.0, 1.0)[side]
     if branch.end == "bound" or explored.range_ends[quantity.name][side] is not None:
@@ -362,11 +363,13 @@ def _farthest_beyond(
 
 
 def _is_apart(explored: Exploration, quantity: Quantity, side: int, end: float, gap: float) -> bool:
-    """Whether a branch ends inside the box, and the next point that fits is beyond the box."""
+    """Whether a branch ends inside the box, and nothing fits from there to the end of the room."""
     if quantity.index < 0 or quantity.round:
         return False
+    direction, room = (-1.0, 1.0)[side], (quantity.low, quantity.high)[side]
     limit = float(search_bounds(explored.optimum.likelihood.parameters)[side][quantity.index])
-    return 0.0 < (-1.0, 1.0)[side] * (limit - end) < gap
+    whole = direction * (room - end)
+    return 0.0 < direction * (limit - end) < gap and gap > (1.0 - AT_ROOM) * whole
 
 
 def _worth_reaching(quantity: Quantity, end: float) -> bool:
