@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from fitting.fit.outputs import answered_apart, mean
-from fitting.inference.posterior.summary import ENDS68, ENDS95, NONE, PosteriorOutput
+from fitting.inference.posterior.summary import NONE, PosteriorOutput, numbers_of
 from fitting.inference.values import DerivedResult
 from fitting.text.arrays import FloatArray
 
@@ -63,15 +63,9 @@ def outputs_of(
 
 def _output(values: FloatArray, fit: DerivedResult, truth: float) -> PosteriorOutput:
     there = values[np.isfinite(values)]
-    mine = there if there.size else np.array([math.nan])
-    ends = np.quantile(mine, [0.5, *ENDS68, *ENDS95]).tolist()
     return PosteriorOutput(
         unit=fit.unit,
-        median=ends[0],
-        mean=float(np.mean(mine)),
-        std=float(np.std(mine)),
-        interval68=(ends[1], ends[2]),
-        interval95=(ends[3], ends[4]),
+        **numbers_of(there),
         draws=int(there.size),
         missing=1.0 - there.size / values.size if values.size else math.nan,
         most_likely=fit.most_likely,

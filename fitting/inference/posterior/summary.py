@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -28,15 +29,12 @@ NONE: Interval = (math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PosteriorValue:
-    """One parameter, all numbers in `unit`.
+class Drawn:
+    """What draws say of one number, in `unit`, beside what is said of it elsewhere.
 
     `median`, `mean`, `std` and the central intervals are those of the draws, NaN where these have
-    not converged; `interval95` leaves 2.5 % of them on either side. `tau` is the integrated
-    autocorrelation time in steps, `rhat` the rank-normalised split R, `effective` so many
-    independent draws are worth as much as these. `lower` and `upper` are the box, `prior` and
-    `prior_sigma` the Gaussian prior (NaN: uniform in the box). `profile95` is the fit's interval,
-    `most_likely` its value, `truth` what is true, NaN where nobody knows it.
+    not converged; `interval95` leaves 2.5 % of them on either side. `profile95` is the fit's
+    interval, `most_likely` its value, `truth` what is true, NaN where nobody knows it.
     """
 
     unit: str
@@ -45,6 +43,20 @@ class PosteriorValue:
     std: float
     interval68: Interval
     interval95: Interval
+    most_likely: float
+    profile95: Interval
+    truth: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorValue(Drawn):
+    """One parameter: `Drawn`, and how it was drawn.
+
+    `tau` is the integrated autocorrelation time in steps, `rhat` the rank-normalised split R,
+    `effective` so many independent draws are worth as much as these. `lower` and `upper` are the
+    box, `prior` and `prior_sigma` the Gaussian prior (NaN: uniform in the box).
+    """
+
     tau: float
     rhat: float
     effective: float
@@ -52,32 +64,36 @@ class PosteriorValue:
     upper: float
     prior: float
     prior_sigma: float
-    most_likely: float
-    profile95: Interval
-    truth: float
     shared: bool
 
 
 @dataclass(frozen=True, kw_only=True)
-class PosteriorOutput:
-    """One derived output, read from the model at `draws` nearly independent draws, in `unit`.
+class PosteriorOutput(Drawn):
+    """One derived output: `Drawn`, read from the model at `draws` nearly independent draws.
 
-    The intervals are central, as of parameters. `missing` is the share of these draws at which the
-    model has no value of it (a lambda that is not real); the numbers are of the others.
-    `most_likely`, `profile95` are the fit's, `truth` what is true, NaN where nobody knows it.
+    `missing` is the share of these draws at which the model has no value of it (a lambda that is
+    not real); the numbers are of the others.
     """
 
-    unit: str
-    median: float
-    mean: float
-    std: float
-    interval68: Interval
-    interval95: Interval
     draws: int
     missing: float
-    most_likely: float
-    profile95: Interval
-    truth: float
+
+
+def numbers_of(draws: FloatArray) -> dict[str, Any]:
+    """Median, mean, standard deviation and central intervals of draws, as `Drawn` has them.
+
+    Args:
+        draws: of one number, any shape; none of them: all is NaN.
+    """
+    mine = draws if draws.size else np.array([math.nan])
+    ends = np.quantile(mine, [0.5, *ENDS68, *ENDS95]).tolist()
+    return {
+        "median": ends[0],
+        "mean": float(np.mean(mine)),
+        "std": float(np.std(mine)),
+        "interval68": (ends[1], ends[2]),
+        "interval95": (ends[3], ends[4]),
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,15 +202,9 @@ def values_of(
     made = {}
     for i, p in enumerate(target.parameters):
         column = found.draws[..., i]
-        mine = column if found.converged else np.array([math.nan])
-        ends = np.quantile(mine, [0.5, *ENDS68, *ENDS95]).tolist()
         made[p.name] = PosteriorValue(
             unit=p.unit,
-            median=ends[0],
-            mean=float(np.mean(mine)),
-            std=float(np.std(mine)),
-            interval68=(ends[1], ends[2]),
-            interval95=(ends[3], ends[4]),
+            **numbers_of(column if found.converged else np.empty(0)),
             tau=float(found.taus[i]),
             rhat=float(found.rhats[i]),
             effective=column.size / float(found.taus[i]),

@@ -14,12 +14,10 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.fmu import HeldSignal
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
-from fitting.measurements.traces.decay_run import few_samples, read_decay
+from fitting.measurements.traces.decay_run import Pulsed, few_samples, read_decay
 from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
-from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
@@ -50,7 +48,7 @@ class Asked(NamedTuple):
     further: int | None = None
 
 
-class Begun(Protocol):
+class Begun(Pulsed, Protocol):
     """A trace whose runs begin with the record."""
 
     @property
@@ -60,10 +58,6 @@ class Begun(Protocol):
     @property
     def label(self) -> str:
         """Its name."""
-
-    @property
-    def input(self) -> str:
-        """The FMU's input that is driven."""
 
     @property
     def settings(self) -> Mapping[str, Scalar]:
@@ -84,18 +78,6 @@ class Begun(Protocol):
     @property
     def has_unknown_start(self) -> bool:
         """Whether it rests on free responses, which a pulse gives."""
-
-    @property
-    def pulse_window(self) -> Window:
-        """Samples of the response to a pulse."""
-
-    def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:
-        """A short pulse at the input.
-
-        Args:
-            per_sample: steps between two samples.
-            level: of the pulse, in the FMU's unit.
-        """
 
 
 T = TypeVar("T", bound=Begun)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from fitting.inference.posterior.summary import (
     CONVERGED,
+    Drawn,
     PosteriorMode,
     PosteriorOutput,
     PosteriorSummary,
@@ -38,7 +40,8 @@ OUTPUT_NOTE = (
     "Read from the model at draws that are nearly independent. Where the model has no value of an "
     "output (a λ that is not real) its numbers are those of the other draws."
 )
-Named = tuple[str, PosteriorValue]
+
+D = TypeVar("D", bound=Drawn)
 
 
 def value_table(found: PosteriorSummary) -> Table:
@@ -47,22 +50,14 @@ def value_table(found: PosteriorSummary) -> Table:
     Args:
         found: What the draws say.
     """
-    columns: tuple[Column[Named], ...] = (
-        Column("value", lambda row: symbol(row[0]), role="name"),
-        Column("unit", lambda row: unit_text(row[1].unit)),
-        Column("median", lambda row: _of(row[1].median, row[1].std)),
-        Column("std", lambda row: _of(row[1].std, row[1].std)),
-        Column("68 %", lambda row: _between(row[1].interval68)),
-        Column("95 %", lambda row: _between(row[1].interval95)),
-        Column("95 % of the fit", lambda row: _between(row[1].profile95)),
-        Column("truth", lambda row: _of(row[1].truth, row[1].std)),
+    columns: tuple[Column[tuple[str, PosteriorValue]], ...] = (
+        *_drawn(PosteriorValue),
         Column("R", lambda row: Cell(f"{row[1].rhat:.3f}", value=row[1].rhat)),
         Column("τ", lambda row: Cell(f"{row[1].tau:.1f}", value=row[1].tau)),
         Column("draws", lambda row: Cell(f"{row[1].effective:.0f}", value=row[1].effective)),
     )
     table = tabulate("Values", columns, found.values.items(), NOTE)
-    known = any(math.isfinite(v.truth) for v in found.values.values())
-    return table if known else table.without("truth")
+    return table if _has_truth(found.values) else table.without("truth")
 
 
 def output_table(found: PosteriorSummary) -> Table:
@@ -72,6 +67,18 @@ def output_table(found: PosteriorSummary) -> Table:
         found: What the draws say.
     """
     columns: tuple[Column[tuple[str, PosteriorOutput]], ...] = (
+        *_drawn(PosteriorOutput),
+        Column("no value", lambda row: Cell(f"{100.0 * row[1].missing:.1f} %")),
+        Column("draws", lambda row: Cell(str(row[1].draws), value=row[1].draws)),
+    )
+    table = tabulate("Derived outputs", columns, found.derived.items(), OUTPUT_NOTE)
+    table = table if _has_truth(found.derived) else table.without("truth")
+    return table if any(v.missing for v in found.derived.values()) else table.without("no value")
+
+
+def _drawn(_: type[D]) -> tuple[Column[tuple[str, D]], ...]:
+    """What draws, the fit and the truth say of a number of that kind."""
+    return (
         Column("value", lambda row: symbol(row[0]), role="name"),
         Column("unit", lambda row: unit_text(row[1].unit)),
         Column("median", lambda row: _of(row[1].median, row[1].std)),
@@ -80,13 +87,11 @@ def output_table(found: PosteriorSummary) -> Table:
         Column("95 %", lambda row: _between(row[1].interval95)),
         Column("95 % of the fit", lambda row: _between(row[1].profile95)),
         Column("truth", lambda row: _of(row[1].truth, row[1].std)),
-        Column("no value", lambda row: Cell(f"{100.0 * row[1].missing:.1f} %")),
-        Column("draws", lambda row: Cell(str(row[1].draws), value=row[1].draws)),
     )
-    table = tabulate("Derived outputs", columns, found.derived.items(), OUTPUT_NOTE)
-    if not any(math.isfinite(v.truth) for v in found.derived.values()):
-        table = table.without("truth")
-    return table if any(v.missing for v in found.derived.values()) else table.without("no value")
+
+
+def _has_truth(values: Mapping[str, Drawn]) -> bool:
+    return any(math.isfinite(v.truth) for v in values.values())
 
 
 def mode_table(found: PosteriorSummary) -> Table:
