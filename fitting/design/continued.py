@@ -180,7 +180,7 @@ def _of_amplitudes(sweep: ControlSweep) -> Continued:
         unit=sweep.unit,
         output=sweep.seen,
         estimated=sweep.estimated,
-        of_files=("layout", "range"),
+        of_files=("layout", "range", "columns"),
         columns=("amplitude",),
         nuisances=(ANY_SCALE,) if sweep.scaled_by == "shared" else (),
         scale=words[sweep.scaled_by],

@@ -229,8 +229,11 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     read = _columns_words(roles)
     values, unit, words = values_in(roles)
     said = [*lead(roles), *_guesses(roles, columns), *words]
-    if frequency_hz.size > 1 and frequency_hz[0] > frequency_hz[-1]:
+    steps = np.diff(frequency_hz)
+    if steps.size and np.all(steps < 0.0):
         said.append("The sweep runs downwards in frequency; its points were turned round.")
+    elif np.any(steps < 0.0):
+        said.append("The rows are not in the order of their frequencies; they were sorted.")
     made = trace_of(frequency_hz, values, unit, source=str(path))
     return replace(made, read=read, said=tuple(said), notes=dict(recording.notes))
 

@@ -250,6 +250,20 @@ def test_the_campaign_asks_for_the_sweeps_and_is_read_when_they_are_filled_in(
     assert len((tmp_path / "next/design.csv").read_text().splitlines()) == 4
 
 
+def test_columns_of_the_old_file_do_not_go_along(fmu: ff.Fmu, tmp_path: Path) -> None:
+    """The next file has heads of its own: it could not be read by those of the first."""
+    path = written(tmp_path / "old")
+    spectra, campaign = path.with_name("spectra.csv"), path.read_text()
+    spectra.write_text(spectra.read_text().replace("amplitude (V)", "mag (V)", 1))
+    named = '[control_sweep.columns]\namplitude = "mag"\n[[parameters]]'
+    path.write_text(campaign.replace("[[parameters]]", named, 1))
+    proposed(fmu, path).write(tmp_path / "next", report=False)
+    made = tmp_path / "next/campaign/campaign.toml"
+    assert "mag" not in made.read_text()
+    with pytest.raises(ff.BadInput, match=r"row 5, column 'amplitude': found ''"):
+        ff.read_campaign(made)
+
+
 @pytest.mark.parametrize(
     ("table", "complaint"),
     [

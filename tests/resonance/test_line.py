@@ -354,6 +354,21 @@ def test_decibels_and_powers_give_the_same_line(tmp_path: Path) -> None:
         assert found.width_hz == pytest.approx(plain.width_hz, rel=1e-6)
 
 
+def test_the_order_of_the_rows_is_told_as_it_is(tmp_path: Path) -> None:
+    amplitude, order = np.abs(line_alone(F)), np.random.default_rng(1).permutation(F.size)
+    for rows, told in (
+        (np.arange(F.size), ""),
+        (np.arange(F.size)[::-1], "runs downwards in frequency"),
+        (order, "not in the order of their frequencies"),
+    ):
+        found = ff.line(write_csv(tmp_path / "mine.csv", "f (Hz),a (V)", F[rows], amplitude[rows]))
+        said = " ".join(sentences(found))
+        assert ("runs downwards" in said, "not in the order" in said) == (
+            "runs downwards" in told,
+            "not in the order" in told,
+        )
+
+
 def test_levels_say_what_their_amplitudes_are(tmp_path: Path) -> None:
     """-10 dBm are 0.1 mW: its root is 0.3162, and sqrt(50 ohm 0.1 mW) = 70.7 mV rms."""
     level = 20.0 * np.log10(math.sqrt(0.1) * np.abs(line_alone(F)) / 2.0)
