@@ -3,8 +3,8 @@
     V = diag(sigma^2) + U U^T
 
 sigma are the relative standard deviations of the rows, U columns of errors that rows share: an
-error e of chi moves r = chi z/z* - 1 by e where the model fits. A scale that is fitted is a
-parameter and no column.
+error e of chi moves r = chi z/z* - 1 by (1 + r) e. A scale that is fitted is a parameter and no
+column.
 
 What a simulation may be off by is no noise: it has no distribution, and is the same in every
 repetition. A plan promises that amplitudes are within a share e of themselves, however these errors
@@ -90,7 +90,7 @@ def noise_of(objective: Objective, point: Point, fitted: float = 0.0) -> RowNois
     unknown = ~(data.sigma > 0.0)
     freedom = max(1.0, float(np.count_nonzero(unknown)) - taken)
     columns = [
-        error * _along_scale(data, series)
+        error * _along_scale(data, point, series)
         for series, error in enumerate(data.scale_sigmas)
         if error > 0.0
     ]
@@ -132,7 +132,7 @@ def _bounded(data: Dataset, point: Point) -> BoundedErrors:
     along = point.residuals + data.measured_rows  # dr/d ln amplitude, of rows that have a scale
     along = np.where(data.measured_rows == 0.0, 1.0 + np.abs(point.residuals), along)
     columns = [
-        share * _along_scale(data, series)
+        share * _along_scale(data, point, series)
         for series, chi in enumerate(point.chis)
         if chi != 1.0  # else nothing was simulated for it
     ]
@@ -140,16 +140,17 @@ def _bounded(data: Dataset, point: Point) -> BoundedErrors:
     return BoundedErrors(share * along, common)
 
 
-def doubted(noise: RowNoise, data: Dataset, doubts: Mapping[str, float]) -> RowNoise:
+def doubted(noise: RowNoise, data: Dataset, point: Point, doubts: Mapping[str, float]) -> RowNoise:
     """The noise, and scales of series that may be off by so much: bounded errors.
 
     Args:
         noise: of the rows.
         data: whose rows they are.
+        point: where the rows were evaluated.
         doubts: |ln| of the factor by which the scale of a series may be off, at most, by its name.
     """
     columns = [
-        doubts[name] * _along_scale(data, series)
+        doubts[name] * _along_scale(data, point, series)
         for series, name in enumerate(data.series)
         if doubts.get(name, 0.0) > 0.0
     ]
@@ -158,9 +159,7 @@ def doubted(noise: RowNoise, data: Dataset, doubts: Mapping[str, float]) -> RowN
     return replace(noise, bounded=noise.bounded.with_scales(np.stack(columns, axis=1)))
 
 
-def _along_scale(data: Dataset, series: int) -> FloatArray:
-    """dr/d ln chi of one series where the model fits: one for peaks, measured/maximum of a sweep.
-
-    At a point where some rows are far off it is (1 + r), and would let the scale explain these.
-    """
-    return np.asarray(np.where(data.series_of_rows == series, data.measured_rows, 0.0))
+def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:
+    """dr/d ln chi of one series: 1 + r for peaks, r + measured/maximum for points of a sweep."""
+    column = point.residuals + data.measured_rows
+    return np.asarray(np.where(data.series_of_rows == series, column, 0.0))

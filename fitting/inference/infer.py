@@ -192,7 +192,7 @@ def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFind
     """The fit, its errors with scales that a sweep's wrong top leaves in doubt; and the sweeps."""
     solution = fit.solution
     found = sweeps or sweep_findings(fit.problem, solution)
-    noise = doubted(solution.noise, solution.objective.data, found.doubts)
+    noise = doubted(solution.noise, solution.objective.data, solution.final, found.doubts)
     if noise is solution.noise:
         return fit, found
     counted = noise_at(solution).covariance.times(solution.errors.inflation)
