@@ -319,7 +319,7 @@ def _structure(problem: Problem, place: FloatArray) -> Structure | None:
         BadInput: noise that nobody knows, and the rows do not tell.
         FmuFailure: the FMU failed there.
     """
-    problem.white_rows(place)  # complains
+    problem.logl(place)  # complains
     if not problem.unknown_noise:
         return None
     objective, parameters = problem.objective, problem.record.parameters
@@ -356,9 +356,9 @@ class _Job:
                 f"posterior: {self.walkers} walkers for {least // 2} parameters, wanted at least "
                 f"{least}"
             )
-        self.structure = _structure(self.problem, self._fit.places[0][1])
+        _, place = self._fit.places[0]
+        self.structure = _structure(self.problem, place)
         if self.structure is not None and self.structure.widening > 1.0:
-            place = self._fit.places[0][1]
             self.problem = self.problem.widened(self.structure.widening, place)
         found = minima_of(self.target, self._fit.places)
         self.minima = found[: self.walkers]
