@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.fit.noise import noise_of
+from fitting.fit.noise import noise_of, shared
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import SAME, Minimum, Search, search_box
@@ -189,7 +189,9 @@ def _searched(course: Course, outcome: Outcome, solved: Sequence[Solved]) -> Out
     end = np.array(own.steps[-1].x)
     [point] = evaluate_many(course.objective, [end])
     noise = noise_of(course.objective, point)
-    likelihood = likelihood_of(course.objective, noise.sigma, noise.common)
+    # Algorithm 2 may end anywhere: what rows share is that of a model that fits
+    common = shared(course.objective.data, np.zeros(point.residuals.size))
+    likelihood = likelihood_of(course.objective, noise.sigma, common)
     spent = sum(step.evaluations for step in own.steps)
     search = search_box(
         LikelihoodEvaluator(likelihood), [end], course.schedule.seed, int(BUDGET_SHARE * spent)

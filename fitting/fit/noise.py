@@ -31,6 +31,9 @@ from fitting.fit.objective import Objective, Point
 from fitting.measurements.dataset import Dataset
 from fitting.text.arrays import FloatArray
 
+#: Standard deviations of the data by which two standard deviations of a scale may be misread.
+NOTICED = 1.0
+
 
 @dataclass(frozen=True)
 class RowNoise:
@@ -89,16 +92,32 @@ def noise_of(objective: Objective, point: Point, fitted: float = 0.0) -> RowNois
     sigma = row_sigmas(data.sigma, point.residuals, taken)
     unknown = ~(data.sigma > 0.0)
     freedom = max(1.0, float(np.count_nonzero(unknown)) - taken)
-    columns = [
-        error * _along_scale(data, point, series)
-        for series, error in enumerate(data.scale_sigmas)
-        if error > 0.0
-    ]
-    common = np.stack(columns, axis=1) if columns else np.empty((sigma.size, 0))
-    found = RowNoise(sigma, common, _bounded(data, point))
+    found = RowNoise(sigma, shared(data, point.residuals), _bounded(data, point))
     if not np.any(unknown):
         return found
     return replace(found, scatter=unknown.astype(float), freedom=freedom)
+
+
+def shared_at(noise: RowNoise, data: Dataset, point: Point) -> RowNoise:
+    """The noise with what rows share as it is at another point; itself where that is much the same.
+
+    Columns (1 + r) e of a point where some rows are far off let the scale explain these rows,
+    anywhere.
+
+    Args:
+        noise: of the rows.
+        data: whose rows they are.
+        point: where they are to be weighed.
+    """
+    there = shared(data, point.residuals)
+    if not there.shape[1]:
+        return noise
+    here, sigma = noise.common, noise.sigma[:, np.newaxis]
+    factors = np.sum(here * there / sigma**2, axis=0) / np.sum(here**2 / sigma**2, axis=0)
+    apart = (there - factors * here) / sigma  # a common factor is an error of the error
+    if np.max(np.sum(apart**2, axis=0)) < (0.5 * NOTICED) ** 2:
+        return noise
+    return replace(noise, common=there)
 
 
 def fitted_noise(
@@ -122,6 +141,21 @@ def fitted_noise(
     return noise_of(objective, point, float(here.leverage @ noise.scatter))
 
 
+def shared(data: Dataset, residuals: FloatArray) -> FloatArray:
+    """U, (m, k): the errors of scales of series, those that have one.
+
+    Args:
+        data: whose rows they are.
+        residuals: where U is asked for, shape (m,); zeros where the model fits exactly.
+    """
+    columns = [
+        error * _along_scale(data, residuals, series)
+        for series, error in enumerate(data.scale_sigmas)
+        if error > 0.0
+    ]
+    return np.stack(columns, axis=1) if columns else np.empty((residuals.size, 0))
+
+
 def _bounded(data: Dataset, point: Point) -> BoundedErrors:
     """What the simulation may be off by."""
     if not any(point.promised):
@@ -132,7 +166,7 @@ def _bounded(data: Dataset, point: Point) -> BoundedErrors:
     along = point.residuals + data.measured_rows  # dr/d ln amplitude, of rows that have a scale
     along = np.where(data.measured_rows == 0.0, 1.0 + np.abs(point.residuals), along)
     columns = [
-        share * _along_scale(data, point, series)
+        share * _along_scale(data, point.residuals, series)
         for series, chi in enumerate(point.chis)
         if chi != 1.0  # else nothing was simulated for it
     ]
@@ -150,7 +184,7 @@ def doubted(noise: RowNoise, data: Dataset, point: Point, doubts: Mapping[str, f
         doubts: |ln| of the factor by which the scale of a series may be off, at most, by its name.
     """
     columns = [
-        doubts[name] * _along_scale(data, point, series)
+        doubts[name] * _along_scale(data, point.residuals, series)
         for series, name in enumerate(data.series)
         if doubts.get(name, 0.0) > 0.0
     ]
@@ -159,7 +193,7 @@ def doubted(noise: RowNoise, data: Dataset, point: Point, doubts: Mapping[str, f
     return replace(noise, bounded=noise.bounded.with_scales(np.stack(columns, axis=1)))
 
 
-def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:
+def _along_scale(data: Dataset, residuals: FloatArray, series: int) -> FloatArray:
     """dr/d ln chi of one series: 1 + r for peaks, r + measured/maximum for points of a sweep."""
-    column = point.residuals + data.measured_rows
+    column = residuals + data.measured_rows
     return np.asarray(np.where(data.series_of_rows == series, column, 0.0))

@@ -29,11 +29,10 @@ UNRESOLVED_SHARE = 1e-2
 class Solution:
     """The reported end: objective, chain, last level, and what was evaluated there.
 
-    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there,
-    `noise` of the rows; `structure` that of the sweep's residuals, None where the sweep is not
-    fitted; `tikhonov_weights` (n,)
-    are the nu_i; `secant_points` the points that tell of variables without a first-order effect
-    (`symmetry.secants`).
+    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there, `seen` the same
+    with secants for variables without a first-order effect (`symmetry.secants`), which
+    `secant_points` tell of; `noise` of the rows, `errors` by it; `structure` that of the sweep's
+    residuals, None where the sweep is not fitted; `tikhonov_weights` (n,) are the nu_i.
     """
 
     objective: Objective
@@ -42,6 +41,7 @@ class Solution:
     initial: Point
     final: Point
     matrix: FloatArray
+    seen: FloatArray
     noise: RowNoise
     errors: Linearisation
     structure: Structure | None
@@ -57,6 +57,15 @@ class Solution:
     def last(self) -> ContinuationStep | None:
         """The last finished level, None before the first."""
         return self.chain.steps[-1] if self.chain.steps else None
+
+    def weighed(self, noise: RowNoise) -> Solution:
+        """The same end, its errors by another noise of the rows.
+
+        Args:
+            noise: of the rows.
+        """
+        errors = _errors(self.objective, self.final, self.seen, noise, self.structure, self.nu)
+        return replace(self, noise=noise, errors=errors)
 
 
 def solution_of(
@@ -81,21 +90,7 @@ def solution_of(
     prior = prior_sigmas(parameters, nu)
     noise = fitted_noise(objective, final, seen, prior)
     structure = curve_structure(objective, final, matrix, noise)
-    widened = noise
-    if structure is not None:
-        widened = noise.widened(objective.data.curve_rows, structure.widening)
-    errors = linearise(
-        final.residuals,
-        seen,
-        noise.covariance,
-        prior,
-        widened.covariance,
-        objective.data.solved_inside,
-    )
-    errors = replace(errors, scatter=widened.scatter, freedom=noise.freedom)
-    if noise.bounded.columns:
-        counted = widened.covariance.times(errors.inflation)
-        errors = replace(errors, bounded=WhitenedErrors(noise.bounded, counted))
+    errors = _errors(objective, final, seen, noise, structure, nu)
     tikhonov_weights = weights(objective, nu, misfit)
     return Solution(
         objective=objective,
@@ -104,12 +99,41 @@ def solution_of(
         initial=initial,
         final=final,
         matrix=matrix,
+        seen=seen,
         noise=noise,
         errors=errors,
         structure=structure,
         tikhonov_weights=tikhonov_weights,
         secant_points=secant_points,
     )
+
+
+def _errors(
+    objective: Objective,
+    final: Point,
+    seen: FloatArray,
+    noise: RowNoise,
+    structure: Structure | None,
+    nu: float,
+) -> Linearisation:
+    """The problem linearised at its end; curves count by what their residuals are worth."""
+    data = objective.data
+    widened = noise
+    if structure is not None:
+        widened = noise.widened(data.curve_rows, structure.widening)
+    errors = linearise(
+        final.residuals,
+        seen,
+        noise.covariance,
+        prior_sigmas(objective.parameters, nu),
+        widened.covariance,
+        data.solved_inside,
+    )
+    errors = replace(errors, scatter=widened.scatter, freedom=noise.freedom)
+    if not noise.bounded.columns:
+        return errors
+    counted = widened.covariance.times(errors.inflation)
+    return replace(errors, bounded=WhitenedErrors(noise.bounded, counted))
 
 
 def negligible(solution: Solution, misfit: str) -> float:

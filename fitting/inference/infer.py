@@ -10,11 +10,10 @@ from typing import TypeVar
 import numpy as np
 
 from fitting.campaign.parameters import search_bounds, to_model, to_search
-from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.descent import let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.noise import RowNoise, doubted
+from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution
@@ -129,13 +128,13 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     """
     request = request or InferenceRequest()
     fit, sweeps = _with_doubts(fit, request.sweeps)
-    knowledge, missing = _knowledge(fit, request, sweeps)
-    lower = _lowered(fit, knowledge)
-    if lower is not fit:
-        fit, sweeps = _with_doubts(lower, None)
-        knowledge, missing = _knowledge(fit, request, sweeps)
+    read = _read(fit, request, sweeps)
+    settled = _settled(fit, read)
+    if settled is not fit:
+        fit, sweeps = _with_doubts(settled, None)
+        read = _read(fit, request, sweeps)
     solution, problem = fit.solution, fit.problem
-    best, adequacy, inflation = _best(fit, knowledge, sweeps)
+    best, knowledge, adequacy, inflation = read.best, read.knowledge, read.adequacy, read.inflation
     # one estimator: its errors are as wide as its own residuals make them
     errors = solution.errors.widened(inflation / solution.errors.inflation)
     if inflation > 1.0:  # then they tell the noise of all rows
@@ -180,7 +179,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
             *fit_warnings(fit, offsets, sweeps, best, inflation, describes),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
-            *warned(Kind.PROFILES, missing),
+            *warned(Kind.PROFILES, read.missing),
         ),
         reported=estimates.reported,
         sweeps=sweeps,
@@ -195,9 +194,7 @@ def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFind
     noise = doubted(solution.noise, solution.objective.data, solution.final, found.doubts)
     if noise is solution.noise:
         return fit, found
-    counted = noise_at(solution).covariance.times(solution.errors.inflation)
-    errors = replace(solution.errors, bounded=WhitenedErrors(noise.bounded, counted))
-    return replace(fit, solution=replace(solution, noise=noise, errors=errors)), found
+    return replace(fit, solution=solution.weighed(noise)), found
 
 
 def _scale_off(solution: Solution, sweeps: SweepFindings) -> float:
@@ -251,32 +248,63 @@ def _minima(fit: Fit) -> tuple[Minimum, ...]:
     return () if search is None else search.minima
 
 
-def _lowered(fit: Fit, knowledge: Knowledge | None) -> Fit:
-    """The fit, gone on with from the most likely point where J is lower than its own.
+@dataclass(frozen=True)
+class _Reading:
+    """The most likely parameters (n,), in their units, and what was found on the way.
 
-    Profiles come by other minima, too; a fit that did not have them is made anew, once.
+    `knowledge` is None where no profiles were walked, `missing` says why; `adequacy` whether the
+    model will do, None where nobody asked; `inflation` that of the stated noise.
     """
-    solution = fit.solution
+
+    best: FloatArray
+    adequacy: Adequacy | None
+    inflation: float
+    knowledge: Knowledge | None = None
+    missing: tuple[str, ...] = ()
+
+
+def _read(fit: Fit, request: InferenceRequest, sweeps: SweepFindings) -> _Reading:
+    """What a fit is read as: by profiles, else at the most likely point alone."""
+    knowledge, missing = _knowledge(fit, request, sweeps)
     if knowledge is None:
+        return replace(_best(fit, sweeps), missing=missing)
+    best = np.array([knowledge.most_likely[p.name] for p in fit.solution.parameters])
+    return _Reading(best, knowledge.adequacy, knowledge.inflation, knowledge, missing)
+
+
+def _settled(fit: Fit, read: _Reading) -> Fit:
+    """The fit, made anew where its most likely point shows that it has to be; else itself.
+
+    Profiles come by other minima, too: where J is lower than its own, it is gone on with from
+    there. And what rows share is weighed where they fit, not where Algorithm 2 left some far off.
+    """
+    if read.adequacy is None:
         return fit
-    values = np.array([knowledge.most_likely[p.name] for p in solution.parameters])
+    solution = fit.solution
     lower, upper = search_bounds(solution.parameters)
-    x = np.clip(to_search(solution.parameters, values), lower, upper)
+    x = np.clip(to_search(solution.parameters, read.best), lower, upper)
     try:
         [point] = evaluate_many(solution.objective, [x])
-        if point.j_fit > (1.0 - SAME_SHARE) * fit.fun - SAME_AMOUNT:
-            return fit
-        return fit_from(fit, [x])
+        anew = fit
+        if read.knowledge is not None and (
+            point.j_fit <= (1.0 - SAME_SHARE) * fit.fun - SAME_AMOUNT
+        ):
+            anew = fit_from(fit, [x])
     except FmuFailure:
         return fit
+    solution = anew.solution
+    noise = shared_at(solution.noise, solution.objective.data, point)
+    if noise is solution.noise:
+        return anew
+    return replace(anew, solution=solution.weighed(noise))
 
 
 def _knowledge(
     fit: Fit, request: InferenceRequest, sweeps: SweepFindings
-) -> tuple[Knowledge | None, list[str]]:
+) -> tuple[Knowledge | None, tuple[str, ...]]:
     """The profiles of some values; or none, and why."""
     if not request.profiles or fit.status is Status.INTERRUPTED:
-        return None, []
+        return None, ()
     solution = fit.solution
     noise = noise_at(solution)
     # what one experiment holds has a table of its own
@@ -299,12 +327,13 @@ def _knowledge(
         )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_with(solution.objective, noise)
-        return replace(knowledge, nu=choose_nu(plain, fit.outcome.chains[0].steps, fit.path)), []
+        return replace(knowledge, nu=choose_nu(plain, fit.outcome.chains[0].steps, fit.path)), ()
     except KeyboardInterrupt:
         why = "Interrupted before the profiles were done"
     except FmuFailure as failure:
         why = f"The FMU failed while profiles were walked ({failure})"
-    return None, [f"{why}: errors are those of the linearised problem, and no verdict is given."]
+    said = f"{why}: errors are those of the linearised problem, and no verdict is given."
+    return None, (said,)
 
 
 def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | None) -> list[str]:
@@ -318,36 +347,27 @@ def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | No
     return said
 
 
-def _best(
-    fit: Fit, knowledge: Knowledge | None, sweeps: SweepFindings
-) -> tuple[FloatArray, Adequacy | None, float]:
-    """The most likely parameters (n,), in their units, whether the model will do, the inflation.
+def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
+    """The most likely point without profiles.
 
-    Where no profiles were walked it is looked for from the end of Algorithm 2 and from the lowest
-    minima of chi square in hand; an interrupted fit is reported where it stood.
+    It is looked for from the end of Algorithm 2 and from the lowest minima of chi square in hand;
+    an interrupted fit is reported where it stood.
     """
     solution = fit.solution
-    if knowledge is not None:
-        found = [knowledge.most_likely[p.name] for p in solution.parameters]
-        return np.array(found), knowledge.adequacy, knowledge.inflation
+    stood = _Reading(solution.final.parameters, None, solution.errors.inflation)
     if fit.status is Status.INTERRUPTED:
-        return solution.final.parameters, None, solution.errors.inflation
-    noise = noise_at(solution)
-    likelihood = likelihood_with(solution.objective, noise)
-    evaluator = LikelihoodEvaluator(likelihood)
+        return stood
+    evaluator = LikelihoodEvaluator(likelihood_with(solution.objective, noise_at(solution)))
     try:
         begins = [solution.final.x, *(minimum.x for minimum in _minima(fit)[:LOWEST])]
         optimum = let_out(evaluator, most_likely(evaluator, begins))
     except (FmuFailure, KeyboardInterrupt):
-        return solution.final.parameters, None, solution.errors.inflation
-    p = to_model(solution.parameters, optimum.expansion.x)
-    return (
-        p,
-        adequacy_of(
-            optimum, solution.structure, closer_form(solution), _scale_off(solution, sweeps)
-        ),
-        optimum.likelihood.inflation,
+        return stood
+    adequacy = adequacy_of(
+        optimum, solution.structure, closer_form(solution), _scale_off(solution, sweeps)
     )
+    best = to_model(solution.parameters, optimum.expansion.x)
+    return _Reading(best, adequacy, optimum.likelihood.inflation)
 
 
 def _status(fit: Fit, adequacy: Adequacy | None) -> Status:

@@ -95,6 +95,8 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
         # what lies below is reached from far above
         ("readings", 2006, "d2", "not determined"),
         ("readings", 2012, "width_plus", "bounded below"),
+        # the last step goes a decade beyond the end of what fits
+        ("readings", 40031, "d1", "bounded on both sides"),
         ("crossing", 2002, "lambda", "determined"),
     ],
 )

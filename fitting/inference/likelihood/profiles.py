@@ -44,6 +44,8 @@ MISSES = 3
 JUMP = 0.5
 #: A crossing is found where sqrt(Dchi^2) is this close to its threshold.
 CLOSE = 0.02
+#: Decrease of Dchi^2 that makes another valley the lower one.
+LOWER = 0.1
 #: Shares of the range: this near its end a branch has reached it; a step that small got nowhere.
 AT_END, NOWHERE = 1e-3, 0.05
 #: Dchi^2 at which the end of a range is known to fit without being followed to its minimum.
@@ -210,13 +212,48 @@ class _BranchTracer:
         self._keep(begin)
 
     def go(self) -> Task[str]:
-        """Walk; the word for how it ended."""
+        """Walk; the word for how it ended.
+
+        A walk that used its points up creeps along a bent valley: a lower one may lie beside it,
+        where another parameter is at an end of its room. It goes on there.
+        """
+        end = yield from self._walked()
+        if end == "spent" and (yield from self._beside()):
+            end = yield from self._walked()
+        return "lost" if end == "spent" else end
+
+    def _beside(self) -> Task[bool]:
+        """Whether a lower point of the same value is come by from an end of another parameter."""
+        likelihood, here, quantity = self.optimum.likelihood, self.here, self.quantity
+        open_ = ~np.isfinite(likelihood.periods) & ~(likelihood.inverse_prior_sigma > 0.0)
+        if quantity.index >= 0:
+            open_[quantity.index] = False
+        value = quantity.at(here)
+        for axis in np.flatnonzero(open_):
+            for end in (likelihood.lower[axis], likelihood.upper[axis]):
+                x = here.x.copy()
+                x[axis] = end
+                begin = yield from expansion_at(likelihood, x, quantity.output >= 0)
+                found = yield from self._profiled(value, abs(value - quantity.best), begin)
+                if found is not None and self._delta(found) < self._delta(self.here) - LOWER:
+                    self.here = found
+        if self.here is here:
+            return False
+        self._keep(self.here)
+        return True
+
+    def _left(self) -> float:
+        """The way to the end of the range."""
+        return abs(self.limit - self.quantity.at(self.here))
+
+    def _walked(self) -> Task[str]:
+        """Walk as far as one walk's points go; the word for how it ended, or "spent"."""
         quantity = self.quantity
         first = quantity.first if self.steps >= STEPS else math.inf
         step = min(self.longest, 1.03 * quantity.sigma, first)
         misses = 0
         for _ in range(POINTS):
-            left = abs(self.limit - quantity.at(self.here))
+            left = self._left()
             if left <= AT_END * self.span:
                 return "bound"
             step = left if step > 0.8 * left else step
@@ -236,7 +273,7 @@ class _BranchTracer:
                 if end:
                     return end
             step = min(self.longest, self._next(step))
-        return "lost"
+        return "spent"
 
     def _at_limit(self) -> bool:
         """Whether another parameter has come to the end of its room: no walk goes beyond that."""
@@ -327,11 +364,14 @@ class _BranchTracer:
         inside, outside = self._bracket()
         besides = [self.quantity.index] if self.quantity.index >= 0 else []
         step = abs(outside.value - (self.quantity.best if inside is None else inside.value))
+        near = outside  # the last step may have gone far beyond the crossing
+        if inside is not None and ROOT_95 - inside.root < outside.root - ROOT_95:
+            near = inside
         self.held = held_at(
             self.optimum.likelihood,
-            self.places[id(outside)],
+            self.places[id(near)],
             besides,
-            self.quantity.constraint(outside.value, step),
+            self.quantity.constraint(near.value, step),
         )
         return "held" if self.held else "crossed"
 
