@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
-from fitting.draft.draft import draft_of, model_for, trace_draft_of
+from fitting.draft.draft import draft_of, model_for, model_for_recordings, trace_draft_of
 from fitting.draft.files import files_of
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.source import Source
@@ -42,11 +42,11 @@ def init(
     Args:
         files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
             peaks or a spectrum each, and a sweep; or a map, spectra over a control quantity in one
-            table, for an FMU of two coupled modes that is named; or recordings over time, of an
-            output and perhaps an input, for an FMU that is named. One of them may be the FMU
+            table, for an FMU of two coupled modes; or recordings over time, of an output and
+            perhaps an input, for an FMU that is named, or ringdowns. One of them may be the FMU
             (.fmu).
         fmu: Path of an FMU, or the name of a model of this project; None: one mode, or two
-            where a sweep shows two lines.
+            where a sweep shows two lines, and for a map.
         out: Folder for campaign.toml, made where there is none.
         columns: What the files do not tell of their columns.
         told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
@@ -105,9 +105,10 @@ def drafted(
     if unknown:
         raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
     with results_folder(Path(out), "init", (CAMPAIGN,)):
-        recordings = recordings_of(paths) if fmu is not None else ()
-        if fmu is not None and recordings:
-            with _source(fmu) as source:
+        recordings = recordings_of(paths)
+        recorded = fmu or model_for_recordings(recordings)
+        if recordings and recorded is not None:
+            with _source(recorded) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))
         else:
             looked_at = files_of(paths, columns or Columns())

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FILE",
         help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep; or a "
-        "map, spectra over a control quantity in one table, with --fmu CoupledModes2; or "
+        "map, spectra over a control quantity in one table; or ringdowns, or with --fmu "
         "recordings over time, of an output and perhaps an input; one may be the FMU (.fmu), "
         "which alone gives a skeleton",
     )

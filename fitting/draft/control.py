@@ -47,9 +47,10 @@ FAR = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Law:
-    """The law of the mode that follows the control, ``origin`` where it counts from."""
+    """The law of a mode that follows the control, ``origin`` where it counts from."""
 
     variable: str
+    letter: str
     formula: str
     coefficients: tuple[float, ...]
     units: tuple[str, ...]
@@ -97,15 +98,15 @@ def map_draft_of(
     crossing = crossing_of(spectra)
     if not crossing.is_seen:
         raise file.refused("it shows one line, and none that it meets")
-    law = _law(crossing, spectra, control, unit)
-    boxes = _boxes(crossing, spectra, law)
+    laws = _laws(crossing, spectra, control, unit)
+    boxes = _boxes(crossing, spectra, laws)
     made = _Written(
         file=file,
         source=source,
         steady=offer.steady,
         output=output,
         crossing=crossing,
-        law=law,
+        laws=laws,
         boxes=tuple(boxes),
         control=control,
         kind=(answers.told.get("amplitudes") or ("peak",))[0],
@@ -169,17 +170,34 @@ def _spectra(file: MapFile) -> tuple[Spectra, list[ComplexArray]]:
     return made, [np.asarray(values[rows], dtype=complex) for rows in order]
 
 
-def _law(crossing: Crossing, spectra: Spectra, control: str, unit: str) -> _Law:
+def _laws(crossing: Crossing, spectra: Spectra, control: str, unit: str) -> tuple[_Law, ...]:
+    """Of the modes that follow the control."""
+    tuned = crossing.tuned
+    laws = [(f"f{tuned}", "a", crossing.law)]
+    if len(crossing.other) > 1:
+        laws.append((f"f{3 - tuned}", "b", crossing.other))
+    return tuple(_law(v, letter, law, spectra, (control, unit)) for v, letter, law in laws)
+
+
+def _law(
+    variable: str,
+    letter: str,
+    law: Sequence[float],
+    spectra: Spectra,
+    named: tuple[str, str],
+) -> _Law:
     """The polynomial, about zero or, where the control is far from it, about its middle."""
+    control, unit = named
     far = abs(spectra.middle) > FAR * spectra.half
     origin = float(f"{spectra.middle:.3g}") if far else 0.0
-    moved = np.polynomial.Polynomial(crossing.law)(np.polynomial.Polynomial([origin, 1.0])).coef
+    moved = np.polynomial.Polynomial(law)(np.polynomial.Polynomial([origin, 1.0])).coef
     constant = f"{control}_middle" if far else ""
     x = f"({control} - {constant})" if far else control
     per = "" if unit == "1" else f"/{unit if unit.isalnum() else f'({unit})'}"
-    terms = [f"a{k}" + (f"*{x}" + f"**{k}" * (k > 1)) * (k > 0) for k in range(len(moved))]
+    terms = [f"{letter}{k}" + (f"*{x}" + f"**{k}" * (k > 1)) * (k > 0) for k in range(len(moved))]
     return _Law(
-        variable=f"f{crossing.tuned}",
+        variable=variable,
+        letter=letter,
         formula=" + ".join(terms),
         coefficients=tuple(float(c) for c in moved),
         units=tuple(
@@ -190,17 +208,20 @@ def _law(crossing: Crossing, spectra: Spectra, control: str, unit: str) -> _Law:
     )
 
 
-def _boxes(crossing: Crossing, spectra: Spectra, law: _Law) -> list[Box]:
+def _boxes(crossing: Crossing, spectra: Spectra, laws: Sequence[_Law]) -> list[Box]:
     """Boxes of all that is fitted."""
     low, high = spectra.range_hz
     span, width = high - low, min(crossing.widths_hz)
     why = "two modes laid through the map by least squares"
-    made = [_place("a0", law.coefficients[0], span, width, why)]
-    for k, (value, unit) in enumerate(zip(law.coefficients[1:], law.units[1:], strict=True), 1):
-        power = spectra.half**k
-        size = STEEPER * max(abs(value), 0.05 * span / power)
-        made.append(_box(f"a{k}", unit, (-size, size), value, width / power, why))
-    made.append(_place(f"f{3 - crossing.tuned}", crossing.other_hz, span, width, why))
+    made = []
+    for law in laws:
+        made.append(_place(f"{law.letter}0", law.coefficients[0], span, width, why))
+        for k, (value, unit) in enumerate(zip(law.coefficients[1:], law.units[1:], strict=True), 1):
+            power = spectra.half**k
+            size = STEEPER * max(abs(value), 0.05 * span / power)
+            made.append(_box(f"{law.letter}{k}", unit, (-size, size), value, width / power, why))
+    if len(laws) == 1:
+        made.append(_place(f"f{3 - crossing.tuned}", crossing.other[0], span, width, why))
     coupling, gap = crossing.coupling_hz, hertz(crossing.gap_hz, digits=3)
     ends = (COUPLED[0] * coupling, COUPLED[1] * coupling)
     apart = f"{why}: {gap} apart at the crossing, and lambda^2 is f times that"
@@ -239,7 +260,7 @@ class _Written:
     steady: str
     output: str
     crossing: Crossing
-    law: _Law
+    laws: tuple[_Law, ...]
     boxes: tuple[Box, ...]
     control: str
     kind: str
@@ -264,12 +285,13 @@ class _Written:
             "level": 1.0,
         }
         tables[self.table] = self._measured(folder, remarks)
-        tables["laws"] = {self.law.variable: self.law.formula}
-        remarks["laws", self.law.variable] = f"{self.control} moves it, a guess"
-        if self.law.constant:
+        tables["laws"] = {law.variable: law.formula for law in self.laws}
+        for law in self.laws:
+            remarks["laws", law.variable] = f"{self.control} moves it, a guess"
+        if constant := self.laws[0].constant:
             unit = self.file.found.controls[0].unit
-            tables["constants"] = {self.law.constant: f"{self.law.origin:g} {unit}"}
-            remarks["constants", self.law.constant] = "the law counts from here"
+            tables["constants"] = {constant: f"{self.laws[0].origin:g} {unit}"}
+            remarks["constants", constant] = "laws count from here"
         tables["parameters"] = [
             parameter_table(box, k, remarks) for k, box in enumerate(self.boxes)
         ]
@@ -332,11 +354,12 @@ def _said(made: _Written, unit: str) -> list[str]:
         value = number(crossing.place, 3)
         at = f"at {made.control} = {value} {unit if unit != '1' else ''}".rstrip()
     left = f"{number(100.0 * crossing.left, 2)} %"
-    who = ("is driven and seen", "is not driven")[crossing.tuned - 1]
+    who = ("the one that is driven and seen", "the one that is not driven")[crossing.tuned - 1]
+    who = who if len(made.laws) == 1 else "both"
     said = [
         f"A map of {kind}: {made.file.found.words}.",
         f"Two modes that meet {at}, {apart} apart, leave {left} of the largest amplitude of each "
-        f"spectrum, root mean square. {made.control} moves the one that {who}.",
+        f"spectrum, root mean square. {made.control} moves {who}.",
     ]
     return said + ["Beside them, found by comparing: the delay of a cable."] * made.phases[1]
 

@@ -1,6 +1,8 @@
 """Two modes that meet over a control: a closed form through a map tells where a fit may start.
 
-    q1 = N2/(N1 N2 - l^4)      N_i = f_i^2 - u^2 + i u d_i      f1 or f2 a polynomial of the control
+    q1 = N2/(N1 N2 - l^4)      N_i = f_i^2 - u^2 + i u d_i      f1, f2 polynomials of the control
+
+One of them is constant where that will do.
 
 is what one tone on mode 1 makes of it, q1 in units of no interest: every spectrum has a scale of
 its own, by least squares. At the crossing both lines are gap = l^2/f apart. Starts come from the
@@ -13,10 +15,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial.polynomial import polyfit, polyval
 
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.scale import half_power_width
@@ -31,6 +34,8 @@ STEEPER, SLOPES = (1.0, 1.5, 2.5), (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 #: A square of the control counts from this fall of the sum of squares, a second mode from that one,
 #: and where each of its three numbers gains so many times what noise would.
 BENT, SECOND, BEYOND_NOISE = 0.8, 0.9, 10.0
+#: Powers of the other mode's law at most; its slopes tried, in slopes of the tuned one.
+MOST_POWERS, OTHER_SLOPES = 2, (-2.0, -1.0, -0.5, 0.5)
 #: Turns of a cable over a sweep, at most, and steps for each; its share of the sum of squares.
 MOST_TURNS, STEPS, CABLE = 40, 16, 0.8
 #: Exponents of the logarithms of gap and widths stay below it.
@@ -44,7 +49,7 @@ class Crossing:
     Attributes:
         tuned: 1: the mode that is driven and seen follows the control, 2: the other one.
         law: coefficients of its frequency, Hz, of powers of the control, from 0.
-        other_hz: frequency of the mode that does not.
+        other: those of the other mode, one where it does not follow the control.
         coupling_hz: l.
         widths_hz: full widths of modes 1 and 2.
         gap_hz: between both lines where they come closest.
@@ -56,7 +61,7 @@ class Crossing:
 
     tuned: int
     law: tuple[float, ...]
-    other_hz: float
+    other: tuple[float, ...]
     coupling_hz: float
     widths_hz: tuple[float, float]
     gap_hz: float
@@ -97,6 +102,10 @@ class Spectra:
     def x(self) -> FloatArray:
         """The control from -1 to 1, (spectra,)."""
         return np.asarray((self.control - self.middle) / self.half)
+
+    def tells(self, power: int) -> bool:
+        """Whether there are values of the control enough to tell a power of it."""
+        return int(np.unique(self.control).size) > power + 1
 
     @cached_property
     def range_hz(self) -> tuple[float, float]:
@@ -147,9 +156,29 @@ def crossing_of(spectra: Spectra) -> Crossing:
     linear = straight.fitted(np.delete(values, 2))
     if linear[1] * BENT <= squares:
         (values, squares), model = linear, straight
+    model, values, squares = _both_follow(model, values, squares)
     lone = _Model(few, 1, 2, alone=True)
     one = min(lone.fitted(start)[1] for start in lone.lone_starts())
     return model.crossing(values, squares, one)
+
+
+def _both_follow(
+    model: _Model, values: FloatArray, squares: float
+) -> tuple[_Model, FloatArray, float]:
+    """The same with a law of the other mode, as long as one more power of it is worth it."""
+    rows = model.rows(values).size
+    for other in range(1, MOST_POWERS + 1):
+        if not model.spectra.tells(other):
+            break
+        further = replace(model, other=other)
+        at = model.degree + 1 + other
+        slopes = (0.0,) if other > 1 else (0.0, *(t * values[1] for t in OTHER_SLOPES))
+        tried = [further.fitted(np.insert(values, at, slope)) for slope in slopes]
+        found, left = min(tried, key=lambda each: each[1])
+        if rows * (squares - left) < 3.0 * BEYOND_NOISE * left:
+            break
+        model, values, squares = further, found, left
+    return model, values, squares
 
 
 def _refined(spectra: Spectra, tuned: int) -> tuple[_Model, float, FloatArray]:
@@ -161,15 +190,17 @@ def _refined(spectra: Spectra, tuned: int) -> tuple[_Model, float, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """The closed form over a map, as a function of values (degree + 5,).
+    """The closed form over a map, as a function of values (degree + other + 5,).
 
     They are, in spans of the frequencies from their middle, the coefficients of the tuned mode
-    (degree + 1) and the place of the other one; logarithms of gap and both widths, in line widths.
+    (degree + 1) and of the other one (other + 1); logarithms of gap and both widths, in line
+    widths.
     """
 
     spectra: Spectra
     tuned: int
     degree: int
+    other: int = 0
     alone: bool = False
 
     @cached_property
@@ -192,10 +223,15 @@ class _Model:
 
     def places_hz(self, values: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Frequencies of modes 1 and 2 at the control x, without coupling."""
-        law = np.polynomial.polynomial.polyval(x, values[: self.degree + 1])
-        moved = np.asarray(self.middle_hz + self.span_hz * law, dtype=float)
-        held = self.middle_hz + self.span_hz * np.full_like(x, values[self.degree + 1])
-        return (moved, held) if self.tuned == 1 else (held, moved)
+        one, two = (
+            np.asarray(self.middle_hz + self.span_hz * polyval(x, law), dtype=float)
+            for law in self._both(values)
+        )
+        return (one, two) if self.tuned == 1 else (two, one)
+
+    def _both(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coefficients of the tuned mode and of the other one."""
+        return values[: self.degree + 1], values[self.degree + 1 : self.degree + self.other + 2]
 
     def sizes_hz(self, values: FloatArray) -> tuple[float, float, float]:
         """Gap at the crossing and widths of modes 1 and 2."""
@@ -235,7 +271,7 @@ class _Model:
         slope = float(np.median([(f[j] - f[i]) / (x[j] - x[i]) for i, j in pairs]))
         found = [np.array([float(np.median(f - slope * x)), slope, 0.0])]
         if np.unique(x).size > 3:
-            found.append(np.polynomial.polynomial.polyfit(x, f, 2))
+            found.append(polyfit(x, f, 2))
         return found
 
     def lone_starts(self) -> list[FloatArray]:
@@ -254,7 +290,7 @@ class _Model:
         if self.tuned == 1:
             for ridge, steeper in itertools.product(self._ridges(), STEEPER):
                 law = ridge * np.array([1.0, steeper, steeper])
-                yield law, float(np.polynomial.polynomial.polyval(place, law))
+                yield law, float(polyval(place, law))
             return
         held = float(np.median(self.spectra.ridge_hz) - self.middle_hz) / self.span_hz
         for slope, sign in itertools.product(SLOPES, (-1.0, 1.0)):
@@ -263,12 +299,7 @@ class _Model:
     def crossing(self, values: FloatArray, squares: float, one: float) -> Crossing:
         """The same in Hz and in the control's own unit; sums of squares of both and of one mode."""
         s, rows = self.spectra, self._flat[0].size
-        plain = np.polynomial.Polynomial(
-            values[: self.degree + 1], domain=[s.middle - s.half, s.middle + s.half]
-        ).convert()
-        law = np.zeros(self.degree + 1)
-        law[: plain.coef.size] = self.span_hz * np.asarray(plain.coef, dtype=float)
-        law[0] += self.middle_hz
+        law, other = (self._plain(law) for law in self._both(values))
         gap, d1, d2 = self.sizes_hz(values)
         x = np.linspace(-1.0, 1.0, 2001)
         f1, f2 = self.places_hz(values, x)
@@ -276,8 +307,8 @@ class _Model:
         inside = 0 < k < x.size - 1
         return Crossing(
             tuned=self.tuned,
-            law=tuple(float(c) for c in law),
-            other_hz=self.middle_hz + self.span_hz * float(values[self.degree + 1]),
+            law=law,
+            other=other,
             coupling_hz=math.sqrt(gap * self.middle_hz),
             widths_hz=(d1, d2),
             gap_hz=gap,
@@ -286,6 +317,16 @@ class _Model:
             one_left=math.sqrt(one / rows),
             rows=rows,
         )
+
+    def _plain(self, law: FloatArray) -> tuple[float, ...]:
+        """Coefficients in Hz and in the control's own unit."""
+        s = self.spectra
+        scaled = np.polynomial.Polynomial(law, domain=[s.middle - s.half, s.middle + s.half])
+        made = np.zeros(law.size)
+        plain = scaled.convert().coef
+        made[: plain.size] = self.span_hz * np.asarray(plain, dtype=float)
+        made[0] += self.middle_hz
+        return tuple(float(c) for c in made)
 
 
 def response_of(crossing: Crossing, frequency_hz: FloatArray, control: float) -> ComplexArray:
@@ -296,8 +337,8 @@ def response_of(crossing: Crossing, frequency_hz: FloatArray, control: float) ->
         frequency_hz: (n,), Hz.
         control: in its own unit.
     """
-    moved = float(np.polynomial.polynomial.polyval(control, crossing.law))
-    f1, f2 = (moved, crossing.other_hz) if crossing.tuned == 1 else (crossing.other_hz, moved)
+    moved, other = (float(polyval(control, law)) for law in (crossing.law, crossing.other))
+    f1, f2 = (moved, other) if crossing.tuned == 1 else (other, moved)
     d1, d2 = crossing.widths_hz
     u = frequency_hz
     one, two = ((f - u) * (f + u) + 1j * u * d for f, d in ((f1, d1), (f2, d2)))

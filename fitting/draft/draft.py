@@ -15,7 +15,7 @@ from fitting.draft.files import Files
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
-from fitting.draft.traces import Recording, traces_of
+from fitting.draft.traces import Recording, decays, traces_of
 from fitting.draft.trial import Trial
 from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
 from fitting.resonance.form import FANO, WORDS_BESIDE
@@ -47,17 +47,21 @@ BEYOND = {
 
 
 def model_for(files: Files) -> str:
-    """The model of this project that has as many modes as the files show lines.
+    """The model of this project that has as many modes as the files show lines; two for a map.
 
     Args:
         files: of the measurements.
-
-    Raises:
-        BadInput: a map, which nobody named an FMU for.
     """
-    if files.map is not None:
-        raise files.map.refused("wanted an FMU", drafted=True)
-    return ONE_MODE if files.two is None else TWO_MODES
+    return ONE_MODE if files.two is None and files.map is None else TWO_MODES
+
+
+def model_for_recordings(recordings: Sequence[Recording]) -> str | None:
+    """The model of this project for recordings over time: that of one mode for ringdowns.
+
+    Args:
+        recordings: over time; None: they are driven, or no free decays, so that none is known.
+    """
+    return ONE_MODE if recordings and all(decays(each) for each in recordings) else None
 
 
 def trace_draft_of(

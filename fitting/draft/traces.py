@@ -189,6 +189,16 @@ def recordings_of(paths: Sequence[Path]) -> tuple[Recording, ...]:
     return tuple(found)
 
 
+def decays(recording: Recording) -> bool:
+    """Whether nothing but one free decay was recorded.
+
+    Args:
+        recording: over time.
+    """
+    others = recording.others
+    return len(others) == 1 and _line(recording, others[0]) is not None
+
+
 def traces_of(
     recordings: Sequence[Recording], source: Source, offer: Offer, answers: Answers
 ) -> TraceDraft:
@@ -239,11 +249,16 @@ def traces_of(
 
 def _ringdown(file: TraceFile, offer: Offer) -> tuple[Ringdown, tuple[Box, ...]] | None:
     """The line of a free decay with its boxes; None: it is none, or the FMU has more modes."""
-    table, time = file.recording.table, file.recording.time
-    factor = convert(1.0, time.unit or "s", "s", where=str(table.path))
-    found = ringdown_of(factor * table.numbers(time), table.numbers(file.seen))
+    found = _line(file.recording, file.seen)
     boxes = () if found is None else line_boxes(found, offer)
     return (found, boxes) if found is not None and boxes else None
+
+
+def _line(recording: Recording, seen: Column) -> Ringdown | None:
+    """The line of a free decay."""
+    table, time = recording.table, recording.time
+    factor = convert(1.0, time.unit or "s", "s", where=str(table.path))
+    return ringdown_of(factor * table.numbers(time), table.numbers(seen))
 
 
 def _decaying(

@@ -64,8 +64,10 @@ _log = logging.getLogger(__name__)
 
 #: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
-#: Share of them for other minima and for the ends of ranges.
+#: Share of the evaluations for other minima and for the ends of ranges.
 FOR_MINIMA = 0.25
+#: Share of those that are left for walks of a model that does not describe the data.
+FOR_MISFIT = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +145,7 @@ def determine(
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
     equivalents = (*separate, *options.alternatives)
-    adequacy = adequacy_of(optimum, options.structure, options.closer, options.scale_off)
+    adequacy = _adequacy(optimum, options)
     basis = Basis(
         equivalents=equivalents,
         units=options.units,
@@ -241,9 +243,32 @@ def _explored(
     begin = _better(optimum, minima)
     if begin is not None:
         optimum, minima = _moved(evaluator, optimum, begin, minima)
-    found = explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
+    found = _explore(evaluator, optimum, minima, boxes, options)
     begin = _better(optimum, found.points)
     return found if begin is None else _anew(evaluator, found, begin, boxes, options)
+
+
+def _explore(
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    minima: Sequence[ProfilePoint],
+    boxes: Mapping[str, OutputRange],
+    options: InferenceOptions,
+    known: Sequence[ProfilePoint] = (),
+) -> Exploration:
+    """Profiles around a point; a look around it where the model does not describe the data.
+
+    No interval is told then: walks serve to find a better point, if the search of the box did not.
+    """
+    ranges = _ranges(optimum, boxes, options)
+    share = 1.0 if _adequacy(optimum, options).describes else FOR_MISFIT
+    with evaluator.within(share):
+        return explore(evaluator, optimum, ranges, minima, options.only, known)
+
+
+def _adequacy(optimum: Optimum, options: InferenceOptions) -> Adequacy:
+    """Whether the model will do."""
+    return adequacy_of(optimum, options.structure, options.closer, options.scale_off)
 
 
 def _anew(
@@ -256,8 +281,7 @@ def _anew(
     """Profiles around a better point than those that were explored around."""
     optimum, minima = _moved(evaluator, found.optimum, begin, found.minima)
     known = _counted(evaluator, optimum, found.near)
-    ranges = _ranges(optimum, boxes, options)
-    return explore(evaluator, optimum, ranges, minima, options.only, known)
+    return _explore(evaluator, optimum, minima, boxes, options, known)
 
 
 def _come_in(

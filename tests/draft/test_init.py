@@ -508,8 +508,9 @@ def test_a_ringdown_is_drafted_with_the_drives_off(tmp_path: Path) -> None:
     y = 3.0 * np.exp(-np.pi * width * t) * np.cos(2.0 * np.pi * 1234.5 * t + 0.4)
     y += 0.02 * np.random.default_rng(11).standard_normal(t.size)
     path = write_csv(tmp_path / "ring.csv", "t [ms],U [mV]", 1e3 * t, y)
-    made, said = init(path, "CoupledModes1", out=tmp_path / "o")
+    made, said = init(path, out=tmp_path / "o")
     written = tomllib.loads(made.read_text("utf-8"))
+    assert written["fmu"]["model"] == "CoupledModes1"  # nobody named one
     assert written["fmu"]["start"] == {"A1": 0.0, "A2": 0.0}
     assert written["trace"][0]["start"] == "unknown"
     boxes = {p["name"]: p for p in written["parameters"]}

@@ -47,11 +47,10 @@ def a_map(folder: Path) -> Path:
     return write_csv(folder / "map.csv", "V (V),frequency (Hz),amplitude (V)", V, F, sized(1))
 
 
-@pytest.mark.parametrize("fmu", [None, "CoupledModes1"])
-def test_a_map_is_called_one_with_the_table_that_fits_it(fmu: str | None, tmp_path: Path) -> None:
+def test_a_map_is_called_one_with_the_table_that_fits_it(tmp_path: Path) -> None:
     path = a_map(tmp_path)
     said = rf"a map, {SEEN[:15]}.*\[control_sweep\].*docs/how-to/control-sweep.md"
-    for look in (ff.line, lambda file: init(file, fmu, out=tmp_path / "o")):
+    for look in (ff.line, lambda file: init(file, "CoupledModes1", out=tmp_path / "o")):
         with pytest.raises(ff.BadInput, match=said) as caught:
             look(path)
         assert SEEN in str(caught.value)
@@ -201,6 +200,20 @@ def test_the_mode_that_nobody_drives_may_follow_the_control(tmp_path: Path) -> N
     assert found["a0"] == pytest.approx(1001.0, abs=0.2)
     assert found["a1"] == pytest.approx(-3.0, abs=0.1)
     assert found["lambda12"] == pytest.approx(90.0, rel=0.01)
+
+
+def test_both_modes_may_follow_the_control_and_no_fmu_needs_a_name(tmp_path: Path) -> None:
+    volts = np.linspace(-3.0, 3.0, 9)
+    sizes = spectra_of(lambda v: 1001.0 + 3.0 * v, lambda v: 1000.0 - 2.0 * v, LAMBDA, volts)
+    made, said = init(written_map(tmp_path, volts, sizes), out=tmp_path / "o")
+    campaign = tomllib.loads(made.read_text("utf-8"))
+    found = starts(campaign)
+    assert campaign["fmu"]["model"] == "CoupledModes2"
+    assert campaign["laws"] == {"f1": "a0 + a1*V", "f2": "b0 + b1*V"}
+    assert "V moves both" in "".join(said)
+    for name, truth in {"a0": 1001.0, "a1": 3.0, "b0": 1000.0, "b1": -2.0}.items():
+        assert found[name] == pytest.approx(truth, abs=0.1), name
+    assert found["lambda12"] == pytest.approx(LAMBDA, rel=0.01)
 
 
 def test_a_tuning_by_the_square_of_millivolts_has_a_square_in_its_law(tmp_path: Path) -> None:

@@ -77,6 +77,22 @@ def scattered(size: float, *, known: bool = True) -> Objective:
     return whitened(lambda x: x[0] - 5.0 + off, parameter("p", 0.0, 20.0, start=6.0), known=known)
 
 
+@pytest.mark.parametrize(("size", "most"), [(0.5, 400), (20.0, 200)])
+def test_a_model_that_does_not_describe_the_data_is_looked_around_only(
+    size: float, most: int
+) -> None:
+    """No interval is told then; of one that does describe them profiles may take all of 400."""
+    off = size * (-1.0) ** np.arange(M)
+
+    def rows(x: FloatArray) -> FloatArray:
+        return np.asarray(np.tanh(x[0] - 5.0) + 0.3 * np.sin(3.0 * x[1]) + off)
+
+    both = (parameter(name, 0.0, 20.0, start=6.0) for name in "pq")
+    found = learnt(whitened(rows, *both), budget=400)
+    assert found.adequacy.describes is (size < 1.0)
+    assert 0.5 * most < found.effort.evaluations <= most
+
+
 def test_noise_that_was_stated_two_times_too_small_only_widens() -> None:
     """chi^2 = M (2 s)^2: errors are twice 1/sqrt(M), by M/(M - 1) more; the verdict stands."""
     size = 1.9  # a little less than the factor at which the model is given up

@@ -1,4 +1,4 @@
-"""What peaks share through the scale of their sweep weighs alike, however far off rows once were."""
+"""What peaks share through the scale of their sweep weighs alike, however far off rows were."""
 
 from __future__ import annotations
 
