@@ -11,7 +11,7 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places
 from fitting.text.errors import BadInput
-from fitting.text.units import parse_quantity
+from fitting.text.units import convert, parse_quantity
 from fitting.text.written import Written, in_unit
 
 
@@ -68,6 +68,8 @@ def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Param
     if choice.name in binder.free_names:
         return _bind_coefficient(choice, where)
     variable = binder.real(choice.name, where, ("parameter",), "fitted")
+    if choice.unit and variable.unit:  # else every number that has this unit complains
+        convert(1.0, choice.unit, variable.unit, where=f"{where} unit")
     numbers = {}
     for key, written in _with_units(choice).items():
         if key in ("lower", "upper", "start"):

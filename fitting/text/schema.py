@@ -130,7 +130,8 @@ def _complaints(
     found = (e["loc"] for e in errors if e["type"] == "unexpected_keyword_argument")
     unknown = list(itertools.islice(found, MOST_HINTS))
     said: list[str] = []
-    for e in errors:
+    # a misspelt table explains what seems missing in it: first what is unknown
+    for e in sorted(errors, key=lambda e: e["type"] != "unexpected_keyword_argument"):
         loc, value = e["loc"], e["input"]
         place = (*names, *loc)
         match e["type"]:
@@ -142,7 +143,7 @@ def _complaints(
                 where = source.where(place[:-1], table=True)
                 said.append(f"{where}: unknown key '{loc[-1]}'{hint}")
             case "missing":
-                if not any(u[:-1] == loc[:-1] and _alike(u[-1], loc[-1]) for u in unknown):
+                if not _is_misspelt(loc, unknown) and not _is_misspelt(loc[:-1], unknown):
                     where = source.where(place[:-1], table=True)
                     said.append(f"{where}: {_missing(kind, loc, value)}")
             case "value_error":
@@ -154,6 +155,11 @@ def _complaints(
             case _:
                 said.append(f"{source.where(place)}: found {shown(value)}: {e['msg']}")
     return tuple(dict.fromkeys(said))
+
+
+def _is_misspelt(loc: Place, unknown: Sequence[Place]) -> bool:
+    """Whether an unknown key beside a place is much like its own."""
+    return any(loc and u[:-1] == loc[:-1] and _alike(u[-1], loc[-1]) for u in unknown)
 
 
 def _alike(key: str | int, other: str | int) -> bool:

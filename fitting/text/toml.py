@@ -19,6 +19,7 @@ lines are all the same tables to it.
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from copy import deepcopy
@@ -36,6 +37,9 @@ from fitting.text.tables import read_text
 DEEPEST = 30
 TOO_DEEP = f"lists or tables stand in each other more than {DEEPEST} deep, wanted fewer"
 
+#: A number with a decimal comma as the value of a key.
+_DECIMAL_COMMA = re.compile(r"^[^#\n\[]*=[ \t]*([+-]?\d+),(\d+)[ \t]*(?:#.*)?$", re.MULTILINE)
+
 Tables = MutableMapping[str, Any]
 
 
@@ -51,7 +55,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         tables = tomllib.loads(read_text(path))
     except ValueError as error:  # of TOML, or of a number with thousands of digits
-        raise BadInput(f"{path}: not valid TOML: {error}") from error
+        comma = _DECIMAL_COMMA.search(read_text(path)) if "at line" in str(error) else None
+        hint = (
+            "" if comma is None else f"; a number has a point, not a comma: {comma[1]}.{comma[2]}"
+        )
+        raise BadInput(f"{path}: not valid TOML: {error}{hint}") from error
     except RecursionError:
         raise BadInput(f"{path}: {TOO_DEEP}") from None
     if is_deeper(tables, DEEPEST):

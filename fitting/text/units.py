@@ -20,6 +20,9 @@ if TYPE_CHECKING:  # takes a while to load: only where a unit is met
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
+#: A number with a decimal comma.
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)")
+
 #: Powers of base dimensions by their names, as "[time]".
 Dimension = Mapping[str, float]
 
@@ -77,6 +80,10 @@ def parse_quantity(text: str, *, where: str, wanted: str | None = None) -> tuple
         raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
     if not unit:
         return value, None
+    if comma := _DECIMAL_COMMA.match(text):
+        raise BadInput(
+            f"{where}: found {shown(text)}, wanted a point, not a comma: {comma[1]}.{comma[2]}"
+        )
     if _unit(unit) is None:
         raise BadInput(
             f"{where}: found {shown(text)}, but there is no unit {shown(unit)}{_instead(wanted)}"

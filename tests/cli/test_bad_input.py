@@ -120,6 +120,13 @@ WRONG = {
     "no unit at all": (TOML, '"3 kHz"', "3000", ["[observe] line_width: 3000 has no unit"]),
     "unknown key": (TOML, "timeout_s", "time_out", ["[fmu]: unknown key 'time_out'", "timeout_s"]),
     "not TOML": (TOML, "[fmu]", "[fmu", ["campaign.toml: not valid TOML", "line 2"]),
+    "decimal comma": (
+        TOML,
+        "start = 0.25",
+        "start = 0,25",
+        ["not valid TOML", "a point, not a comma: 0.25"],
+    ),
+    "misspelt table": (TOML, "[sweep]", "[swep]", ["unknown key 'swep'; did you mean 'sweep'?"]),
     "not an FMU": (TOML, "oscillator.fmu", "sweep.csv", ["sweep.csv: is not an FMU"]),
 }
 
