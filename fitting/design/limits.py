@@ -17,7 +17,7 @@ from fitting.campaign import BoundCampaign, Drive
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenCampaign, WrittenDesign
 from fitting.design.candidates import MOST_NUMBER, Limits
-from fitting.design.sweep_limits import HEADROOM, SweepTable, sweep_limits, with_unit
+from fitting.design.sweep_limits import HEADROOM, SweepTable, asked_of, sweep_limits, with_unit
 from fitting.design.times import most_of, timed
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
@@ -210,6 +210,7 @@ def limits_of(
     What it does not say is taken from the campaign: outputs like the observed one (same unit, same
     name but for digits), resonances at the sweep's maximum and at every drifting frequency, the
     grid, least spacing and largest detuning of its own drive frequencies, the noise of its peaks.
+    Of a campaign of a map alone sweeps are proposed, at the values of its controls so far.
 
     Args:
         bound: campaign, bound to its FMU.
@@ -220,7 +221,7 @@ def limits_of(
     Raises:
         BadInput: a value of the wrong kind or unit, an unknown variable, nothing to place tones by.
     """
-    said = table.keys
+    said = asked_of(bound, table.keys, table.said)
     if said.sweeps is not None:
         asked = SweepTable(said=said, keys=table.said, where=table.where)
         return timed(sweep_limits(bound, variables, asked), said)

@@ -33,6 +33,8 @@ OF_TONES = (
     "settings",
     "setting_sigma",
 )
+#: Values of all controls together that are tried where nothing is said, at most.
+TRIED = 41
 #: Largest amplitude that is proposed, in units of the largest one seen.
 HEADROOM = 2.0
 #: A part of the noise below this share of the other is none.
@@ -46,6 +48,40 @@ class SweepTable:
     said: WrittenDesign
     keys: frozenset[str]
     where: Callable[[str], str]
+
+
+def asked_of(bound: BoundCampaign, said: WrittenDesign, keys: frozenset[str]) -> WrittenDesign:
+    """What [design] asks; of a campaign of a map alone sweeps at the values of its controls so far.
+
+    That is, unless it asks for tones.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        said: [design], as it was read.
+        keys: those that are written there.
+    """
+    others = bound.experiments or bound.sweep is not None
+    if said.sweeps is not None or others or keys & {*OF_TONES, "centres"}:
+        return said
+    try:
+        so_far = continued_of(bound)
+    except BadInput:
+        return said
+    names = list(so_far.last)
+    most = max(2, round(TRIED ** (1.0 / max(1, len(names)))))
+    where = f"{bound.path}: [design] sweeps"
+    controls = {
+        name: tuple(Written(value, None, where) for value in _some(so_far, name, most))
+        for name in names
+    }
+    return replace(said, sweeps=WrittenSweeps(controls=controls))
+
+
+def _some(so_far: Continued, name: str, most: int) -> list[Scalar]:
+    """Values of a control so far, over the whole range."""
+    values = sorted({s.settings[name] for s in so_far.sweeps}, key=float)
+    kept = np.unique(np.round(np.linspace(0, len(values) - 1, most)).astype(int))
+    return [values[k] for k in kept]
 
 
 def sweep_limits(

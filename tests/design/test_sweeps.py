@@ -264,6 +264,17 @@ def test_columns_of_the_old_file_do_not_go_along(fmu: ff.Fmu, tmp_path: Path) ->
         ff.read_campaign(made)
 
 
+def test_of_a_map_alone_sweeps_are_proposed_where_it_was_measured(
+    fmu: ff.Fmu, tmp_path: Path
+) -> None:
+    problem = ff.Problem.of([ff.read_campaign(written(tmp_path / "x"))], fmu)
+    found = ff.limits(problem).sweeps
+    assert found is not None
+    assert found.controls == {"V": (-1.0, -0.4, 0.2), "T": (1.0, 2.0, 3.0)}
+    assert found.points == OLD_HZ.size
+    assert found.span_hz == pytest.approx(np.ptp(OLD_HZ))
+
+
 @pytest.mark.parametrize(
     ("table", "complaint"),
     [
