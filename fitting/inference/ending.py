@@ -21,18 +21,21 @@ MISFIT = "converged but does not describe the data"
 NOT_CONVERGED = "not converged"
 #: Probability from which chi square is smaller than the noise lets it be.
 TOO_SMALL = 1.0 - 1e-4
-#: Where no row has a noise of its own, or as many parameters as rows are fitted.
-UNTESTED = "as far as can be told, with nothing to hold χ² against"
+#: Where nothing was tested, and why: no row has a noise of its own, or there are too few rows.
+UNTESTED = "nothing tested it"
+UNSTATED = "nobody stated the noise, which is taken from what the model leaves"
+LIKE_NOISE = "; that looks like noise"
+TOO_FEW = "as many values are fitted as there are data, so that nothing tests the model"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ending:
     """How it ended, in `words`; `ground`: what that rests on, empty where it says nothing more.
 
-    `extent` says how far the data are described, where residuals are no noise of one size: what is
-    left of the curve that is described worst, root mean square, over its largest amplitude; of
-    complex values it is their distance from the model. `whole`: chi square is what the noise
-    explains, so that nothing need be added.
+    `extent` says how far the data are described, where residuals are no noise of one size or no
+    noise was stated: what is left of the curve that is described worst, root mean square, over its
+    largest amplitude; of complex values it is their distance from the model. `whole`: chi square is
+    what the noise explains, so that nothing need be added.
     """
 
     words: str = ""
@@ -89,10 +92,21 @@ def ending_of(
     if len(said) > bool(chi):
         return Ending(words=DESCRIBES, ground=", ".join(said), extent=seen)
     if adequacy is None or not chi:
-        return Ending(words=DESCRIBES, ground=UNTESTED)
+        ground, noise_alone = _untested(adequacy, structure)
+        return Ending(words=DESCRIBES, ground=ground, extent=extent if noise_alone else "")
     if adequacy.p_value > TOO_SMALL:
         return Ending(words=DESCRIBES, ground=f"{chi}, less than the {noise} would leave")
     return Ending(words=DESCRIBES, ground=f"{chi}, as the {noise} explains", whole=True)
+
+
+def _untested(adequacy: Adequacy | None, structure: Structure | None) -> tuple[str, bool]:
+    """Why chi square tested nothing, and whether it was for noise that nobody stated."""
+    if adequacy is None:
+        return UNTESTED, False
+    if not math.isnan(adequacy.chi_square):
+        return TOO_FEW, False
+    alike = structure is not None and not structure.found
+    return UNSTATED + LIKE_NOISE * alike, True
 
 
 def extent_of(data: Dataset, residuals: FloatArray) -> str:

@@ -161,7 +161,13 @@ def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:
 
 
 def test_where_nothing_can_be_held_against_the_noise_no_chi_square_is_claimed() -> None:
-    for found in (None, adequacy(float("nan"), 0.0)):
-        ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None)
+    for found, why in (
+        (None, "nothing tested it"),
+        (adequacy(3.0, 0.0), "as many values are fitted as there are data"),
+        (adequacy(float("nan"), 0.0), "nobody stated the noise"),
+    ):
+        ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None, extent="to 2 %")
         assert (ending.words, ending.whole) == (DESCRIBES, False)
-        assert ending.ground.startswith("as far as can be told")
+        assert ending.ground.startswith(why)
+        assert ending.extent == ("to 2 %" if "noise" in why else "")
+        assert "χ²" not in ending.ground
