@@ -15,6 +15,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, drift_square, to_model
 from fitting.fit.likelihood.descent import Optimum
+from fitting.fit.search.box import DECADE
 from fitting.inference.equivalent_fits import contradicts, exchange_words, turned_to
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches
@@ -407,9 +408,14 @@ def _is_nearly_all(subject: _Subject, wide: Interval) -> bool:
     """Whether an output's interval is what the model can have: what the data cut off says little.
 
     An eigenfrequency of two coupled modes lies between those of the lines, whatever was measured.
+    What may have any size, over decades, is measured by ratios: a width as the Q that goes with it.
     """
-    possible = subject.quantity.high - subject.quantity.low
-    return subject.parameter is None and wide[1] - wide[0] > NEARLY_ALL * possible
+    if subject.parameter is not None:
+        return False
+    low, high = subject.quantity.low, subject.quantity.high
+    if low > 0.0 and high >= DECADE * low and wide[0] > 0.0:
+        return math.log(wide[1] / wide[0]) > NEARLY_ALL * math.log(high / low)
+    return wide[1] - wide[0] > NEARLY_ALL * (high - low)
 
 
 def _by_width(subject: _Subject, found: _Found) -> tuple[Verdict, str]:

@@ -452,6 +452,25 @@ def test_an_output_that_may_be_nearly_all_that_it_can_be_is_not_determined(
     assert known.ends == ("crossed", "crossed")
 
 
+def test_a_width_and_its_q_over_decades_have_the_same_bound() -> None:
+    """The data cut the lowest of four decades of a width off: linearly that is next to nothing."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([19.6 / p[0], 0.0, 0.0])  # 1.96 at a width of 10
+
+    def width(p: FloatArray) -> float:
+        return float(p[0])
+
+    def q(p: FloatArray) -> float:
+        return 1e9 / width(p)
+
+    a = parameter("a", 1.0, 1e4, start=20.0)
+    known = learnt(whitened(rows, a, width=width, q=q)).derived
+    assert (known["width"].verdict, known["q"].verdict) == (Verdict.BELOW, Verdict.ABOVE)
+    assert known["width"].interval95[0] == pytest.approx(10.0, rel=1e-3)
+    assert known["q"].interval95[1] == pytest.approx(1e8, rel=1e-3)
+
+
 def test_an_end_that_another_box_makes_names_that_box() -> None:
     """a + d is 5 ± 0.1 and d at most 1: the data alone would let a go to 2.8, the box to 4."""
 
