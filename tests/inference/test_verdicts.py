@@ -464,7 +464,7 @@ def test_a_width_and_its_q_over_decades_have_the_same_bound() -> None:
     def q(p: FloatArray) -> float:
         return 1e9 / width(p)
 
-    a = parameter("a", 1.0, 1e4, start=20.0)
+    a = parameter("a", 1.0, 1e4, start=20.0, least=1.0, most=1e4)
     known = learnt(whitened(rows, a, width=width, q=q)).derived
     assert (known["width"].verdict, known["q"].verdict) == (Verdict.BELOW, Verdict.ABOVE)
     assert known["width"].interval95[0] == pytest.approx(10.0, rel=1e-3)
