@@ -56,10 +56,10 @@ def model_for(files: Files) -> str:
 
 
 def model_for_recordings(recordings: Sequence[Recording]) -> str | None:
-    """The model of this project for recordings over time: that of one mode for ringdowns.
+    """The model of this project for recordings over time: one mode for ringdowns, else none.
 
     Args:
-        recordings: over time; None: they are driven, or no free decays, so that none is known.
+        recordings: over time.
     """
     return ONE_MODE if recordings and all(decays(each) for each in recordings) else None
 
