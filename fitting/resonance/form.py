@@ -5,7 +5,8 @@
 
 ``transmission`` is the line alone (b = b' = 0), ``fano`` has the constant b beside it, ``sloped``
 the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for; but what knows no
-phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``floor`` is
+phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``sloped`` of amplitudes
+|a g| + c + c' x (a zero that drifts, or changes with frequency), ``floor`` is
 sqrt(|a g|^2 + c^2) (noise of which powers were averaged), ``rice`` the mean amplitude with the same
 noise, ``single`` has that noise in every point, a single reading, as Rice's distribution says, and
 ``tail`` is |a g + c g'|, g' of another line outside of the points. With phases the tails
@@ -38,6 +39,7 @@ from fitting.signal.peaks import (
     OFFSET,
     RICE,
     SINGLE,
+    SLOPE,
     TAIL,
     UNKNOWNS,
     Resonance,
@@ -57,16 +59,17 @@ AMPLITUDE_FORMS = {
     TRANSMISSION: "none",
     SINGLE: SINGLE,
     OFFSET: OFFSET,
+    SLOPED: SLOPE,
     FLOOR: FLOOR,
     RICE: RICE,
     FANO: "complex",
     TAIL: TAIL,
 }
-#: What each form is, in words; what stands beside the line alone.
+#: What stands beside the line in each form of amplitudes, in words, and in those of complex values.
 WORDS_BESIDE = {
-    **{form: BESIDE_WORDS[name] for form, name in AMPLITUDE_FORMS.items() if name != "none"},
-    SLOPED: BESIDE_WORDS["slope"],
+    form: BESIDE_WORDS[name] for form, name in AMPLITUDE_FORMS.items() if name != "none"
 }
+WORDS_BESIDE_COMPLEX = {**WORDS_BESIDE, SLOPED: BESIDE_WORDS["complex slope"]}
 #: Of the scaled unknowns, for derivatives: half of the digits of their second differences.
 STEP = 1e-5
 _BACKGROUNDS = {TRANSMISSION: "none", FANO: "constant", SLOPED: "slope"}
@@ -84,9 +87,11 @@ class FittedForm:
         width_hz: full width at half of the power, Hz, and its error.
         q: their ratio, and its error.
         amplitude: of the line alone at its eigenfrequency, in the trace's unit.
-        mirrored: the other amplitude with which amplitudes are the same curve; NaN without one.
-        beside: the constant c of amplitudes, in their unit, of ``single`` the noise of both
-            quadratures each; zero in other forms.
+        mirrored: the other amplitude with which amplitudes are the same curve, and its error; NaN
+            without one.
+        beside: the constant c of amplitudes, in their unit, of ``sloped`` at the eigenfrequency, of
+            ``single`` the noise of both quadratures each; zero in other forms.
+        slope: of amplitudes that are ``sloped``, what c changes by with every Hz.
         delay_s: of the cable, s, and its error; NaN where it was not looked for.
         unknowns: real numbers that were fitted.
         freedom: degrees of freedom of the noise; points that hang together count as fewer.
@@ -111,7 +116,9 @@ class FittedForm:
     amplitude: float
     amplitude_std: float
     mirrored: float
+    mirrored_std: float
     beside: float
+    slope: float
     delay_s: float
     delay_std_s: float
     unknowns: int
@@ -181,7 +188,9 @@ def fit_amplitudes(
         amplitude=found.amplitude,
         amplitude_std=found.amplitude_std,
         mirrored=found.mirrored,
+        mirrored_std=found.mirrored_std,
         beside=0.0 if name == FANO else found.background.real,
+        slope=found.slope,
         delay_s=math.nan,
         delay_std_s=math.nan,
         unknowns=UNKNOWNS[AMPLITUDE_FORMS[name]],
@@ -398,7 +407,9 @@ class _ComplexFit:
             amplitude=self.top * abs(gain),
             amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
             mirrored=math.nan,
+            mirrored_std=math.nan,
             beside=0.0,
+            slope=0.0,
             delay_s=delay if self.delayed else math.nan,
             delay_std_s=math.sqrt(spread[2, 2]) / self.span if self.delayed else math.nan,
             unknowns=slopes.shape[1],

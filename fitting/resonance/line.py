@@ -44,6 +44,7 @@ from fitting.resonance.further_lines import (
     further_lines,
 )
 from fitting.resonance.rival_forms import Covered, covered
+from fitting.resonance.spikes import Spike, spikes_in, without_spikes
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoResonances, two_lines
 from fitting.signal.peaks import (
@@ -61,7 +62,7 @@ from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, number
+from fitting.text.notation import hertz, listed, number
 
 #: Forms of amplitudes alone.
 AMPLITUDES_ALONE = (OFFSET, FLOOR, RICE, SINGLE, TAIL)
@@ -82,6 +83,9 @@ SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
 PLAINLY = 10.0
 #: Akaike's criterion below which a form is as good as another one.
 AS_GOOD = 2.0
+#: And by which a slope beside amplitudes must be better than all that is simpler: noise alone makes
+#: one in a hundred sweeps of it.
+SLOPE_SEEN = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,9 +142,11 @@ class Line:
         q: their ratio.
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         amplitude_mirrored: the other amplitude that amplitudes beside a complex constant or a tail
-            do not tell from it, in ``unit``; NaN in other forms, and where they do.
-        beside: the constant of "offset", "floor" and "rice", in ``unit``, of "single" the noise of
-            either quadrature of a reading; zero in other forms.
+            do not tell from it, in ``unit``, and its error; NaN in other forms, and where they do.
+        beside: the constant of "offset", "floor" and "rice", in ``unit``, of "sloped" amplitudes
+            its value at ``frequency_hz``, of "single" the noise of either quadrature of a reading;
+            zero in other forms.
+        beside_slope: what that of "sloped" amplitudes changes by, ``unit`` for every Hz.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
         asked: whether it was asked for, and not found.
         delay_s: of the cable, s, and its error; NaN where none was found.
@@ -158,6 +164,7 @@ class Line:
         faults: what makes the points no damped line.
         further_hz: where points outside of the chosen range show another line, Hz.
         instrument: the instrument's own estimates, "frequency_hz" and "q", as far as it says.
+        spikes: single points far off their neighbours, which were left out.
         turned: whether the file counts phases the other way, as Re[value exp(-i 2 pi f t)].
         said: how the file was read, in sentences.
         points: what was measured and fitted.
@@ -176,7 +183,9 @@ class Line:
     amplitude: float
     amplitude_std: float
     amplitude_mirrored: float
+    amplitude_mirrored_std: float
     beside: float
+    beside_slope: float
     unit: str
     wiring: str
     asked: bool
@@ -195,6 +204,7 @@ class Line:
     faults: tuple[SweepFault, ...]
     further_hz: tuple[float, ...]
     instrument: Mapping[str, float]
+    spikes: tuple[Spike, ...]
     turned: bool
     said: tuple[str, ...]
     points: LinePoints = field(repr=False)
@@ -223,19 +233,24 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
     """
     if wiring and wiring not in WIRINGS:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
-    if wiring == SLOPED and not trace.is_complex:
-        raise BadInput(f"wiring: {SLOPED} wants phases, and {trace.source} has amplitudes alone")
     if wiring in AMPLITUDES_ALONE and trace.is_complex:
         raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
+    spikes = spikes_in(trace)
     try:
-        return _line_of(_turned(trace), wiring)
+        return _line_of(_turned(without_spikes(trace, spikes)), wiring, spikes)
     except BadInput as error:
         if trace.read:
             error.args = tuple(f"{text} (read: {trace.read})" for text in error.args)
+        if spikes:
+            left = listed(f"{s.place} at {hertz(s.frequency_hz, digits=8)}" for s in spikes)
+            error.args = tuple(
+                f"{text} (left out as single points far off their neighbours: {left})"
+                for text in error.args
+            )
         raise
 
 
-def _line_of(trace: Trace, wiring: str) -> Line:
+def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
     further = further_lines(trace)
     asked = FANO if wiring in (NOTCH, REFLECTION) else wiring
     found, failed = _fitted(trace, further, asked)
@@ -243,6 +258,8 @@ def _line_of(trace: Trace, wiring: str) -> Line:
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
     if further and not asked:
         order = _with_tail(found, criteria, order)
+    if not trace.is_complex:
+        order = _without_doubtful_slope(found, criteria, order)
     order = _without_doubtful_constant(found, criteria, order)
     order.sort(key=lambda k: bool(asked) and found[k].name != asked)
     order = _without_doubtful_delay(found, criteria, order, asked)
@@ -267,7 +284,9 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         amplitude=best.amplitude,
         amplitude_std=best.amplitude_std,
         amplitude_mirrored=best.mirrored,
+        amplitude_mirrored_std=best.mirrored_std,
         beside=best.beside,
+        beside_slope=best.slope,
         unit=trace.unit,
         wiring=wiring or best.name,
         asked=bool(wiring),
@@ -286,6 +305,7 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         faults=_faults(trace, best),
         further_hz=tuple(line.frequency_hz for line in further),
         instrument=own_estimates(trace.notes),
+        spikes=tuple(spikes),
         turned=trace.turned,
         said=trace.said,
         points=_points(trace, best),
@@ -329,6 +349,19 @@ def _without_doubtful_constant(
     if not doubtful or of_name.get(SINGLE) not in near:
         return order
     return [near[0], *(k for k in order if k != near[0])]
+
+
+def _without_doubtful_slope(
+    found: Sequence[FittedForm], criteria: FloatArray, order: list[int]
+) -> list[int]:
+    """The order in which forms of amplitudes are taken: a slope that is not plainly seen is none.
+
+    Every sweep of a clean line has one to fit; errors hold for it where it is nearly as good.
+    """
+    others = [k for k in order if found[k].name != SLOPED]
+    if not others or criteria[others[0]] - criteria[order[0]] >= SLOPE_SEEN:
+        return order
+    return [others[0], *(k for k in order if k != others[0])]
 
 
 def _with_tail(found: Sequence[FittedForm], criteria: FloatArray, order: list[int]) -> list[int]:

@@ -8,7 +8,13 @@ from dataclasses import replace
 from fitting.inference.mistakes import fault_sentence
 from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
-from fitting.resonance.form import FANO, TRANSMISSION, WORDS_BESIDE
+from fitting.resonance.form import (
+    FANO,
+    SLOPED,
+    TRANSMISSION,
+    WORDS_BESIDE,
+    WORDS_BESIDE_COMPLEX,
+)
 from fitting.resonance.line import AS_GOOD, Line, LineForm
 from fitting.signal.peaks import FLOOR, RICE, SINGLE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
@@ -81,8 +87,8 @@ def _taken(line: Line) -> str:
     left = f"it leaves {number(100.0 * line.residual, 2)} % of the line (rms)"
     delay = ", and the delay of a cable" if line.forms[0].delayed else ""
     if line.asked:
-        return f"Wiring as asked: {line.wiring}, {WIRINGS[line.wiring]}{delay}; {left}."
-    name = f"{_name(line.forms[0])}, {WIRINGS[line.wiring]}{delay}"
+        return f"Wiring as asked: {line.wiring}, {_wiring_words(line)}{delay}; {left}."
+    name = f"{_name(line.forms[0])}, {_wiring_words(line)}{delay}"
     fitted = [form for form in line.forms if not math.isnan(form.criterion)]
     if len(fitted) < 2:
         return f"Taken: {name}; {left}."
@@ -104,11 +110,18 @@ def _taken(line: Line) -> str:
     return f"Taken: {name}, {best}; {left}."
 
 
+def _wiring_words(line: Line) -> str:
+    """What the wiring is, in words; beside complex values a slope is complex."""
+    if line.is_complex and line.wiring in WORDS_BESIDE_COMPLEX:
+        return f"the line and {WORDS_BESIDE_COMPLEX[line.wiring]}"
+    return WIRINGS[line.wiring]
+
+
 def _beside(line: Line) -> list[str]:
     """How large the constant of amplitudes is, and what may make it."""
     if line.beside == 0.0:
         return []
-    factor, unit = (1.0, "") if line.unit == "1" else prefixed(line.beside, line.unit)
+    factor, unit = (1.0, "") if line.unit == "1" else prefixed(abs(line.beside), line.unit)
     size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
     if line.wiring in (FLOOR, RICE):
         return [
@@ -119,6 +132,16 @@ def _beside(line: Line) -> list[str]:
         return [
             f"Noise of each reading: {size}, in X and in Y alike. The points scatter by it on the "
             "line, and beside the line by 0.66 of it about 1.25 times it (Rice)."
+        ]
+    if line.wiring == SLOPED:
+        first, last = line.points.frequency_hz[0], line.points.frequency_hz[-1]
+        change = abs(line.beside_slope) * (last - first)
+        per, of = (1.0, "") if line.unit == "1" else prefixed(change, line.unit)
+        way = "rises" if line.beside_slope > 0.0 else "falls"
+        whole = f"{number(change / per, 3)} {of}".rstrip()
+        return [
+            f"The background is {size} at the line, and {way} by {whole} from the first point to "
+            "the last: a zero of the detector that drifts, or what changes with frequency."
         ]
     return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
 
@@ -142,7 +165,8 @@ def _other_amplitude(line: Line) -> str:
     if not abs(line.amplitude_mirrored - line.amplitude) > MOVES * line.amplitude_std:
         return ""
     factor, unit = prefixed(line.amplitude_mirrored, "" if line.unit == "1" else line.unit)
-    return f"{number(line.amplitude_mirrored / factor, 4)} {unit}".rstrip()
+    error = line.amplitude_mirrored_std / factor
+    return with_error(line.amplitude_mirrored / factor, error, unit)
 
 
 def _mirrored(line: Line) -> list[str]:
