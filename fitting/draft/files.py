@@ -10,7 +10,7 @@ from pathlib import Path
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import Columns, Roles, map_in, read_trace_of, roles_of
-from fitting.resonance.two_lines import TwoLines, TwoResonances
+from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
 from fitting.text.errors import BadInput, gathered
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
@@ -165,6 +165,9 @@ def _sweep(path: Path, columns: Columns) -> SweepFile:
     line, trouble, two = None, "", None
     try:
         line = line_of(trace)
+        if line.second is not None:  # a model of two modes describes both
+            two = as_two(line.frequency_hz, line.width_hz, line.second)
+            line = None
     except TwoResonances as error:
         trouble, two = str(error), error.lines
     except BadInput as error:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import ive
@@ -56,6 +56,8 @@ BESIDE_WORDS = {
 #: Evaluations after which the tail of another line that is still looked for is none, and the fall
 #: of the sum of squares that counts.
 ROUNDS_FOR_TAIL, GAIN_OF_TAIL = 80, 1e-8
+#: Phases of another line with which its fit begins.
+TURNS = (1.0, complex(np.exp(2j * np.pi / 3.0)), complex(np.exp(-2j * np.pi / 3.0)))
 #: Chi square by which a second amplitude may be worse that is told beside the best one.
 ALLOWED = 9.0
 #: What a tail is refused for that is none.
@@ -357,12 +359,7 @@ def fit_resonance(
     if background == "complex":
         fit = folded(left, fit)
     found = as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
-    beside = height * _constant(fit.values[3:], background)
-    if background == SLOPE:
-        slope = 2.0 * height * float(fit.values[4]) / float(np.ptp(frequency_hz))
-        middle = 0.5 * float(frequency_hz[0] + frequency_hz[-1])
-        return replace(found, background=beside + slope * (found.eta_hz - middle), slope=slope)
-    found = replace(found, background=beside)
+    found = _with_added(found, background, fit.values[3:], frequency_hz, height)
     return _lower_first(found, fit, height, left) if background == "complex" else found
 
 
@@ -478,7 +475,7 @@ def fit_beside_tail(
     tried = [
         _TailFit(frequency_hz, shares, (eta0, width0), other, pull).begun(turn)
         for other in others
-        for turn in (1.0, np.exp(2j * np.pi / 3.0), np.exp(-2j * np.pi / 3.0))
+        for turn in TURNS
     ]
     fit, tail = min(tried, key=lambda each: _squares(each[0]))
     second = tail.minimised(tail.mirrored(fit.values))
@@ -496,12 +493,103 @@ def fit_beside_tail(
     found = as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
     if not (second.converged and _squares(second) - _squares(fit) < ALLOWED * fit.variance):
         return found
-    std = height * math.sqrt(float(second.covariance[2, 2]))
+    return _with_mirrored(found, second, height)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondLine:
+    """A weaker line among the points of the first one: frequency and full width, Hz.
+
+    ``height`` is its complex height over that of the first one, `mirrored` the modulus of the other
+    one that amplitudes do not tell from it, NaN without.
+    """
+
+    frequency_hz: float
+    width_hz: float
+    height: complex
+    mirrored: float = math.nan
+
+
+def fit_beside_second(
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    first: tuple[float, float],
+    second: tuple[float, float, complex],
+    *,
+    background: str = "none",
+    source: str = "sweep",
+) -> tuple[Resonance, SecondLine]:
+    """Fit ``|A g(f) + c g'(f)|``, the line and a second one among the points, with a background.
+
+    As `fit_beside_tail`, but that the points show where the other line is. "offset", "slope",
+    "floor" and "rice" stand beside both, see `fit_resonance`.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        first: frequency and width at which the fit begins, Hz.
+        second: the same of the second line, Hz, and its height over the largest amplitude.
+        background: model of what is added to both lines; none that is complex.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: too few points, or lines that the points do not hold.
+    """
+    least = UNKNOWNS[background] + UNKNOWNS[TAIL] - UNKNOWNS["none"] + 1
+    if frequency_hz.size < max(MIN_SWEEP_POINTS, least):
+        raise BadInput(f"{source}: has too few points for a second line")
+    height = float(np.max(amplitude_v))
+    shares = amplitude_v / height
+    lines = _TailFit(frequency_hz, shares, first, second[:2], 0.0, background, along(frequency_hz))
+    beside = _start(shares, background, dip=False)[2:]
+    # its height counts from the phase of the first line there
+    there = complex(mode_response(np.array([second[0]]), *first)[0])
+    tried = [
+        lines.minimised(np.array([0.0, 0.0, beside[0], size.real, size.imag, 0, 0, *beside[1:]]))
+        for size in (second[2] * there / abs(there) * turn for turn in TURNS)
+    ]
+    fit = min(tried, key=_squares)
+    other = lines.minimised(lines.mirrored(fit.values))
+    if _squares(other) < _squares(fit):
+        fit, other = other, fit
+    eta, width = lines.line(fit.values[5:], second[:2])
+    steps = np.diff(frequency_hz)
+    inside = frequency_hz[0] < eta < frequency_hz[-1]
+    if not (inside and float(np.median(steps)) < 2.0 * width < float(np.ptp(frequency_hz))):
+        raise BadInput(f"{source}: has no second line among its points")
+    curve = height * (fit.residuals + shares)
+    found = as_resonance(frequency_hz, fit, curve, (*first, height), source)
+    if not found.amplitude_std < found.amplitude:
+        raise BadInput(f"{source}: the points do not tell how high its line is beside a second one")
+    found = _with_added(found, background, fit.values[7:], frequency_hz, height)
+    share = complex(*fit.values[3:5]) / float(fit.values[2])
+    told = SecondLine(frequency_hz=eta, width_hz=width, height=share)
+    if not (other.converged and _squares(other) - _squares(fit) < ALLOWED * fit.variance):
+        return found, told
+    mirrored = abs(complex(*other.values[3:5]) / float(other.values[2]))
+    return _with_mirrored(found, other, height), replace(told, mirrored=mirrored)
+
+
+def _with_mirrored(found: Resonance, other: LeastSquaresFit, height: float) -> Resonance:
+    """A line with the other amplitude that describes the points, and its error."""
+    std = height * math.sqrt(float(other.covariance[2, 2]))
     return replace(
         found,
-        mirrored=height * abs(float(second.values[2])),
+        mirrored=height * abs(float(other.values[2])),
         mirrored_std=std * reach(ROOT_68, found.freedom) * found.structure.widening,
     )
+
+
+def _with_added(
+    found: Resonance, background: str, beside: FloatArray, frequency_hz: FloatArray, height: float
+) -> Resonance:
+    """A line with what is added to its amplitude, from the unknowns of that, over the height."""
+    constant = height * _constant(beside, background)
+    if background != SLOPE:
+        return replace(found, background=constant)
+    slope = 2.0 * height * float(beside[1]) / float(np.ptp(frequency_hz))
+    middle = 0.5 * float(frequency_hz[0] + frequency_hz[-1])
+    return replace(found, background=constant + slope * (found.eta_hz - middle), slope=slope)
 
 
 @dataclass(frozen=True)
@@ -509,7 +597,8 @@ class _TailFit:
     """A line and another one, from where they may be: frequency and width, Hz.
 
     Unknowns: shift and logarithm of the width of the line, its height, both parts of the height of
-    the other one, and its shift and logarithm of the width.
+    the other one, its shift and logarithm of the width, and what stands beside both. Without a pull
+    the other one may be anywhere.
     """
 
     f: FloatArray
@@ -517,6 +606,8 @@ class _TailFit:
     own: tuple[float, float]
     other: tuple[float, float]
     pull: float
+    background: str = "none"
+    run: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @staticmethod
     def line(x: FloatArray, begin: tuple[float, float]) -> tuple[float, float]:
@@ -526,8 +617,9 @@ class _TailFit:
     def residuals(self, x: FloatArray) -> FloatArray:
         one = mode_response(self.f, *self.line(x[:2], self.own))
         two = mode_response(self.f, *self.line(x[5:], self.other))
-        left = np.abs(x[2] * one + complex(x[3], x[4]) * two) - self.shares
-        return np.concatenate([left, self.pull * x[5:]])
+        wave = x[2] * one + complex(x[3], x[4]) * two
+        left = _amplitudes(wave, x[7:], self.background, self.run) - self.shares
+        return np.concatenate([left, self.pull * x[5:7]]) if self.pull else left
 
     def begun(self, turn: complex) -> tuple[LeastSquaresFit, _TailFit]:
         near = 0 if self.other[0] < self.f[0] else -1
@@ -557,7 +649,7 @@ class _TailFit:
         height, beside = np.linalg.lstsq(lines, turned, rcond=None)[0]
         size = max(abs(height), np.finfo(float).tiny)
         beside = beside * np.conj(height) / size
-        return np.array([x[0], x[1], size, beside.real, beside.imag, x[5], x[6]])
+        return np.array([x[0], x[1], size, beside.real, beside.imag, *x[5:]])
 
     def minimised(self, start: FloatArray) -> LeastSquaresFit:
         return minimise_squares(self.residuals, start, rounds=ROUNDS_FOR_TAIL, gain=GAIN_OF_TAIL)

@@ -27,6 +27,8 @@ WIRINGS = {
     NOTCH: "a resonator beside a feed line",
     REFLECTION: "a resonator at the end of a line",
 }
+#: Share of the height of a second line by which another height is told beside it.
+SECOND_DIFFERS = 0.05
 #: Standard errors by which another form that is nearly as good moves the line to be told.
 MOVES = 2.0
 
@@ -73,6 +75,7 @@ def sentences(line: Line) -> list[str]:
         *([] if math.isnan(line.delay_s) else [f"Delay of the cable: {_delay(line)}."]),
         *(_reading(line, reading) for reading in line.readings),
         *_beside(line),
+        *_second(line),
         *_further(line),
         *_mirrored(line),
         *_dependence(line),
@@ -95,7 +98,13 @@ def _taken(line: Line) -> str:
     least = min(form.criterion for form in fitted)
     if line.forms[0].criterion > least and line.wiring == TAIL:
         best = "as another line is there, and not for Akaike's criterion"
-    elif line.forms[0].criterion > least and not line.is_complex:
+    elif line.forms[0].criterion > least and _is_slope(least, line):
+        best = (
+            f"by Akaike's criterion the best of the {len(fitted)} forms that could be fitted, or "
+            f"within {number(AS_GOOD, 1)} of it, but for one with a slope, which these points do "
+            "not plainly show"
+        )
+    elif line.forms[0].criterion > least and (not line.is_complex or line.second is not None):
         best = (
             "the simplest of the forms that Akaike's criterion hardly tells from the best of the "
             f"{len(fitted)} that could be fitted (by {number(AS_GOOD, 1)} at most)"
@@ -110,11 +119,19 @@ def _taken(line: Line) -> str:
     return f"Taken: {name}, {best}; {left}."
 
 
+def _is_slope(criterion: float, line: Line) -> bool:
+    """Whether the form of amplitudes with a criterion has a slope."""
+    sloped = (form for form in line.forms if form.name == SLOPED and form.criterion == criterion)
+    return not line.is_complex and any(sloped)
+
+
 def _wiring_words(line: Line) -> str:
     """What the wiring is, in words; beside complex values a slope is complex."""
-    if line.is_complex and line.wiring in WORDS_BESIDE_COMPLEX:
-        return f"the line and {WORDS_BESIDE_COMPLEX[line.wiring]}"
-    return WIRINGS[line.wiring]
+    known = WORDS_BESIDE_COMPLEX if line.is_complex else WORDS_BESIDE
+    if line.second is not None:
+        beside = known.get(line.wiring)
+        return f"the line, a second one and {beside}" if beside else "the line and a second one"
+    return f"the line and {known[line.wiring]}" if line.wiring in known else WIRINGS[line.wiring]
 
 
 def _beside(line: Line) -> list[str]:
@@ -146,6 +163,22 @@ def _beside(line: Line) -> list[str]:
     return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
 
 
+def _second(line: Line) -> list[str]:
+    """A weaker line among the points."""
+    if line.second is None:
+        return []
+    second = line.second
+    size = f"{number(100.0 * abs(second.height), 2)} %"
+    if abs(second.mirrored - abs(second.height)) > SECOND_DIFFERS * abs(second.height):
+        size += f" (or {number(100.0 * second.mirrored, 2)} %: without phases both describe it)"
+    return [
+        f"There is another line near {hertz(second.frequency_hz, digits=6)}, "
+        f"{hertz(second.width_hz, digits=2)} wide, of {size} of the first one's height: it was "
+        "fitted beside the first, to which all numbers above belong. A campaign whose model has "
+        "two modes fits both, as fmu-fit init drafts it."
+    ]
+
+
 def _further(line: Line) -> list[str]:
     """Lines that the points outside of the range show."""
     if not line.further_hz:
@@ -174,7 +207,7 @@ def _mirrored(line: Line) -> list[str]:
     other = _other_amplitude(line)
     if not other:
         return []
-    if line.wiring == TAIL:
+    if line.wiring == TAIL or line.second is not None:
         return [f"Without phases A may as well be {other}: both describe these points."]
     return [
         f"Without phases A may as well be {other}: both have the same curve, and the same f and "
@@ -294,7 +327,8 @@ def _row_name(line: Line, form: LineForm) -> str:
 
 
 def _name(form: LineForm) -> str:
-    return f"{form.name}, delay" if form.delayed else form.name
+    beside = ", delay" * form.delayed + ", second line" * form.second
+    return f"{form.name}{beside}"
 
 
 def _value(value: float, error: float) -> str:
