@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
+from fitting.inference.mistakes import SLIPPED
 from fitting.inference.sampled_twins import SAMPLED
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import DerivedResult, ParameterResult
@@ -254,6 +255,8 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     """What to do next, in words and as a command."""
     if result.status == "interrupted":
         return "the rest of this job: the same command with --resume", ""
+    if any(SLIPPED in warning for warning in result.warnings):
+        return "a box that holds the line: its unit, or that of the file's frequencies", ""
     if result.status == "not converged":
         return "a start nearer to the solution, or more starts (--starts N)", ""
     if result.status != "converged":
