@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting.campaign import Experiment
+from fitting.campaign import Experiment, SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.fit.noise import noise_of
 from fitting.fit.problem import Problem
@@ -26,7 +26,7 @@ from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import unknown_line
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, with_error
+from fitting.text.notation import hertz, number, prefixed, with_error
 from fitting.text.units import convert
 
 #: Factors between the amplitudes of a sweep and of peaks, and what makes them.
@@ -47,6 +47,8 @@ SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
 PREFIXES = {1e3: "1000 times as high", 1e-3: "1000 times as low", 1e6: "a million times as high"}
 PREFIXES |= {1e-6: "a million times as low"}
 NARROW = 10.0
+#: What is said of a single point.
+FAR_OFF = "far off its neighbours"
 #: What is asked of such a box.
 SLIPPED = "is a unit wrong"
 #: Highest order of mixtures of tones that explain a line of a spectrum.
@@ -133,7 +135,7 @@ def _faults(
     for name, bound in problem.campaigns.items():
         if bound.sweep is None or bound.sweep.background != "none" or name in explained:
             continue
-        faults = sweep_faults(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
+        faults = sweep_faults(*bound.sweep.of_line)
         lines = [f for f in faults if _is_like_lines(f)]
         if lines and solution is not None and explained_by_model(solution, name):
             faults = tuple(f for f in faults if f not in lines)
@@ -262,6 +264,32 @@ def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
                     "if they have changed places: were their labels exchanged?"
                 )
     return said
+
+
+def single_sentences(problem: Problem) -> list[str]:
+    """Single points of a fitted sweep that no line of its grid makes.
+
+    Args:
+        problem: with its sweeps.
+    """
+    sweeps = [bound.sweep for bound in problem.campaigns.values() if bound.sweep is not None]
+    return [
+        _single(sweep, k, there)
+        for sweep in sweeps
+        if sweep.use == "fit"
+        for k, there in sweep.far_off
+    ]
+
+
+def _single(sweep: SweepData, k: int, there: float) -> str:
+    size = float(sweep.amplitude_v[k])
+    factor, unit = prefixed(size, sweep.unit)
+    return (
+        f"One point of {sweep.source.name}, at {hertz(float(sweep.frequency_hz[k]), digits=7)}, is "
+        f"{number(size / factor, 3)} {unit}, {FAR_OFF}, which make {number(there / factor, 3)} "
+        f"{unit} likely: no line that these points could tell of. It counts in the fit as every "
+        "other one; without its row in the file it would not."
+    )
 
 
 def slipped_sentences(problem: Problem, lines: Mapping[str, SweepLine]) -> list[str]:

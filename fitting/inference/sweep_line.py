@@ -157,7 +157,7 @@ def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
         freedom=fit.freedom,
         amplitude_mirrored=fit.mirrored,
         amplitude_mirrored_std=fit.mirrored_std,
-        background_p=background_p(sweep.amplitude_v, tried["none"], *list(tried.items())[-1]),
+        background_p=background_p(sweep.of_line[1], tried["none"], *list(tried.items())[-1]),
     )
 
 
@@ -172,7 +172,7 @@ def _tried(sweep: SweepData) -> dict[str, Resonance | str]:
     offset, slope = _fit(sweep, OFFSET), _fit(sweep, SLOPE)
     if sweep.background == OFFSET or _is_less(offset, tried["complex"]):
         tried[OFFSET] = offset
-    seen = background_p(sweep.amplitude_v, offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
+    seen = background_p(sweep.of_line[1], offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
     if sweep.background == SLOPE or (seen and _is_less(slope, tried["complex"])):
         tried[SLOPE] = slope
     return tried
@@ -192,7 +192,7 @@ def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resona
     """The fit, or that it is none where a model leaves noise and it leaves far more."""
     if isinstance(fit, str) or math.isnan(left) or fit.structure.order == 0:
         return fit
-    own = _left(fit) / float(np.max(sweep.amplitude_v))
+    own = _left(fit) / float(np.max(sweep.of_line[1]))
     if not own > FAR_MORE * max(left, SMALLEST_RESIDUAL):
         return fit
     return (
@@ -204,9 +204,7 @@ def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resona
 def _fit(sweep: SweepData, background: str) -> Resonance | str:
     """The fit, or the sentence why there is none."""
     try:
-        return fit_resonance(
-            sweep.frequency_hz, sweep.amplitude_v, background=background, source=sweep.source.name
-        )
+        return fit_resonance(*sweep.of_line, background=background, source=sweep.source.name)
     except BadInput as error:
         return str(error)
 

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fitting.resonance.form import SLOPED, TRANSMISSION, FittedForm
-from fitting.signal.peaks import OFFSET
+from fitting.signal.peaks import OFFSET, TAIL
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
 
@@ -41,8 +41,8 @@ class Covered:
 def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Covered:
     """The form that was taken, with errors that hold for the others, too.
 
-    The line alone is a special case of all others: it is no rival, and has none. So is a constant
-    of a slope, which is its rival only where it is the better one.
+    The line alone is a special case of all others: it is no rival, and has none. A constant is one
+    of a slope, and a slope about what a tail is: it is their rival only where it is the better one.
 
     Args:
         found: forms of amplitudes, as they were fitted.
@@ -81,8 +81,8 @@ def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Co
 
 def _allowed(taken: str, other: str) -> float:
     """Akaike's criterion over that of the form that was taken below which another is a rival."""
-    nested = {taken, other} == {OFFSET, SLOPED}
-    return 0.0 if nested else ALLOWED
+    alike = other == SLOPED and taken in (OFFSET, TAIL)
+    return 0.0 if alike else ALLOWED
 
 
 def _nearest(form: FittedForm, best: FittedForm) -> tuple[float, float]:
