@@ -267,28 +267,23 @@ def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
 
 
 def single_sentences(problem: Problem) -> list[str]:
-    """Single points of a fitted sweep that no line of its grid makes.
+    """Single points of sweeps that no line of their grid makes.
 
     Args:
         problem: with its sweeps.
     """
     sweeps = [bound.sweep for bound in problem.campaigns.values() if bound.sweep is not None]
-    return [
-        _single(sweep, k, there)
-        for sweep in sweeps
-        if sweep.use == "fit"
-        for k, there in sweep.far_off
-    ]
+    return [_single(sweep, k, there) for sweep in sweeps for k, there in sweep.far_off]
 
 
 def _single(sweep: SweepData, k: int, there: float) -> str:
     size = float(sweep.amplitude_v[k])
     factor, unit = prefixed(size, sweep.unit)
     return (
-        f"One point of {sweep.source.name}, at {hertz(float(sweep.frequency_hz[k]), digits=7)}, is "
+        f"One point of the sweep, at {hertz(float(sweep.frequency_hz[k]))}, is "
         f"{number(size / factor, 3)} {unit}, {FAR_OFF}, which make {number(there / factor, 3)} "
-        f"{unit} likely: no line that these points could tell of. It counts in the fit as every "
-        "other one; without its row in the file it would not."
+        f"{unit} likely: no line that these points could tell of. It counts as every other one; "
+        "without its row in the file it would not."
     )
 
 

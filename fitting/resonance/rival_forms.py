@@ -81,8 +81,10 @@ def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Co
 
 def _allowed(taken: str, other: str) -> float:
     """Akaike's criterion over that of the form that was taken below which another is a rival."""
-    alike = other == SLOPED and taken in (OFFSET, TAIL)
-    return 0.0 if alike else ALLOWED
+    if other == SLOPED and taken == OFFSET:
+        return 0.0
+    # of as good a curve a slope, with two unknowns less, is better by as much
+    return -ALLOWED if other == SLOPED and taken == TAIL else ALLOWED
 
 
 def _nearest(form: FittedForm, best: FittedForm) -> tuple[float, float]:

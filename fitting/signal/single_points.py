@@ -37,7 +37,7 @@ def single_points(
     f, y = frequency_hz, values
     if f.size < MIN_SWEEP_POINTS + MOST:
         return ()
-    parts = (y.real, y.imag) if np.iscomplexobj(y) else (y,)
+    parts = [np.asarray(part, dtype=float) for part in (y.real, y.imag)][: 1 + np.iscomplexobj(y)]
     noise = max(max(point_noise(part), _digit(part)) for part in parts)
     found = tuple(_off(f, y, noise))
     return found if len(found) <= max(MOST, SHARE * f.size) else ()
