@@ -150,7 +150,7 @@ def _is_like_lines(found: SweepFault) -> bool:
 
 
 def _sentences(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> list[str]:
-    said = []
+    said = single_sentences(problem)
     for name, faults in found.items():
         for fault in faults:
             bent = fault.fault in BENT_TOPS and _gives_scale(problem, name)

@@ -25,7 +25,6 @@ from fitting.inference.mistakes import (
     SweepFindings,
     contradiction_sentences,
     line_sentences_of,
-    single_sentences,
     slipped_sentences,
     swapped_sentences,
 )
@@ -145,7 +144,7 @@ def fit_warnings(
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
         *(w for line in lines for w in warned(Kind.LINE, line_warnings(line, fitted=fitted))),
-        *warned(Kind.SWEEP, [*single_sentences(problem), *sweeps.faults]),
+        *warned(Kind.SWEEP, sweeps.faults),
         *warned(Kind.SCALE_FACTOR, contradiction_sentences(sweeps.agreement)),
     ]
 

@@ -1,4 +1,4 @@
-"""What stands beside a line, or is none of it: slopes, second lines, single points, swapped columns.
+"""What stands beside a line, or is none of it: slopes, second lines, single points, columns.
 
 Against closed forms with known truth: |a g| + c + c' (f - f0), |a g + b|, a g + c g'.
 """
