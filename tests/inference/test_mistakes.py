@@ -67,8 +67,6 @@ def test_a_mistake_is_named_by_its_kind(seed: int, kind: Kind, words: str, tmp_p
     ("place", "said"),
     [(52.34e6, True), (52.34e3, False), (53.0e3, False)],
     ids=["kHz", "Hz", "off"],
-    [(52.34e6, True), (52.34e3, False), (53.0e3, False)],
-    ids=["kHz", "Hz", "off"],
 )
 def test_a_box_a_thousand_times_off_the_line_is_named(place: float, said: bool) -> None:
     """A box of 1 % about a place in Hz; that of the width, 5 to 500, tells no place."""
