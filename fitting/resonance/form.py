@@ -16,6 +16,7 @@ reflection are curves of the form ``fano``: only what a and b mean is different 
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -495,7 +496,8 @@ class _ComplexFit:
         """
         for eta, width in self.second(x):
             height = complex(solved.coefficients[-1] / solved.coefficients[0])
-            return SecondLine(frequency_hz=eta, width_hz=width, height=height)
+            share, phase = cmath.polar(height)
+            return SecondLine(frequency_hz=eta, width_hz=width, share=share, phase_rad=phase)
         return None
 
     def slopes(self, x: FloatArray) -> FloatArray:

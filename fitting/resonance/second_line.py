@@ -11,6 +11,7 @@ gains as much at any of the points less often than `BY_CHANCE`.
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -97,7 +98,8 @@ def _best_of(
         heights = ((yy * xr - xy * yr) + 1j * (xx * yr - xy * xr)) / bottom
         gains = heights.real * xr + heights.imag * yr
     k = int(np.argmax(gains))
-    line = SecondLine(frequency_hz=float(places[k]), width_hz=width, height=complex(heights[k]))
+    share, phase = cmath.polar(complex(heights[k]))
+    line = SecondLine(frequency_hz=float(places[k]), width_hz=width, share=share, phase_rad=phase)
     return float(gains[k]), line
 
 
@@ -175,7 +177,7 @@ def _is_seen(trace: Trace, forms: Sequence[FittedForm], both: FittedForm) -> boo
         and apart > 0.5 * APART * (line.width_hz + both.width_hz)
         and spacing < line.width_hz < 2.0 * OF_SPAN * span
     )
-    if not seen or abs(line.height) > 1.0:
+    if not seen or line.share > 1.0:
         return False
     least = min(form.squares for form in forms)
     if both.structure.order > 0 and both.squares > (1.0 - EXPLAINED) * least:

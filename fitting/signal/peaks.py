@@ -5,6 +5,7 @@ Works on plain arrays in Hz and volts (or whatever unit the detector was declare
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -500,14 +501,20 @@ def fit_beside_tail(
 class SecondLine:
     """A weaker line among the points of the first one: frequency and full width, Hz.
 
-    ``height`` is its complex height over that of the first one, `mirrored` the modulus of the other
-    one that amplitudes do not tell from it, NaN without.
+    ``share`` is its height over that of the first one, ``phase_rad`` its phase from there,
+    ``mirrored`` the other share that amplitudes do not tell from it, NaN without.
     """
 
     frequency_hz: float
     width_hz: float
-    height: complex
+    share: float
+    phase_rad: float
     mirrored: float = math.nan
+
+    @property
+    def height(self) -> complex:
+        """Complex height over that of the first one."""
+        return cmath.rect(self.share, self.phase_rad)
 
 
 def fit_beside_second(
@@ -563,7 +570,9 @@ def fit_beside_second(
         raise BadInput(f"{source}: the points do not tell how high its line is beside a second one")
     found = _with_added(found, background, fit.values[7:], frequency_hz, height)
     share = complex(*fit.values[3:5]) / float(fit.values[2])
-    told = SecondLine(frequency_hz=eta, width_hz=width, height=share)
+    told = SecondLine(
+        frequency_hz=eta, width_hz=width, share=abs(share), phase_rad=cmath.phase(share)
+    )
     if not (other.converged and _squares(other) - _squares(fit) < ALLOWED * fit.variance):
         return found, told
     mirrored = abs(complex(*other.values[3:5]) / float(other.values[2]))

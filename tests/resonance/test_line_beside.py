@@ -5,6 +5,7 @@ Against closed forms with known truth: |a g| + c + c' (f - f0), |a g + b|, a g +
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -86,7 +87,7 @@ def test_both_amplitudes_of_a_curve_are_told_with_their_errors_by_line_and_campa
 
 @pytest.mark.parametrize("parts", [np.abs, np.asarray], ids=["amplitudes", "complex"])
 def test_a_weak_second_line_is_told_and_fitted_beside_the_first(
-    parts: type[np.ndarray],
+    parts: type[np.ndarray], tmp_path: Path
 ) -> None:
     """A tenth as high, 60 Hz apart, at any phase; without it the width was 3 errors off."""
     f = np.linspace(8930.0, 9130.0, 401)
@@ -98,10 +99,13 @@ def test_a_weak_second_line_is_told_and_fitted_beside_the_first(
         assert found.second is not None
         assert found.second.frequency_hz == pytest.approx(9060.0, abs=2.0)
         assert found.second.width_hz == pytest.approx(9.0, rel=0.5)
-        heights = [abs(found.second.height), found.second.mirrored]
+        heights = [found.second.share, found.second.mirrored]
         assert min(abs(height - 0.1) for height in heights if height == height) < 0.03
         held += holds(found.frequency_ci95_hz, 9000.0) + holds(found.width_ci95_hz, 6.0)
         assert re.search(r"another line near 9\.0\d+ kHz", repr(found))
+    ff.write_line(found, tmp_path)
+    written = json.loads((tmp_path / "line.json").read_text("utf-8"))
+    assert written["second"]["frequency_hz"] == pytest.approx(9060.0, abs=2.0)
     assert held >= 16  # 19 +- 1
 
 

@@ -168,8 +168,8 @@ def _second(line: Line) -> list[str]:
     if line.second is None:
         return []
     second = line.second
-    size = f"{number(100.0 * abs(second.height), 2)} %"
-    if abs(second.mirrored - abs(second.height)) > SECOND_DIFFERS * abs(second.height):
+    size = f"{number(100.0 * second.share, 2)} %"
+    if abs(second.mirrored - second.share) > SECOND_DIFFERS * second.share:
         size += f" (or {number(100.0 * second.mirrored, 2)} %: without phases both describe it)"
     return [
         f"There is another line near {hertz(second.frequency_hz, digits=6)}, "
