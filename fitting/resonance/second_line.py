@@ -5,8 +5,8 @@ What the best form of one line leaves is held against every place and width of a
     r(f) = Re[c g'(f)]   of amplitudes,        r(f) = c g'(f)   of complex values
 
 as the first one hardly turns in phase away from its top. The best place is where both are then
-fitted together. A second line is there where noise, which hangs together as what is left does,
-gains as much at any of the points less often than `BY_CHANCE`.
+fitted together. A second line is there where noise gains as much at any of the points less often
+than `BY_CHANCE`; it hangs together, or is of unequal size, as what is left.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def _chance(trace: Trace, one: FittedForm, both: FittedForm) -> float:
     """
     rows = trace.values.size * (2 if trace.is_complex else 1)
     more = max(1, both.unknowns - one.unknowns)
-    freedom = max(1.0, (rows - both.unknowns) / both.structure.together**2)
+    freedom = max(1.0, (rows - both.unknowns) / both.structure.widening**2)
     squares = max(both.squares, rows * SMALLEST_RESIDUAL**2)
     gain = max(0.0, (one.squares - squares) / more * freedom / squares)
     return trace.values.size * float(fdtrc(more, freedom, gain))
