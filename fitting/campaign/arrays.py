@@ -246,7 +246,8 @@ class Sweep:
             points; "maximum": ratio of the maxima; "robust": Huber's estimate over the points;
             "free": a fitted one; "none": 1.
         background: Of the line that is fitted to it without the FMU: "none" or "complex"; "offset"
-            (use "fit"): a constant added to the amplitudes, which is solved beside the FMU's, too.
+            (use "fit"): a constant added to the amplitudes, which is solved beside the FMU's, too;
+            "slope": one that changes linearly with frequency.
         amplitude_unit: The detector's.
         series: Measurements of one series share their scale and setup.
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+
+import numpy as np
 
 from fitting.campaign.file import ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement
@@ -12,6 +15,7 @@ from fitting.campaign.measured import Phases, Spectrum
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.setup import Setup
+from fitting.signal.single_points import single_points
 from fitting.text.arrays import FloatArray, Scalar
 
 
@@ -62,6 +66,18 @@ class SweepData:
     notes: Mapping[str, str] | None = None
     setting_sigma: Mapping[str, float] = field(default_factory=dict)
     label: str = ""
+
+    @cached_property
+    def far_off(self) -> tuple[tuple[int, float], ...]:
+        """Single points that no line of its grid makes: number, and what would be likely there."""
+        found = single_points(self.frequency_hz, self.amplitude_v)
+        return tuple((k, abs(there)) for k, there in found)
+
+    @cached_property
+    def of_line(self) -> tuple[FloatArray, FloatArray]:
+        """Frequencies, Hz, and amplitudes, of ``unit``, of the points that may be its line's."""
+        away = [k for k, _ in self.far_off]
+        return np.delete(self.frequency_hz, away), np.delete(self.amplitude_v, away)
 
 
 @dataclass(frozen=True)

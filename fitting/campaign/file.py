@@ -20,7 +20,7 @@ from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
-from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS, OFFSET
+from fitting.signal.peaks import ADDED, BACKGROUNDS, FLOOR_KINDS
 from fitting.signal.scale import SCALES
 from fitting.text.choices import CRITERIA, ESTIMATORS, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput
@@ -364,7 +364,8 @@ class WrittenSweep(WrittenTrace):
     over the sweep; "robust": Huber's estimate over it; "free": a fitted ln_scale; "none": 1."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
     """Of the line fit to the sweep: "none" or one "complex" constant; "offset" (use = "fit"): a
-    constant that is added to its amplitudes, as a detector's zero, solved beside the FMU's, too."""
+    constant that is added to its amplitudes, as a detector's zero, solved beside the FMU's, too;
+    "slope": one that changes linearly with frequency."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -382,12 +383,12 @@ def offset_trouble(background: str, use: str, scale: str) -> tuple[str, ...]:
         use: of the sweep.
         scale: of the sweep.
     """
-    if background != OFFSET:
+    if background not in ADDED:
         return ()
     if use != "fit":
-        return ('"offset" has a meaning with use = "fit" only',)
+        return (f'"{background}" has a meaning with use = "fit" only',)
     if scale in ("maximum", "robust"):
-        return (f'"offset" is solved with scale = "fit", "free" or "none", found "{scale}"',)
+        return (f'"{background}" is solved with scale = "fit", "free" or "none", found "{scale}"',)
     return ()
 
 

@@ -15,7 +15,7 @@ from fitting.draft.model import Offer
 from fitting.draft.values import Box
 from fitting.resonance.form import FANO, SLOPED
 from fitting.resonance.reading import Roles
-from fitting.signal.peaks import OFFSET
+from fitting.signal.peaks import OFFSET, SLOPE
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz
 from fitting.text.toml import Tables, put, rewritten, toml_text
@@ -308,6 +308,9 @@ def _add_sweeps(
         if beside == OFFSET and fitted:
             tables["sweep"]["background"] = OFFSET
             remarks["sweep", "background"] = "a constant beside the line: solved inside"
+        if beside == SLOPED and fitted:
+            tables["sweep"]["background"] = SLOPE
+            remarks["sweep", "background"] = "with a slope, beside the line: solved inside"
         remarks["sweep", "use"] = "every point is fitted, too"
         remarks["sweep", "scale"] = "of measured over simulated amplitudes: by least squares"
 

@@ -18,8 +18,8 @@ from fitting.draft.source import Source
 from fitting.draft.traces import Recording, decays, traces_of
 from fitting.draft.trial import Trial
 from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
-from fitting.resonance.form import FANO, WORDS_BESIDE
-from fitting.resonance.line import Line, LineForm
+from fitting.resonance.form import FANO, SLOPED, WORDS_BESIDE, WORDS_BESIDE_COMPLEX
+from fitting.resonance.line import Line
 from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -145,9 +145,10 @@ def _boxes(boxes: Sequence[Box]) -> list[str]:
     ]
 
 
-def _beside(form: LineForm) -> list[str]:
+def _beside(line: Line) -> list[str]:
     """What was found beside the line, which the campaign has too."""
-    beside = [WORDS_BESIDE[form.name]] if form.name in WORDS_BESIDE else []
+    form, known = line.forms[0], WORDS_BESIDE_COMPLEX if line.is_complex else WORDS_BESIDE
+    beside = [known[form.name]] if form.name in known else []
     beside += ["the delay of a cable"] if form.delayed else []
     return [f"Beside the line, found by comparing: {listed(beside)}."] if beside else []
 
@@ -155,6 +156,8 @@ def _beside(form: LineForm) -> list[str]:
 def _beyond_fmu(line: Line) -> list[str]:
     """What stands beside a line of amplitudes is in no FMU: what the campaign does about it."""
     size = f"{number(line.beside, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
+    if line.forms[0].name == SLOPED:
+        return [f"The campaign solves for it beside the FMU's amplitudes; here it is {size} at f."]
     if line.forms[0].name == OFFSET:
         return [f"The campaign solves for it beside the FMU's amplitudes; here it is {size}."]
     if line.forms[0].name == SINGLE:
@@ -198,7 +201,7 @@ def _said(files: Files) -> list[str]:
             f = quantity(sweep.line.frequency_hz, sweep.line.frequency_std_hz, "Hz")
             width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
-            said += _beside(sweep.line.forms[0])
+            said += _beside(sweep.line)
             said += [] if sweep.is_complex else _beyond_fmu(sweep.line)
         elif sweep.two is not None and files.line is None:
             places = listed(

@@ -10,7 +10,8 @@ from pathlib import Path
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import Columns, Roles, map_in, read_trace_of, roles_of
-from fitting.resonance.two_lines import TwoLines, TwoResonances
+from fitting.resonance.spikes import spike_words, spikes_in
+from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
 from fitting.text.errors import BadInput, gathered
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
@@ -18,6 +19,8 @@ from fitting.text.units import same_kind
 #: The column that makes a table one of experiments.
 LABEL = "experiment"
 PHASE_UNITS = ("deg", "rad", "°")
+#: What becomes of a single point that was left out of a line.
+COUNTED = "The campaign counts it as every other point: better without its row in the file."
 SIGMA_PREFIXES = ("s_", "sigma", "std", "err")
 
 
@@ -163,13 +166,17 @@ def _map(path: Path, columns: Columns, *, alone: bool) -> list[MapFile]:
 def _sweep(path: Path, columns: Columns) -> SweepFile:
     roles, trace = roles_of(path, columns), read_trace_of(path, columns)
     line, trouble, two = None, "", None
+    said = [*trace.said, *(f"{spike_words(s, trace.unit)} {COUNTED}" for s in spikes_in(trace))]
     try:
         line = line_of(trace)
+        if line.second is not None:  # a model of two modes describes both
+            two = as_two(line.frequency_hz, line.width_hz, line.second)
+            line = None
     except TwoResonances as error:
         trouble, two = str(error), error.lines
     except BadInput as error:
         trouble = str(error)
-    return SweepFile(path=path, roles=roles, said=trace.said, line=line, trouble=trouble, two=two)
+    return SweepFile(path=path, roles=roles, said=tuple(said), line=line, trouble=trouble, two=two)
 
 
 def _table(path: Path) -> TableFile | None:

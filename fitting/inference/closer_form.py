@@ -37,10 +37,12 @@ from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
 from fitting.signal.lines_together import LinesTogether, lines_together
 from fitting.signal.peaks import (
+    ADDED,
     BESIDE_WORDS,
     FLOOR,
     OFFSET,
     RICE,
+    SLOPE,
     TAIL,
     UNKNOWNS,
     Resonance,
@@ -51,7 +53,7 @@ from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
 
 #: The forms that are tried.
-TRIED = ("complex", OFFSET, FLOOR, RICE)
+TRIED = ("complex", OFFSET, SLOPE, FLOOR, RICE)
 #: Mean squares over those of the other form, and probability, from which the model is given up.
 RATIO, IMPROBABLE = 25.0, 1e-4
 #: Lines side by side that are tried, in words, and rows for each unknown, at least.
@@ -82,7 +84,7 @@ def _amplitudes(solution: Solution) -> Iterator[Adequacy | None]:
                 sweep.frequency_hz,
                 sweep.amplitude_v,
                 solution.final.residuals[mine],
-                beside=OFFSET if sweep.has_offset else "none",
+                beside=sweep.added,
                 resolved=_resolved(solution, k),
             )
 
@@ -136,7 +138,8 @@ def compared(
         frequency_hz: rising, shape (n,), Hz.
         amplitude_v: peak, shape (n,), V.
         residuals: of the model, over the largest amplitude, shape (n,).
-        beside: what is solved for beside the model, "none" or "offset": forms with more are tried.
+        beside: what is solved for beside the model, "none", "offset" or "slope": forms with more
+            are tried.
         resolved: residuals that say nothing, over the largest amplitude, root mean square.
     """
     largest = float(np.max(amplitude_v))
@@ -147,16 +150,24 @@ def compared(
     ]
     if not found or residuals.size <= max(UNKNOWNS[name] for name in TRIED):
         return None
-    squares, name, form = min(found, key=lambda each: each[0])
-    key = f'[sweep] background = "{OFFSET}"' if name == OFFSET else ""
-    left = _Form(
-        squares=max(squares, residuals.size * resolved**2),
-        rows=residuals.size,
-        unknowns=UNKNOWNS[name],
-        tested=lambda: form.structure,
-        words=f"a line with {BESIDE_WORDS[name]}",
-        remedy=key,
-    )
+    forms = {
+        name: _Form(
+            squares=max(squares, residuals.size * resolved**2),
+            rows=residuals.size,
+            unknowns=UNKNOWNS[name],
+            tested=partial(lambda each: each.structure, form),
+            words=f"a line with {BESIDE_WORDS[name]}",
+            remedy=f'[sweep] background = "{name}"' if name in ADDED else "",
+        )
+        for squares, name, form in found
+    }
+    slope = forms.pop(SLOPE, None)
+    left = min(forms.values(), key=lambda each: each.squares, default=slope)
+    if left is None:
+        return None
+    # every constant is a slope, too, and leaves more by what noise gains by that
+    if slope is not None and slope.chance(left.squares, UNKNOWNS[OFFSET]) < IMPROBABLE:
+        left = slope
     return _held(residuals, UNKNOWNS[beside], left)
 
 
@@ -308,7 +319,7 @@ def _words(form: LinesTogether, frequency_hz: FloatArray, more: int) -> str:
     lines = form.below.size
     if not seen or len({mode.width_hz > 0.0 for mode in seen}) > 1:  # phases run one way
         return ""
-    beside = ["", f" with {BESIDE_WORDS['complex']}", f" with {BESIDE_WORDS['slope']}"]
+    beside = ["", f" with {BESIDE_WORDS['complex']}", f" with {BESIDE_WORDS['complex slope']}"]
     if lines == 1:
         return f"a line{beside[form.above.size - lines]}" if more else "a line of its own"
     if lines == 2 and len(seen) == len(tails) == 1:

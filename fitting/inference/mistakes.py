@@ -1,7 +1,8 @@
 """Mistakes of a laboratory that the data themselves show: each named, none modelled.
 
 A sweep that is no line, peaks that changed places, a tone that nobody declared, peaks and a sweep
-on two scales. What is said is what the data show; what made it is asked.
+on two scales, a box that is a thousand times off the line. What is said is what the data show; what
+made it is asked.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting.campaign import Experiment
+from fitting.campaign import Experiment, SweepData
+from fitting.campaign.parameters import Parameter
 from fitting.fit.noise import noise_of
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
@@ -23,7 +25,9 @@ from fitting.measurements.sweep import Sweep
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import unknown_line
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
-from fitting.text.notation import hertz, with_error
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz, number, prefixed, with_error
+from fitting.text.units import convert
 
 #: Factors between the amplitudes of a sweep and of peaks, and what makes them.
 FACTORS = {
@@ -39,6 +43,14 @@ BENT_SCALE = ' The scale of the peaks is taken from this sweep (scale = "free" t
 MOST_MISSING = 0.9
 #: Chi square of two peaks from which they may have changed places, and what is left if they did.
 SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
+#: Factors of a unit with a wrong prefix, in words, and ends of a box that tells where a line is.
+PREFIXES = {1e3: "1000 times as high", 1e-3: "1000 times as low", 1e6: "a million times as high"}
+PREFIXES |= {1e-6: "a million times as low"}
+NARROW = 10.0
+#: What is said of a single point.
+FAR_OFF = "far off its neighbours"
+#: What is asked of such a box.
+SLIPPED = "is a unit wrong"
 #: Highest order of mixtures of tones that explain a line of a spectrum.
 MIXED_ORDER = 5
 
@@ -123,7 +135,7 @@ def _faults(
     for name, bound in problem.campaigns.items():
         if bound.sweep is None or bound.sweep.background != "none" or name in explained:
             continue
-        faults = sweep_faults(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
+        faults = sweep_faults(*bound.sweep.of_line)
         lines = [f for f in faults if _is_like_lines(f)]
         if lines and solution is not None and explained_by_model(solution, name):
             faults = tuple(f for f in faults if f not in lines)
@@ -138,7 +150,7 @@ def _is_like_lines(found: SweepFault) -> bool:
 
 
 def _sentences(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> list[str]:
-    said = []
+    said = single_sentences(problem)
     for name, faults in found.items():
         for fault in faults:
             bent = fault.fault in BENT_TOPS and _gives_scale(problem, name)
@@ -252,6 +264,73 @@ def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
                     "if they have changed places: were their labels exchanged?"
                 )
     return said
+
+
+def single_sentences(problem: Problem) -> list[str]:
+    """Single points of sweeps that no line of their grid makes.
+
+    Args:
+        problem: with its sweeps.
+    """
+    sweeps = [bound.sweep for bound in problem.campaigns.values() if bound.sweep is not None]
+    return [_single(sweep, k, there) for sweep in sweeps for k, there in sweep.far_off]
+
+
+def _single(sweep: SweepData, k: int, there: float) -> str:
+    size = float(sweep.amplitude_v[k])
+    factor, unit = prefixed(size, sweep.unit)
+    return (
+        f"One point of the sweep, at {hertz(float(sweep.frequency_hz[k]))}, is "
+        f"{number(size / factor, 3)} {unit}, {FAR_OFF}, which make {number(there / factor, 3)} "
+        f"{unit} likely: no line that these points could tell of. It counts as every other one; "
+        "without its row in the file it would not."
+    )
+
+
+def slipped_sentences(problem: Problem, lines: Mapping[str, SweepLine]) -> list[str]:
+    """A box of a frequency that is 1000 times off the line of the sweep, which lies in none.
+
+    A wide box tells no place, as that of a width does not; told only where every box that tells
+    one is so far off.
+
+    Args:
+        problem: with its parameters.
+        lines: that its sweeps show by themselves, by series.
+    """
+    said = []
+    for name, line in lines.items():
+        sweep = problem.campaigns[name].sweep
+        boxes = [(p.name, *_box_hz(p)) for p in problem.parameters]
+        boxes = [box for box in boxes if 0.0 < box[1] < box[2] < NARROW * box[1]]
+        slips = [_slip(line.frequency_hz, low, high) for _, low, high in boxes]
+        if sweep is None or not slips or not all(slips):
+            continue
+        (parameter, low, high), slip = boxes[0], slips[0]
+        box = hertz(low, high, digits=6)
+        said.append(
+            f"The line of {sweep.source.name} is at {hertz(line.frequency_hz, digits=6)}, but "
+            f"{parameter} may lie between {box} only, {slip}: {SLIPPED}, that of the parameter or "
+            "of the file's frequencies?"
+        )
+    return said
+
+
+def _box_hz(parameter: Parameter) -> tuple[float, float]:
+    """Ends of a box in Hz; NaN for another unit."""
+    try:
+        low, high = (
+            convert(end, parameter.unit, "Hz", where=parameter.name)
+            for end in (parameter.lower, parameter.upper)
+        )
+    except BadInput:
+        return math.nan, math.nan
+    return low, high
+
+
+def _slip(frequency_hz: float, low_hz: float, high_hz: float) -> str:
+    """By which factor of a prefix a box is off a frequency, in words; empty without one."""
+    found = (w for factor, w in PREFIXES.items() if low_hz <= factor * frequency_hz <= high_hz)
+    return next(found, "")
 
 
 def line_sentences_of(experiments: Sequence[Experiment]) -> list[str]:

@@ -11,7 +11,15 @@ from scipy.special import fdtrc
 
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
-from fitting.signal.peaks import BESIDE_WORDS, OFFSET, UNKNOWNS, Resonance, fit_resonance
+from fitting.signal.peaks import (
+    ADDED,
+    BESIDE_WORDS,
+    OFFSET,
+    SLOPE,
+    UNKNOWNS,
+    Resonance,
+    fit_resonance,
+)
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOLD, found_words
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -64,12 +72,12 @@ class SweepLine:
     amplitude. NaN where the sweep shows no such line: ``message`` says why, or how the fit ended.
     ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
     the head of its file says. ``fits`` are the fits without and with a complex background, whatever
-    the campaign chose, and with an offset if it chose that or that leaves less; ``background_p`` is
-    the probability that noise alone lets the last of them gain as much (F-test), NaN where one of
-    them failed or nothing is left to gain. ``values`` names
-    values of the fit that are this line's "frequency", "width" or "q" (`line_values`).
+    the campaign chose, and with an offset, or one with a slope, if it chose that or that leaves
+    less; ``background_p`` is the probability that noise alone lets the last of them gain as much
+    (F-test), NaN where one of them failed or nothing is left to gain. ``values`` names values of
+    the fit that are this line's "frequency", "width" or "q" (`line_values`).
     ``amplitude_mirrored`` is the other amplitude with which, beside a complex background, the sweep
-    has the same curve, NaN where there is none.
+    has the same curve, and its error, NaN where there is none.
     """
 
     frequency_hz: float
@@ -91,6 +99,7 @@ class SweepLine:
     background_p: float = float("nan")
     values: Mapping[str, str] = field(default_factory=dict)
     amplitude_mirrored: float = math.nan
+    amplitude_mirrored_std: float = math.nan
 
 
 def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
@@ -147,21 +156,31 @@ def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
         fits=fits,
         freedom=fit.freedom,
         amplitude_mirrored=fit.mirrored,
-        background_p=background_p(sweep.amplitude_v, tried["none"], *list(tried.items())[-1]),
+        amplitude_mirrored_std=fit.mirrored_std,
+        background_p=background_p(sweep.of_line[1], tried["none"], *list(tried.items())[-1]),
     )
 
 
 def _tried(sweep: SweepData) -> dict[str, Resonance | str]:
     """The fits without and with a complex background; last one with an offset, where that is more.
 
-    An offset is tried where the campaign names it or it leaves less than a complex background.
+    An offset is tried where the campaign names it or it leaves less than a complex background; one
+    with a slope where the campaign names it, or noise alone would not let it gain as much over all
+    of them.
     """
     tried = {background: _fit(sweep, background) for background in COMPARED}
-    offset, full = _fit(sweep, OFFSET), tried["complex"]
-    less = not isinstance(offset, str) and (isinstance(full, str) or _left(offset) < _left(full))
-    if sweep.background == OFFSET or less:
+    offset, slope = _fit(sweep, OFFSET), _fit(sweep, SLOPE)
+    if sweep.background == OFFSET or _is_less(offset, tried["complex"]):
         tried[OFFSET] = offset
+    seen = background_p(sweep.of_line[1], offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
+    if sweep.background == SLOPE or (seen and _is_less(slope, tried["complex"])):
+        tried[SLOPE] = slope
     return tried
+
+
+def _is_less(fit: Resonance | str, other: Resonance | str) -> bool:
+    """Whether a fit leaves less than another one, or than nothing."""
+    return not isinstance(fit, str) and (isinstance(other, str) or _left(fit) < _left(other))
 
 
 def _left(fit: Resonance) -> float:
@@ -173,7 +192,7 @@ def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resona
     """The fit, or that it is none where a model leaves noise and it leaves far more."""
     if isinstance(fit, str) or math.isnan(left) or fit.structure.order == 0:
         return fit
-    own = _left(fit) / float(np.max(sweep.amplitude_v))
+    own = _left(fit) / float(np.max(sweep.of_line[1]))
     if not own > FAR_MORE * max(left, SMALLEST_RESIDUAL):
         return fit
     return (
@@ -185,9 +204,7 @@ def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resona
 def _fit(sweep: SweepData, background: str) -> Resonance | str:
     """The fit, or the sentence why there is none."""
     try:
-        return fit_resonance(
-            sweep.frequency_hz, sweep.amplitude_v, background=background, source=sweep.source.name
-        )
+        return fit_resonance(*sweep.of_line, background=background, source=sweep.source.name)
     except BadInput as error:
         return str(error)
 
@@ -228,7 +245,11 @@ def _line_fit(background: str, fit: Resonance | str) -> LineFit:
 
 
 def background_p(
-    amplitude_v: FloatArray, plain: Resonance | str, name: str, full: Resonance | str
+    amplitude_v: FloatArray,
+    plain: Resonance | str,
+    name: str,
+    full: Resonance | str,
+    of: str = "none",
 ) -> float:
     """Probability that noise alone lets a background gain this much; NaN if not to be told.
 
@@ -240,9 +261,10 @@ def background_p(
 
     Args:
         amplitude_v: amplitudes (n,), V peak.
-        plain: line without a background.
-        name: of the background, "complex" or "offset".
+        plain: line without a background, or with a simpler one.
+        name: of the background, "complex", "offset" or "slope".
         full: line with it.
+        of: name of the simpler background.
     """
     if isinstance(plain, str) or isinstance(full, str):
         return math.nan
@@ -254,7 +276,7 @@ def background_p(
     )
     if not left > 0.0:
         return 0.0
-    more = UNKNOWNS[name] - UNKNOWNS["none"]
+    more = UNKNOWNS[name] - UNKNOWNS[of]
     freedom = (amplitude_v.size - UNKNOWNS[name]) / full.structure.widening**2
     return float(fdtrc(more, freedom, max(0.0, (without - left) / more * freedom / left)))
 
@@ -282,8 +304,11 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
         )
         if fitted:
             text += " Values fitted through an FMU that has no background share this dependence."
-        if fitted and full.background == OFFSET:
-            text += ' [sweep] background = "offset" solves for it beside the FMU\'s amplitudes.'
+        if fitted and full.background in ADDED:
+            text += (
+                f' [sweep] background = "{full.background}" solves for it beside the FMU\'s '
+                "amplitudes."
+            )
         said.append(text)
     return said
 
@@ -325,7 +350,8 @@ def _or_mirrored(line: SweepLine) -> str:
     other = line.amplitude_mirrored
     if not abs(other - line.amplitude) > line.amplitude_std:
         return ""
-    return f" or, the curve being the same, {quantity(other, line.amplitude_std, line.unit)}"
+    same = quantity(other, line.amplitude_mirrored_std, line.unit)
+    return f" or, the curve being the same, {same}"
 
 
 def _structure_words(fit: LineFit) -> str:
@@ -354,7 +380,7 @@ def depends_on_background(line: SweepLine) -> bool:
     Args:
         line: that the sweep shows by itself.
     """
-    if line.background == OFFSET or math.isnan(line.background_p):
+    if line.background in ADDED or math.isnan(line.background_p):
         return False
     plain, full = line.fits[0], line.fits[-1]
     apart = abs(full.width_hz - plain.width_hz) / math.hypot(plain.width_std_hz, full.width_std_hz)

@@ -25,6 +25,7 @@ from fitting.inference.mistakes import (
     SweepFindings,
     contradiction_sentences,
     line_sentences_of,
+    slipped_sentences,
     swapped_sentences,
 )
 from fitting.inference.phase_readings import phase_sentences
@@ -67,6 +68,7 @@ class Kind(Enum):
     PEAKS = "weak peaks"
     SCALE = "the scale"
     BOUND = "a value on a bound of its box"
+    SLIPPED = "a box that is a thousand times off the line"
     INFLATION = "residuals beyond the noise"
     STRUCTURE = "residuals that are no noise of one size"
     MINIMA = "other minima"
@@ -130,6 +132,7 @@ def fit_warnings(
     return [
         *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
+        *warned(Kind.SLIPPED, slipped_sentences(problem, sweeps.lines)),
         *warned(Kind.BOUND, _on_bounds(solution)),
         *warned(Kind.INFLATION, _inflation(inflation) if describes else ()),
         *warned(Kind.STRUCTURE, _structure(solution)),

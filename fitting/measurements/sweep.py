@@ -31,7 +31,7 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, both
 from fitting.measurements.tones import PLATEAU
-from fitting.signal.peaks import OFFSET, Resonance, fit_resonance
+from fitting.signal.peaks import ADDED, OFFSET, SLOPE, Resonance, along, fit_resonance
 from fitting.signal.scale import (
     FINE_POINTS,
     SCALES,
@@ -81,9 +81,10 @@ class Sweep(MeasurementKind):
     `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error;
     `label` is empty where nothing is fitted for it alone, as an offset is; `unit` is that of the
     amplitudes, `background` that of the line which its figure shows; with "offset" a constant
-    beside the amplitudes of a fitted sweep is solved inside, too:
+    beside the amplitudes of a fitted sweep is solved inside, too, with "slope" it changes with
+    frequency:
 
-        r_i = (chi A(f_i) + c - L_i)/max L        c = mean(L - chi A)
+        r_i = (chi A(f_i) + c + c' x_i - L_i)/max L        c, c' by least squares
 
     Raises:
         ValueError: no points, shapes that differ, an unknown scale.
@@ -144,41 +145,56 @@ class Sweep(MeasurementKind):
 
     @cached_property
     def measured_rows(self) -> FloatArray:
-        """Measured amplitude over the maximum, (rows,); over its mean, where c follows chi."""
+        """Measured amplitude over the maximum, (rows,); less its background, which follows chi."""
         return self._shape / self.maximum_v if self.fitted else np.empty(0)
 
     @property
-    def has_offset(self) -> bool:
-        """Whether a constant beside its amplitudes is solved inside."""
-        return self.fitted and self.background == OFFSET
+    def added(self) -> str:
+        """What is solved inside beside its amplitudes: "offset", "slope", or nothing: "none"."""
+        return self.background if self.fitted and self.background in ADDED else "none"
+
+    @cached_property
+    def _beside(self) -> FloatArray:
+        """Columns (n, k), orthogonal, of what is added to the amplitudes: 1, and x."""
+        if self.added == "none":
+            return np.empty((self.amplitude_v.size, 0))
+        whole = np.ones(self.amplitude_v.size)
+        if self.added == OFFSET:
+            return whole[:, None]
+        x = along(self.frequency_hz)
+        return np.stack([whole, x - np.mean(x)], axis=1)
 
     @property
     def _shape(self) -> FloatArray:
-        """Measured amplitudes (n,), less their mean where a constant stands beside them."""
-        return self._less_mean(self.amplitude_v)
+        """Measured amplitudes (n,), less what a background beside them would make of them."""
+        return self._less_beside(self.amplitude_v)
 
-    def _less_mean(self, amplitudes: FloatArray) -> FloatArray:
-        return np.asarray(amplitudes - np.mean(amplitudes)) if self.has_offset else amplitudes
+    def _less_beside(self, amplitudes: FloatArray) -> FloatArray:
+        return np.asarray(amplitudes - self._projected(amplitudes))
 
-    def offset(self, prediction: Prediction, chi: float) -> float:
-        """The constant c beside the amplitudes, in ``unit``; zero where none is solved for.
+    def _projected(self, amplitudes: FloatArray) -> FloatArray:
+        """What of amplitudes (n,) is a background, by least squares."""
+        columns = self._beside
+        squares = np.sum(columns**2, axis=0)
+        return np.asarray(columns @ ((columns.T @ amplitudes) / np.where(squares, squares, 1.0)))
+
+    def offset(self, prediction: Prediction, chi: float) -> FloatArray:
+        """The background beside the amplitudes (n,), in ``unit``; zero where none is solved for.
 
         Args:
             prediction: of the sweep, without scale.
             chi: scale, laboratory over simulation.
         """
-        return (
-            float(np.mean(self.amplitude_v - chi * _real(prediction))) if self.has_offset else 0.0
-        )
+        return self._projected(self.amplitude_v - chi * _real(prediction))
 
     @property
     def solved_inside(self) -> int:
-        """The constant."""
-        return int(self.has_offset)
+        """The constant, and its slope."""
+        return int(self._beside.shape[1])
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
-        """Derivatives (rows, 1) of the rows by the constant over the maximum."""
-        return np.ones((self.rows, self.solved_inside))
+        """Derivatives (rows, k) of the rows by the background's numbers over the maximum."""
+        return self._beside if self.fitted else np.empty((0, 0))
 
     @property
     def takes_scale_from_rows(self) -> bool:
@@ -349,15 +365,15 @@ class Sweep(MeasurementKind):
         return Scale(chi_of_maxima(self.maximum_v, maximum.value), bias)
 
     def _least_squares(self, simulated: FloatArray) -> float:
-        """chi by least squares, beside the constant if there is one.
+        """chi by least squares, beside the background if there is one.
 
         A simulated line elsewhere goes with what the constant leaves in the wrong sense: chi stays
         positive.
         """
         chi = chi_of_sweep(self.amplitude_v, simulated)
-        if not self.has_offset:
+        if not self.solved_inside:
             return chi
-        shape = self._less_mean(simulated)
+        shape = self._less_beside(simulated)
         if not np.max(shape) > 0.0:
             return chi
         return max(chi_of_sweep(self._shape, shape), LEAST_SHARE * chi)
@@ -369,7 +385,7 @@ class Sweep(MeasurementKind):
         return (self.scaled(prediction, chi) - self.amplitude_v) / self.maximum_v
 
     def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
-        """The prediction times the scale, and the constant."""
+        """The prediction times the scale, and the background."""
         return chi * _real(prediction) + self.offset(prediction, chi)
 
     def share_left(self, residuals: FloatArray) -> float:
@@ -398,7 +414,8 @@ class Sweep(MeasurementKind):
             unit=self.unit,
         )
         role = "is fitted point by point" if self.fitted else "sets the scale χ only"
-        role += " beside a constant, which is solved for" if self.has_offset else ""
+        beside = {OFFSET: " beside a constant", SLOPE: " beside a constant with a slope"}
+        role += f"{beside[self.added]}, which is solved for" if self.solved_inside else ""
         if resonance is None:
             line = f"One damped mode could not be fitted to it: {found}"
         else:

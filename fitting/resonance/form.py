@@ -5,7 +5,8 @@
 
 ``transmission`` is the line alone (b = b' = 0), ``fano`` has the constant b beside it, ``sloped``
 the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for; but what knows no
-phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``floor`` is
+phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``sloped`` of amplitudes
+|a g| + c + c' x (a zero that drifts, or changes with frequency), ``floor`` is
 sqrt(|a g|^2 + c^2) (noise of which powers were averaged), ``rice`` the mean amplitude with the same
 noise, ``single`` has that noise in every point, a single reading, as Rice's distribution says, and
 ``tail`` is |a g + c g'|, g' of another line outside of the points. With phases the tails
@@ -15,9 +16,10 @@ reflection are curves of the form ``fano``: only what a and b mean is different 
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,9 +40,12 @@ from fitting.signal.peaks import (
     OFFSET,
     RICE,
     SINGLE,
+    SLOPE,
     TAIL,
     UNKNOWNS,
     Resonance,
+    SecondLine,
+    fit_beside_second,
     fit_beside_tail,
     fit_resonance,
     mode_response,
@@ -57,16 +62,19 @@ AMPLITUDE_FORMS = {
     TRANSMISSION: "none",
     SINGLE: SINGLE,
     OFFSET: OFFSET,
+    SLOPED: SLOPE,
     FLOOR: FLOOR,
     RICE: RICE,
     FANO: "complex",
     TAIL: TAIL,
 }
-#: What each form is, in words; what stands beside the line alone.
+#: What stands beside the line in each form of amplitudes, in words, and in those of complex values.
 WORDS_BESIDE = {
-    **{form: BESIDE_WORDS[name] for form, name in AMPLITUDE_FORMS.items() if name != "none"},
-    SLOPED: BESIDE_WORDS["slope"],
+    form: BESIDE_WORDS[name] for form, name in AMPLITUDE_FORMS.items() if name != "none"
 }
+WORDS_BESIDE_COMPLEX = {**WORDS_BESIDE, SLOPED: BESIDE_WORDS["complex slope"]}
+#: Unknowns of a second line.
+MORE_OF_SECOND = 4
 #: Of the scaled unknowns, for derivatives: half of the digits of their second differences.
 STEP = 1e-5
 _BACKGROUNDS = {TRANSMISSION: "none", FANO: "constant", SLOPED: "slope"}
@@ -84,9 +92,11 @@ class FittedForm:
         width_hz: full width at half of the power, Hz, and its error.
         q: their ratio, and its error.
         amplitude: of the line alone at its eigenfrequency, in the trace's unit.
-        mirrored: the other amplitude with which amplitudes are the same curve; NaN without one.
-        beside: the constant c of amplitudes, in their unit, of ``single`` the noise of both
-            quadratures each; zero in other forms.
+        mirrored: the other amplitude with which amplitudes are the same curve, and its error; NaN
+            without one.
+        beside: the constant c of amplitudes, in their unit, of ``sloped`` at the eigenfrequency, of
+            ``single`` the noise of both quadratures each; zero in other forms.
+        slope: of amplitudes that are ``sloped``, what c changes by with every Hz.
         delay_s: of the cable, s, and its error; NaN where it was not looked for.
         unknowns: real numbers that were fitted.
         freedom: degrees of freedom of the noise; points that hang together count as fewer.
@@ -99,6 +109,7 @@ class FittedForm:
         coefficients: a, b and b' over the largest value, as many as there are; of amplitudes none.
         covariance: of frequency and width, Hz, of the delay over 1/span if it was fitted, and of
             both parts of each coefficient, scaled as the errors; of amplitudes none.
+        second: a weaker line among the points that was fitted with it.
     """
 
     name: str
@@ -111,7 +122,9 @@ class FittedForm:
     amplitude: float
     amplitude_std: float
     mirrored: float
+    mirrored_std: float
     beside: float
+    slope: float
     delay_s: float
     delay_std_s: float
     unknowns: int
@@ -123,6 +136,7 @@ class FittedForm:
     curve: FloatArray | ComplexArray
     coefficients: ComplexArray
     covariance: FloatArray
+    second: SecondLine | None = None
 
 
 def fit_amplitudes(
@@ -168,6 +182,45 @@ def fit_amplitudes(
         )
     if name in (FLOOR, RICE) and found.background.real < 0.0:
         raise BadInput(f"{source}: the noise beside its line would have a negative power")
+    return _of_amplitudes(name, found, amplitude, likely_squares)
+
+
+def fit_amplitudes_with_second(
+    frequency_hz: FloatArray,
+    amplitude: FloatArray,
+    best: FittedForm,
+    name: str,
+    second: SecondLine,
+    source: str,
+) -> FittedForm:
+    """A form fitted to amplitudes with a second line among the points.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        amplitude: shape (n,), any unit.
+        best: form of the first line alone, where the fit begins.
+        name: of the form, one of `AMPLITUDE_FORMS` but those with phases.
+        second: where that of the second one begins.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: too few points, or lines that the points do not hold.
+    """
+    found, line = fit_beside_second(
+        frequency_hz,
+        amplitude,
+        (best.frequency_hz, best.width_hz),
+        (second.frequency_hz, second.width_hz, second.height),
+        background=AMPLITUDE_FORMS[name],
+        source=source,
+    )
+    made = _of_amplitudes(name, found, amplitude, None)
+    return replace(made, unknowns=made.unknowns + MORE_OF_SECOND, second=line)
+
+
+def _of_amplitudes(
+    name: str, found: Resonance, amplitude: FloatArray, likely_squares: float | None
+) -> FittedForm:
     left = (found.curve - amplitude) / float(np.max(amplitude))
     squares = float(left @ left)
     return FittedForm(
@@ -181,7 +234,9 @@ def fit_amplitudes(
         amplitude=found.amplitude,
         amplitude_std=found.amplitude_std,
         mirrored=found.mirrored,
+        mirrored_std=found.mirrored_std,
         beside=0.0 if name == FANO else found.background.real,
+        slope=found.slope,
         delay_s=math.nan,
         delay_std_s=math.nan,
         unknowns=UNKNOWNS[AMPLITUDE_FORMS[name]],
@@ -288,11 +343,14 @@ class ComplexForm:
         name: one of `FORMS`.
         delayed: whether the delay of a cable is fitted, too.
         tails_hz: frequency and full width of other lines, outside of the points, Hz.
+        second_hz: where a second line among the points begins, and how wide, Hz; None: there is
+            none.
     """
 
     name: str
     delayed: bool
     tails_hz: Sequence[tuple[float, float]] = ()
+    second_hz: tuple[float, float] | None = None
 
 
 def fit_complex(
@@ -320,7 +378,10 @@ def fit_complex(
 
 
 class _ComplexFit:
-    """Shift of the line and logarithm of its width, over guesses, and the delay over 1/span."""
+    """Shift of the line and logarithm of its width, over guesses, and the delay over 1/span.
+
+    Where there is a second line, its shift and logarithm of the width come last.
+    """
 
     def __init__(
         self,
@@ -343,13 +404,21 @@ class _ComplexFit:
         delay = self.delay0 + float(x[2]) / self.span if self.delayed else self.delay0
         return self.eta0 + self.width0 * float(x[0]), width, delay
 
+    def second(self, x: FloatArray) -> list[tuple[float, float]]:
+        """Eigenfrequency and width of the second line, Hz; none without one."""
+        if self.form.second_hz is None:
+            return []
+        eta, width = self.form.second_hz
+        return [(eta + width * float(x[-2]), width * math.exp(min(float(x[-1]), 50.0)))]
+
     def design(self, x: FloatArray) -> ComplexArray:
-        """Columns e g, e and x e, as many as the form has, and e g' of every tail: (n, columns)."""
+        """Columns e g, e and x e, as many as the form has, and e g' of every other line: (n, k)."""
         eta, width, delay = self.line(x)
         response = mode_response(self.f, eta, width)
         own = self.wiring.design(self.f, response, delay, self.middle)
         alone = Wiring()
-        tails = [alone.design(self.f, tail, delay, self.middle) for tail in self.tails]
+        others = [*self.tails, *(mode_response(self.f, *line) for line in self.second(x))]
+        tails = [alone.design(self.f, tail, delay, self.middle) for tail in others]
         return np.concatenate([own, *tails], axis=1)
 
     def solved(self, x: FloatArray) -> Solved:
@@ -362,7 +431,9 @@ class _ComplexFit:
 
     def minimised(self, source: str) -> FittedForm:
         """The form at its least sum of squares."""
-        fit = minimise_squares(self.residuals, np.zeros(3 if self.delayed else 2))
+        own = 3 if self.delayed else 2
+        begin = np.zeros(own if self.form.second_hz is None else own + 2)
+        fit = minimise_squares(self.residuals, begin)
         eta, width, delay = self.line(fit.values)
         inside = self.f[0] <= eta <= self.f[-1] and width < 3.0 * self.span
         slopes = self.slopes(fit.values)
@@ -386,7 +457,8 @@ class _ComplexFit:
         along[fit.values.size : fit.values.size + 2] = gain.real / abs(gain), gain.imag / abs(gain)
         quality = np.zeros(slopes.shape[1])
         quality[:2] = 1.0 / eta, -1.0 / width
-        told = fit.values.size + 2 * self.wiring.columns  # without the tails
+        # without other lines
+        told = [*range(own), *range(begin.size, begin.size + 2 * self.wiring.columns)]
         return FittedForm(
             name=self.form.name,
             frequency_hz=eta,
@@ -398,7 +470,9 @@ class _ComplexFit:
             amplitude=self.top * abs(gain),
             amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
             mirrored=math.nan,
+            mirrored_std=math.nan,
             beside=0.0,
+            slope=0.0,
             delay_s=delay if self.delayed else math.nan,
             delay_std_s=math.sqrt(spread[2, 2]) / self.span if self.delayed else math.nan,
             unknowns=slopes.shape[1],
@@ -409,8 +483,22 @@ class _ComplexFit:
             structure=structure,
             curve=self.top * solved.values,
             coefficients=solved.coefficients[: self.wiring.columns],
-            covariance=spread[:told, :told],
+            covariance=spread[np.ix_(told, told)],
+            second=self.second_line(fit.values, solved),
         )
+
+    def second_line(self, x: FloatArray, solved: Solved) -> SecondLine | None:
+        """The second line as it was fitted.
+
+        Args:
+            x: at the minimum.
+            solved: coefficients there.
+        """
+        for eta, width in self.second(x):
+            height = complex(solved.coefficients[-1] / solved.coefficients[0])
+            share, phase = cmath.polar(height)
+            return SecondLine(frequency_hz=eta, width_hz=width, share=share, phase_rad=phase)
+        return None
 
     def slopes(self, x: FloatArray) -> FloatArray:
         """Derivatives of the residuals by x and by both parts of all coefficients."""

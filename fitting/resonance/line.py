@@ -44,8 +44,10 @@ from fitting.resonance.further_lines import (
     further_lines,
 )
 from fitting.resonance.rival_forms import Covered, covered
+from fitting.resonance.second_line import fits_with_second, second_place
+from fitting.resonance.spikes import Spike, spikes_in, without_spikes
 from fitting.resonance.trace import Trace
-from fitting.resonance.two_lines import TwoResonances, two_lines
+from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two, two_lines
 from fitting.signal.peaks import (
     AMONG,
     FLOOR,
@@ -55,14 +57,17 @@ from fitting.signal.peaks import (
     SINGLE,
     TAIL,
     UNKNOWNS,
+    SecondLine,
 )
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, number
+from fitting.text.notation import hertz, listed, number
 
+#: Height of a second line over that of the first one up to which the first is the one meant.
+WEAK = 0.3
 #: Forms of amplitudes alone.
 AMPLITUDES_ALONE = (OFFSET, FLOOR, RICE, SINGLE, TAIL)
 #: What may be asked for: forms, and those of their readings that are no form of their own.
@@ -82,6 +87,9 @@ SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
 PLAINLY = 10.0
 #: Akaike's criterion below which a form is as good as another one.
 AS_GOOD = 2.0
+#: And by which a slope beside amplitudes must be better than all that is simpler: noise alone makes
+#: one in a hundred sweeps of it.
+SLOPE_SEEN = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +100,7 @@ class LineForm:
         name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor", "rice",
             "single" or "tail", too.
         delayed: whether the delay of a cable is fitted, too.
+        second: whether a second line among the points is fitted, too.
         criterion: Akaike's, over the least of all forms; 10 is plainly worse.
         residual: root mean square of what is left, over the line's amplitude.
         message: why it could not be fitted.
@@ -108,6 +117,7 @@ class LineForm:
     residual: float
     criterion: float
     message: str = ""
+    second: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,9 +148,11 @@ class Line:
         q: their ratio.
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         amplitude_mirrored: the other amplitude that amplitudes beside a complex constant or a tail
-            do not tell from it, in ``unit``; NaN in other forms, and where they do.
-        beside: the constant of "offset", "floor" and "rice", in ``unit``, of "single" the noise of
-            either quadrature of a reading; zero in other forms.
+            do not tell from it, in ``unit``, and its error; NaN in other forms, and where they do.
+        beside: the constant of "offset", "floor" and "rice", in ``unit``, of "sloped" amplitudes
+            its value at ``frequency_hz``, of "single" the noise of either quadrature of a reading;
+            zero in other forms.
+        beside_slope: what that of "sloped" amplitudes changes by, ``unit`` for every Hz.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
         asked: whether it was asked for, and not found.
         delay_s: of the cable, s, and its error; NaN where none was found.
@@ -156,8 +168,10 @@ class Line:
         forms: every form that was tried, the one that was taken first.
         readings: where the line is a dip, what it means in each wiring.
         faults: what makes the points no damped line.
+        second: a weaker line among the points, fitted beside this one; None without.
         further_hz: where points outside of the chosen range show another line, Hz.
         instrument: the instrument's own estimates, "frequency_hz" and "q", as far as it says.
+        spikes: single points far off their neighbours, which were left out.
         turned: whether the file counts phases the other way, as Re[value exp(-i 2 pi f t)].
         said: how the file was read, in sentences.
         points: what was measured and fitted.
@@ -176,7 +190,9 @@ class Line:
     amplitude: float
     amplitude_std: float
     amplitude_mirrored: float
+    amplitude_mirrored_std: float
     beside: float
+    beside_slope: float
     unit: str
     wiring: str
     asked: bool
@@ -193,8 +209,10 @@ class Line:
     forms: tuple[LineForm, ...]
     readings: tuple[DipReading, ...]
     faults: tuple[SweepFault, ...]
+    second: SecondLine | None
     further_hz: tuple[float, ...]
     instrument: Mapping[str, float]
+    spikes: tuple[Spike, ...]
     turned: bool
     said: tuple[str, ...]
     points: LinePoints = field(repr=False)
@@ -223,19 +241,24 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
     """
     if wiring and wiring not in WIRINGS:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
-    if wiring == SLOPED and not trace.is_complex:
-        raise BadInput(f"wiring: {SLOPED} wants phases, and {trace.source} has amplitudes alone")
     if wiring in AMPLITUDES_ALONE and trace.is_complex:
         raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
+    spikes = spikes_in(trace)
     try:
-        return _line_of(_turned(trace), wiring)
+        return _line_of(_turned(without_spikes(trace, spikes)), wiring, spikes)
     except BadInput as error:
         if trace.read:
             error.args = tuple(f"{text} (read: {trace.read})" for text in error.args)
+        if spikes:
+            left = listed(f"{s.place} at {hertz(s.frequency_hz, digits=8)}" for s in spikes)
+            error.args = tuple(
+                f"{text} (left out as single points far off their neighbours: {left})"
+                for text in error.args
+            )
         raise
 
 
-def _line_of(trace: Trace, wiring: str) -> Line:
+def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
     further = further_lines(trace)
     asked = FANO if wiring in (NOTCH, REFLECTION) else wiring
     found, failed = _fitted(trace, further, asked)
@@ -243,12 +266,18 @@ def _line_of(trace: Trace, wiring: str) -> Line:
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
     if further and not asked:
         order = _with_tail(found, criteria, order)
+    if not trace.is_complex:
+        order = _without_doubtful_slope(found, criteria, order)
     order = _without_doubtful_constant(found, criteria, order)
     order.sort(key=lambda k: bool(asked) and found[k].name != asked)
     order = _without_doubtful_delay(found, criteria, order, asked)
     best = found[order[0]]
     if asked and best.name != asked:
         raise BadInput(next(form.message for form in failed if form.name == asked))
+    both = _with_second(trace, [found[k] for k in order], further, asked)
+    if both:
+        found, criteria, order = _second_first(trace, found, both)
+        best = found[order[0]]
     _check_one(trace, best, further, failed)
     same = bool(asked) or trace.is_complex
     wider = Covered(best, (), 1.0) if same else covered(found, criteria, order[0])
@@ -267,7 +296,9 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         amplitude=best.amplitude,
         amplitude_std=best.amplitude_std,
         amplitude_mirrored=best.mirrored,
+        amplitude_mirrored_std=best.mirrored_std,
         beside=best.beside,
+        beside_slope=best.slope,
         unit=trace.unit,
         wiring=wiring or best.name,
         asked=bool(wiring),
@@ -284,12 +315,54 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
         readings=dip_readings(trace, best, wiring),
         faults=_faults(trace, best),
+        second=best.second,
         further_hz=tuple(line.frequency_hz for line in further),
         instrument=own_estimates(trace.notes),
+        spikes=tuple(spikes),
         turned=trace.turned,
         said=trace.said,
         points=_points(trace, best),
     )
+
+
+def _with_second(
+    trace: Trace, forms: Sequence[FittedForm], further: Sequence[FurtherLine], asked: str
+) -> list[FittedForm]:
+    """Forms with a second line among the points, where one is seen that is far lower.
+
+    Raises:
+        TwoResonances: it is about as high as the first one: nobody knows which is wanted.
+    """
+    best = forms[0]
+    two = two_lines(trace, best)
+    if two is not None and (two.overlap or two.share > WEAK):
+        raise _not_one(trace, two)
+    place = None if best.name == TAIL else second_place(trace, best)
+    if place is None:
+        return []
+    tails = [(line.frequency_hz, line.width_hz) for line in further]
+    both = fits_with_second(trace, forms, place, asked, tails)
+    for form in both[:1]:
+        lines = as_two(form.frequency_hz, form.width_hz, form.second)
+        if lines is not None and lines.share > WEAK:
+            raise _not_one(trace, lines)
+    return both
+
+
+def _second_first(
+    trace: Trace, found: Sequence[FittedForm], both: Sequence[FittedForm]
+) -> tuple[list[FittedForm], FloatArray, list[int]]:
+    """All forms, those of two lines first, their criteria, and the order they are taken in."""
+    forms = [*both, *found]
+    criteria = _criteria(forms, _rows(trace))
+    order = [int(k) for k in np.argsort(criteria, kind="stable")]
+    pair = [k for k in order if k < len(both)]
+    if not trace.is_complex:
+        pair = _without_doubtful_slope(forms, criteria, pair)
+    near = [k for k in pair if criteria[k] - criteria[pair[0]] < AS_GOOD]
+    simple = min(near, key=lambda k: forms[k].unknowns)
+    pair = [simple, *(k for k in pair if k != simple)]
+    return forms, criteria, [*pair, *(k for k in order if k >= len(both))]
 
 
 def _interval(value: float, error: float, freedom: float) -> tuple[float, float]:
@@ -329,6 +402,19 @@ def _without_doubtful_constant(
     if not doubtful or of_name.get(SINGLE) not in near:
         return order
     return [near[0], *(k for k in order if k != near[0])]
+
+
+def _without_doubtful_slope(
+    found: Sequence[FittedForm], criteria: FloatArray, order: list[int]
+) -> list[int]:
+    """The order in which forms of amplitudes are taken: a slope that is not plainly seen is none.
+
+    Every sweep of a clean line has one to fit; errors hold for it where it is nearly as good.
+    """
+    others = [k for k in order if found[k].name != SLOPED]
+    if not others or criteria[others[0]] - criteria[order[0]] >= SLOPE_SEEN:
+        return order
+    return [others[0], *(k for k in order if k != others[0])]
 
 
 def _with_tail(found: Sequence[FittedForm], criteria: FloatArray, order: list[int]) -> list[int]:
@@ -489,6 +575,7 @@ def _numbers(form: FittedForm, criterion: float) -> LineForm:
         q_std=form.q_std,
         residual=form.residual,
         criterion=float(criterion),
+        second=form.second is not None,
     )
 
 
@@ -515,21 +602,9 @@ def _check_one(
     further: Sequence[FurtherLine],
     failed: Sequence[LineForm],
 ) -> None:
-    """Complain of no line, two of them, and one that the ends of the sweep cut off."""
+    """Complain of no line, and of one that the ends of the sweep cut off."""
     f = trace.frequency_hz
     ends = hertz(f[0], f[-1], digits=8, joined=" and ")
-    two = two_lines(trace, best)
-    if two is not None:
-        places = hertz(*two.frequency_hz, digits=5)
-        widths = hertz(*two.width_hz, digits=3)
-        way = (
-            "a campaign whose model has two modes fits both, as fmu-fit init drafts it"
-            if two.overlap
-            else "wanted one, as --from and --to choose it; fmu-fit init drafts a campaign of both"
-        )
-        raise TwoResonances(
-            f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}", lines=two
-        )
     if _chance(trace, best, 1.0) > SEEN_P:
         raise BadInput(
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
@@ -556,6 +631,20 @@ def _check_one(
             f"{hertz(best.width_hz, digits=3)} wide, is cut off by the {end} point of the sweep at "
             f"{hertz(where, digits=8)}; wanted half a width on both sides at least"
         )
+
+
+def _not_one(trace: Trace, two: TwoLines) -> TwoResonances:
+    """The complaint of two lines of which none is far lower."""
+    places = hertz(*two.frequency_hz, digits=5)
+    widths = hertz(*two.width_hz, digits=3)
+    way = (
+        "a campaign whose model has two modes fits both, as fmu-fit init drafts it"
+        if two.overlap
+        else "wanted one, as --from and --to choose it; fmu-fit init drafts a campaign of both"
+    )
+    return TwoResonances(
+        f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}", lines=two
+    )
 
 
 def _turns(best: FittedForm) -> bool:
@@ -652,6 +741,8 @@ def _chance(trace: Trace, best: FittedForm, widening: float) -> float:
 def _faults(trace: Trace, best: FittedForm) -> tuple[SweepFault, ...]:
     """What makes amplitudes no damped line, where the best form leaves something of them."""
     if trace.is_complex or (best.name != TRANSMISSION and best.structure.order == 0):
+        return ()
+    if best.second is not None:
         return ()
     found = sweep_faults(trace.frequency_hz, trace.amplitude)
     return tuple(f for f in found if f.fault is not Fault.BACKGROUND)

@@ -10,7 +10,7 @@ import numpy as np
 from fitting.campaign.instruments import Channel, Recording, Selection, read_recording
 from fitting.campaign.recognised import Recognised, recognised
 from fitting.resonance.control_map import ControlMap, map_of
-from fitting.resonance.trace import Trace, trace_of
+from fitting.resonance.trace import Trace, swapped, trace_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
@@ -225,6 +225,7 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     if found is not None:
         way = found.way(phases=roles.is_complex, drafted=True)
         raise BadInput(f"{path}: is a map, {found.words}; wanted one sweep. {way}")
+    _complain_of_swapped(roles)
     frequency_hz = hertz_in(roles)
     read = _columns_words(roles)
     values, unit, words = values_in(roles)
@@ -234,8 +235,21 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         said.append("The sweep runs downwards in frequency; its points were turned round.")
     elif np.any(steps < 0.0):
         said.append("The rows are not in the order of their frequencies; they were sorted.")
-    made = trace_of(frequency_hz, values, unit, source=str(path))
+    made = trace_of(frequency_hz, values, unit, source=str(path), places=recording.places)
     return replace(made, read=read, said=tuple(said), notes=dict(recording.notes))
+
+
+def _complain_of_swapped(roles: Roles) -> None:
+    """Complain of a column of frequencies in no order where the one of amplitudes is a grid."""
+    sizes, recording = roles.sizes, roles.recording
+    if sizes is None or sizes.is_complex:
+        return
+    if swapped(recording.numbers(roles.frequency), recording.numbers(sizes)):
+        raise BadInput(
+            f"{recording.path}: column '{roles.frequency.name}', read as the frequency, runs "
+            f"neither up nor down, but '{sizes.name}', read as the amplitude, runs evenly: they "
+            "look swapped; wanted their names exchanged"
+        )
 
 
 def map_in(roles: Roles) -> ControlMap | None:

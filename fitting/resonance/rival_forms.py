@@ -17,7 +17,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fitting.resonance.form import TRANSMISSION, FittedForm
+from fitting.resonance.form import SLOPED, TRANSMISSION, FittedForm
+from fitting.signal.peaks import OFFSET, TAIL
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
 
@@ -40,7 +41,8 @@ class Covered:
 def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Covered:
     """The form that was taken, with errors that hold for the others, too.
 
-    The line alone is a special case of all others: it is no rival, and has none.
+    The line alone is a special case of all others: it is no rival, and has none. A constant is one
+    of a slope, and a slope about what a tail is: it is their rival only where it is the better one.
 
     Args:
         found: forms of amplitudes, as they were fitted.
@@ -51,7 +53,9 @@ def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Co
     rivals = [
         form
         for k, form in enumerate(found)
-        if k != taken and form.name != TRANSMISSION and criteria[k] - criteria[taken] < ALLOWED
+        if k != taken
+        and form.name != TRANSMISSION
+        and criteria[k] - criteria[taken] < _allowed(best.name, form.name)
     ]
     if best.name == TRANSMISSION or not rivals:
         return Covered(best, (), 1.0)
@@ -67,7 +71,7 @@ def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Co
         frequency_std_hz=error([(f.frequency_hz, f.frequency_std_hz) for f in forms]),
         width_std_hz=error([(f.width_hz, f.width_std_hz) for f in forms]),
         q_std=error([(f.q, f.q_std) for f in forms]),
-        amplitude_std=error([(_nearest(f, best), f.amplitude_std) for f in forms]),
+        amplitude_std=error([_nearest(f, best) for f in forms]),
     )
     factor = max(
         wider.frequency_std_hz / best.frequency_std_hz, wider.width_std_hz / best.width_std_hz
@@ -75,7 +79,17 @@ def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Co
     return Covered(wider, tuple(form.name for form in rivals), factor)
 
 
-def _nearest(form: FittedForm, best: FittedForm) -> float:
-    """The one of both amplitudes of a form that is nearer to that of the form that was taken."""
-    both = [form.amplitude] if math.isnan(form.mirrored) else [form.amplitude, form.mirrored]
-    return min(both, key=lambda each: abs(each - best.amplitude))
+def _allowed(taken: str, other: str) -> float:
+    """Akaike's criterion over that of the form that was taken below which another is a rival."""
+    if other == SLOPED and taken == OFFSET:
+        return 0.0
+    # of as good a curve a slope, with two unknowns less, is better by as much
+    return -ALLOWED if other == SLOPED and taken == TAIL else ALLOWED
+
+
+def _nearest(form: FittedForm, best: FittedForm) -> tuple[float, float]:
+    """The one of both amplitudes of a form that is nearer to that taken, and its error."""
+    both = [(form.amplitude, form.amplitude_std)]
+    if not math.isnan(form.mirrored):
+        both.append((form.mirrored, form.mirrored_std))
+    return min(both, key=lambda each: abs(each[0] - best.amplitude))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,6 +12,9 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
+
+#: Steps that are equal but for the last digit of a file: by which share they may differ.
+UNEVEN = 0.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,6 +30,7 @@ class Trace:
         turned: whether phases were counted the other way, and are turned.
         said: how the file was read, in sentences.
         notes: header entries of the file.
+        places: where every point stands in the file, as "row 12", (n,); of arrays its number.
         whole: the trace of which this is a part; None: it is whole.
     """
 
@@ -38,6 +42,7 @@ class Trace:
     turned: bool = False
     said: tuple[str, ...] = ()
     notes: Mapping[str, str] = field(default_factory=dict)
+    places: tuple[str, ...] = ()
     whole: Trace | None = None
 
     @property
@@ -76,16 +81,52 @@ class Trace:
             self.frequency_hz[kept][0], self.frequency_hz[kept][-1], digits=8, joined=" to "
         )
         return replace(
-            self,
-            frequency_hz=self.frequency_hz[kept],
-            values=self.values[kept],
+            self.points(kept),
             whole=self if count < self.frequency_hz.size else None,
             said=(*self.said, f"Taken: {count} of {self.frequency_hz.size} points, {part}."),
         )
 
+    def points(self, kept: npt.NDArray[np.bool_]) -> Trace:
+        """The trace of some of its points.
+
+        Args:
+            kept: whether a point is one of them, shape (n,).
+        """
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[kept],
+            values=self.values[kept],
+            places=tuple(p for p, taken in zip(self.places, kept, strict=True) if taken),
+        )
+
+
+def swapped(frequencies: FloatArray, sizes: FloatArray) -> bool:
+    """Whether two columns have changed places: the frequencies in no order, the sizes a grid.
+
+    Args:
+        frequencies: as they stand there, shape (n,), any unit.
+        sizes: amplitudes, as they stand there, shape (n,), any unit.
+    """
+    if frequencies.size < MIN_SWEEP_POINTS or np.min(sizes) <= 0.0:
+        return False
+    steps = np.diff(frequencies)
+    in_order = np.all(steps >= 0.0) or np.all(steps <= 0.0)
+    return not in_order and (_even(sizes) or _even(np.log(sizes)))
+
+
+def _even(numbers: FloatArray) -> bool:
+    """Whether numbers run one way in steps of one size, as far as digits of a file tell it."""
+    steps = np.diff(numbers)
+    middle = float(np.median(steps))
+    return middle != 0.0 and bool(np.all(np.abs(steps / middle - 1.0) < UNEVEN))
+
 
 def trace_of(
-    frequency_hz: npt.ArrayLike, values: npt.ArrayLike, unit: str, source: str = "arrays"
+    frequency_hz: npt.ArrayLike,
+    values: npt.ArrayLike,
+    unit: str,
+    source: str = "arrays",
+    places: Sequence[str] = (),
 ) -> Trace:
     """A checked trace; points that run downwards are turned round.
 
@@ -94,6 +135,7 @@ def trace_of(
         values: amplitudes or complex values, shape (n,).
         unit: of the values.
         source: what complaints name it by.
+        places: where every point stands, in words; empty: by its number.
 
     Raises:
         BadInput: shapes that differ, values that are no numbers, a frequency twice or not above
@@ -108,7 +150,13 @@ def trace_of(
     for name, numbers in (("frequency", f), ("value", y)):
         for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
             raise BadInput(f"{source}: {name} number {i + 1} is {numbers[i]}, wanted a finite one")
+    if not np.iscomplexobj(y) and swapped(f, y):
+        raise BadInput(
+            f"{source}: the frequencies run neither up nor down, but the amplitudes run evenly: "
+            "they look swapped; wanted frequencies, then amplitudes"
+        )
     order = np.argsort(f, kind="stable")
+    named = tuple(places) or tuple(f"point {k + 1}" for k in range(f.size))
     f, y = f[order], y[order]
     if f.size and f[0] <= 0.0:
         raise BadInput(f"{source}: found the frequency {f[0]:g} Hz, wanted frequencies above zero")
@@ -125,4 +173,5 @@ def trace_of(
             )
     if not np.any(np.abs(y) > 0.0):
         raise BadInput(f"{source}: holds nothing but zeros, wanted a resonance")
-    return Trace(source=source, frequency_hz=f, values=y, unit=unit)
+    where = tuple(named[k] for k in order)
+    return Trace(source=source, frequency_hz=f, values=y, unit=unit, places=where)

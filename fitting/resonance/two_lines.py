@@ -17,7 +17,7 @@ from fitting.resonance.form import FittedForm
 from fitting.resonance.trace import Trace
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.lines_together import lines_together
-from fitting.signal.peaks import mode_response
+from fitting.signal.peaks import SecondLine, mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
@@ -44,6 +44,28 @@ class TwoLines:
     def overlap(self) -> bool:
         """Whether no range holds one of them alone."""
         return self.frequency_hz[1] - self.frequency_hz[0] < sum(self.width_hz)
+
+    @property
+    def share(self) -> float:
+        """Height of the lower one over that of the higher one."""
+        size = abs(self.ratio)
+        return min(size, 1.0 / size) if size > 0.0 else 0.0
+
+
+def as_two(frequency_hz: float, width_hz: float, second: SecondLine | None) -> TwoLines | None:
+    """A line and a second one beside it as two; None without a second one.
+
+    Args:
+        frequency_hz: of the first one, Hz.
+        width_hz: of the first one, Hz.
+        second: the other one.
+    """
+    if second is None:
+        return None
+    first, other = (frequency_hz, width_hz), (second.frequency_hz, second.width_hz)
+    lower, upper = sorted((first, other))
+    ratio = second.height if upper == other else 1.0 / second.height
+    return TwoLines((lower[0], upper[0]), (lower[1], upper[1]), ratio)
 
 
 class TwoResonances(BadInput):

@@ -5,9 +5,10 @@ Works on plain arrays in Hz and volts (or whatever unit the detector was declare
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import ive
@@ -20,22 +21,34 @@ from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 
 FLOOR_KINDS = ("robust", "mean", "none")
-#: And what else amplitudes may carry: a constant that is added to them, noise, of which powers or
-#: amplitudes were averaged, or the tail of another line.
-OFFSET, FLOOR, RICE, TAIL = "offset", "floor", "rice", "tail"
+#: And what else amplitudes may carry: a constant that is added to them, with a slope or without,
+#: noise, of which powers or amplitudes were averaged, or the tail of another line.
+OFFSET, SLOPE, FLOOR, RICE, TAIL = "offset", "slope", "floor", "rice", "tail"
 #: Or every point is one reading of the line in noise, see `fitting.signal.single_readings`.
 SINGLE = "single"
 #: Backgrounds of which fits are made elsewhere than in `fit_resonance`.
 ELSEWHERE = (TAIL, SINGLE)
 #: Unknowns of a line of amplitudes with what may stand beside it.
-UNKNOWNS = {"none": 3, SINGLE: 3, OFFSET: 4, FLOOR: 4, RICE: 4, "complex": 5, TAIL: 7}
+UNKNOWNS = {
+    "none": 3,
+    SINGLE: 3,
+    OFFSET: 4,
+    SLOPE: 5,
+    FLOOR: 4,
+    RICE: 4,
+    "complex": 5,
+    TAIL: 7,
+}
 #: What a campaign may declare beside the line of a sweep.
-BACKGROUNDS = ("none", "complex", OFFSET)
-#: What may stand beside a line, in words; "slope" only beside complex values.
+BACKGROUNDS = ("none", "complex", OFFSET, SLOPE)
+#: Those of them that are added to amplitudes, and solved beside an FMU's.
+ADDED = (OFFSET, SLOPE)
+#: What may stand beside a line, in words; "complex slope" only beside complex values.
 BESIDE_WORDS = {
     "complex": "a complex constant",
-    "slope": "a complex background that changes linearly with frequency",
+    "complex slope": "a complex background that changes linearly with frequency",
     OFFSET: "a constant that is added to its amplitude",
+    SLOPE: "a background that changes linearly with frequency and is added to its amplitude",
     FLOOR: "noise whose power is added to its own",
     RICE: "noise, of which amplitudes were averaged",
     SINGLE: "noise that is in every single reading",
@@ -44,6 +57,8 @@ BESIDE_WORDS = {
 #: Evaluations after which the tail of another line that is still looked for is none, and the fall
 #: of the sum of squares that counts.
 ROUNDS_FOR_TAIL, GAIN_OF_TAIL = 80, 1e-8
+#: Phases of another line with which its fit begins.
+TURNS = (1.0, complex(np.exp(2j * np.pi / 3.0)), complex(np.exp(-2j * np.pi / 3.0)))
 #: Chi square by which a second amplitude may be worse that is told beside the best one.
 ALLOWED = 9.0
 #: What a tail is refused for that is none.
@@ -94,10 +109,11 @@ class Resonance:
     of the noise, which the residuals tell; infinite where it is known. They are Student's.
     ``eta_hz`` undamped eigenfrequency, ``width_hz`` damping in Hz (the full width at half maximum
     of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
-    constant (0 without; of noise its root mean square), ``residual_rms`` relative to the amplitude,
+    constant (0 without; of noise its root mean square; of a slope its value at ``eta``, and
+    ``slope`` what it changes by with every Hz), ``residual_rms`` relative to the amplitude,
     ``correlation`` between eta and width, ``curve`` (n,) the fitted amplitudes. ``mirrored`` is the
     other amplitude that has the same curve, beside a complex constant, or about it, beside a tail;
-    NaN elsewhere.
+    NaN elsewhere. Of two with the same curve ``amplitude`` is the lower one.
     """
 
     eta_hz: float
@@ -116,6 +132,8 @@ class Resonance:
     structure: Structure
     freedom: float
     mirrored: float = math.nan
+    mirrored_std: float = math.nan
+    slope: float = 0.0
 
 
 def noise_floor(
@@ -303,7 +321,8 @@ def fit_resonance(
     ``b`` is zero, or with background="complex" one complex constant (direct crosstalk of the
     drive). Magnitudes fix eta, width and ``|b|``, but not which of two mirrored pairs (A, b) it
     is: with a background the amplitude is one of two candidates. What knows no phase is not added
-    to the line but to its amplitude: "offset" is ``|A g(f)| + c`` (a detector's zero), "floor" is
+    to the line but to its amplitude: "offset" is ``|A g(f)| + c`` (a detector's zero), "slope"
+    ``|A g(f)| + c + c' (f - f0)`` (one that drifts, or changes with frequency), "floor" is
     ``sqrt(|A g(f)|^2 + c^2)`` (noise of that root mean square, powers averaged), "rice" the mean
     amplitude of the same noise, see :func:`rice_mean`. ``sigma_v`` is the noise of a
     point if known, otherwise the residual tells it. Errors are those of the linearised problem
@@ -326,10 +345,11 @@ def fit_resonance(
         raise ValueError(f"background {background!r}, wanted one of {wanted}")
     check_count(frequency_hz, background, source)
     eta0, width0, height = (_dip_guess if dip else first_guess)(frequency_hz, amplitude_v)
+    run = along(frequency_hz)
 
     def curve(x: FloatArray) -> FloatArray:
         wave = x[2] * mode_response(frequency_hz, eta0 + width0 * x[0], width0 * math.exp(x[1]))
-        return height * _amplitudes(wave, x[3:], background)
+        return height * _amplitudes(wave, x[3:], background, run)
 
     def left(x: FloatArray) -> FloatArray:
         return np.asarray((curve(x) - amplitude_v) / height)
@@ -337,13 +357,59 @@ def fit_resonance(
     start = _start(amplitude_v / height, background, dip=dip)
     sigma = None if sigma_v is None else sigma_v / height
     fit = minimise_squares(left, start, residual_sigma=sigma)
-    beside = height * _constant(fit.values[3:], background)
-    mirrored = math.nan
     if background == "complex":
         fit = folded(left, fit)
-        mirrored = height * abs(float(fit.values[2]) + 2j * complex(*fit.values[3:]))
     found = as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
-    return replace(found, background=beside, mirrored=mirrored)
+    found = _with_added(found, background, fit.values[3:], frequency_hz, height)
+    return _lower_first(found, fit, height, left) if background == "complex" else found
+
+
+def along(frequency_hz: FloatArray) -> FloatArray:
+    """From -1 at the first frequency to 1 at the last one, shape (n,).
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+    """
+    first, last = float(frequency_hz[0]), float(frequency_hz[-1])
+    return np.asarray((2.0 * frequency_hz - first - last) / max(last - first, math.ulp(last)))
+
+
+def _lower_first(
+    found: Resonance,
+    fit: LeastSquaresFit,
+    height: float,
+    left: Callable[[FloatArray], FloatArray],
+) -> Resonance:
+    """A line beside a complex constant with both amplitudes that have its curve, the lower first.
+
+        |a g + b| = |a' g + b'|        a' = -a + 2 i b*,  b' = -b*        where g = -i/(1 + i x)
+
+    At low Q that holds only about: where the points tell them apart, the fitted one stays the
+    first.
+    """
+    x = fit.values
+    beside = complex(*x[3:])
+    other = -float(x[2]) + 2j * beside.conjugate()
+    size = max(abs(other), np.finfo(float).tiny)
+    turn = other.conjugate() / size
+    slopes = np.zeros(x.size)
+    slopes[2:] = -turn.real, -2.0 * turn.imag, 2.0 * turn.real
+    std = height * math.sqrt(max(0.0, float(slopes @ fit.covariance @ slopes)))
+    std *= reach(ROOT_68, found.freedom) * found.structure.widening
+    there = -beside.conjugate() * turn
+    mirror = np.array([x[0], x[1], size, there.real, there.imag])
+    off = float(np.sum(left(mirror) ** 2)) - _squares(fit)
+    if not (height * size < found.amplitude and off < fit.variance):
+        return replace(found, mirrored=height * size, mirrored_std=std)
+    return replace(
+        found,
+        amplitude=height * size,
+        amplitude_std=std,
+        background=height * there,
+        residual_rms=found.residual_rms * found.amplitude / (height * size),
+        mirrored=found.amplitude,
+        mirrored_std=found.amplitude_std,
+    )
 
 
 def check_count(frequency_hz: FloatArray, background: str, source: str) -> None:
@@ -410,7 +476,7 @@ def fit_beside_tail(
     tried = [
         _TailFit(frequency_hz, shares, (eta0, width0), other, pull).begun(turn)
         for other in others
-        for turn in (1.0, np.exp(2j * np.pi / 3.0), np.exp(-2j * np.pi / 3.0))
+        for turn in TURNS
     ]
     fit, tail = min(tried, key=lambda each: _squares(each[0]))
     second = tail.minimised(tail.mirrored(fit.values))
@@ -426,8 +492,113 @@ def fit_beside_tail(
     own = replace(fit, residuals=fit.residuals[:-2], jacobian=fit.jacobian[:-2])
     curve = height * (own.residuals + shares)
     found = as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
-    near = second.converged and _squares(second) - _squares(fit) < ALLOWED * fit.variance
-    return replace(found, mirrored=height * abs(float(second.values[2])) if near else math.nan)
+    if not (second.converged and _squares(second) - _squares(fit) < ALLOWED * fit.variance):
+        return found
+    return _with_mirrored(found, second, height)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondLine:
+    """A weaker line among the points of the first one: frequency and full width, Hz.
+
+    ``share`` is its height over that of the first one, ``phase_rad`` its phase from there,
+    ``mirrored`` the other share that amplitudes do not tell from it, NaN without.
+    """
+
+    frequency_hz: float
+    width_hz: float
+    share: float
+    phase_rad: float
+    mirrored: float = math.nan
+
+    @property
+    def height(self) -> complex:
+        """Complex height over that of the first one."""
+        return cmath.rect(self.share, self.phase_rad)
+
+
+def fit_beside_second(
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    first: tuple[float, float],
+    second: tuple[float, float, complex],
+    *,
+    background: str = "none",
+    source: str = "sweep",
+) -> tuple[Resonance, SecondLine]:
+    """Fit ``|A g(f) + c g'(f)|``, the line and a second one among the points, with a background.
+
+    As `fit_beside_tail`, but that the points show where the other line is. "offset", "slope",
+    "floor" and "rice" stand beside both, see `fit_resonance`.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        first: frequency and width at which the fit begins, Hz.
+        second: the same of the second line, Hz, and its height over the largest amplitude.
+        background: model of what is added to both lines; none that is complex.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: too few points, or lines that the points do not hold.
+    """
+    least = UNKNOWNS[background] + UNKNOWNS[TAIL] - UNKNOWNS["none"] + 1
+    if frequency_hz.size < max(MIN_SWEEP_POINTS, least):
+        raise BadInput(f"{source}: has too few points for a second line")
+    height = float(np.max(amplitude_v))
+    shares = amplitude_v / height
+    lines = _TailFit(frequency_hz, shares, first, second[:2], 0.0, background, along(frequency_hz))
+    beside = _start(shares, background, dip=False)[2:]
+    # its height counts from the phase of the first line there
+    there = complex(mode_response(np.array([second[0]]), *first)[0])
+    tried = [
+        lines.minimised(np.array([0.0, 0.0, beside[0], size.real, size.imag, 0, 0, *beside[1:]]))
+        for size in (second[2] * there / abs(there) * turn for turn in TURNS)
+    ]
+    fit = min(tried, key=_squares)
+    other = lines.minimised(lines.mirrored(fit.values))
+    if _squares(other) < _squares(fit):
+        fit, other = other, fit
+    eta, width = lines.line(fit.values[5:], second[:2])
+    steps = np.diff(frequency_hz)
+    inside = frequency_hz[0] < eta < frequency_hz[-1]
+    if not (inside and float(np.median(steps)) < 2.0 * width < float(np.ptp(frequency_hz))):
+        raise BadInput(f"{source}: has no second line among its points")
+    curve = height * (fit.residuals + shares)
+    found = as_resonance(frequency_hz, fit, curve, (*first, height), source)
+    if not found.amplitude_std < found.amplitude:
+        raise BadInput(f"{source}: the points do not tell how high its line is beside a second one")
+    found = _with_added(found, background, fit.values[7:], frequency_hz, height)
+    share = complex(*fit.values[3:5]) / float(fit.values[2])
+    told = SecondLine(
+        frequency_hz=eta, width_hz=width, share=abs(share), phase_rad=cmath.phase(share)
+    )
+    if not (other.converged and _squares(other) - _squares(fit) < ALLOWED * fit.variance):
+        return found, told
+    mirrored = abs(complex(*other.values[3:5]) / float(other.values[2]))
+    return _with_mirrored(found, other, height), replace(told, mirrored=mirrored)
+
+
+def _with_mirrored(found: Resonance, other: LeastSquaresFit, height: float) -> Resonance:
+    """A line with the other amplitude that describes the points, and its error."""
+    std = height * math.sqrt(float(other.covariance[2, 2]))
+    return replace(
+        found,
+        mirrored=height * abs(float(other.values[2])),
+        mirrored_std=std * reach(ROOT_68, found.freedom) * found.structure.widening,
+    )
+
+
+def _with_added(
+    found: Resonance, background: str, beside: FloatArray, frequency_hz: FloatArray, height: float
+) -> Resonance:
+    """A line with what is added to its amplitude, from the unknowns of that, over the height."""
+    constant = height * _constant(beside, background)
+    if background != SLOPE:
+        return replace(found, background=constant)
+    slope = 2.0 * height * float(beside[1]) / float(np.ptp(frequency_hz))
+    middle = 0.5 * float(frequency_hz[0] + frequency_hz[-1])
+    return replace(found, background=constant + slope * (found.eta_hz - middle), slope=slope)
 
 
 @dataclass(frozen=True)
@@ -435,7 +606,8 @@ class _TailFit:
     """A line and another one, from where they may be: frequency and width, Hz.
 
     Unknowns: shift and logarithm of the width of the line, its height, both parts of the height of
-    the other one, and its shift and logarithm of the width.
+    the other one, its shift and logarithm of the width, and what stands beside both. Without a pull
+    the other one may be anywhere.
     """
 
     f: FloatArray
@@ -443,6 +615,8 @@ class _TailFit:
     own: tuple[float, float]
     other: tuple[float, float]
     pull: float
+    background: str = "none"
+    run: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @staticmethod
     def line(x: FloatArray, begin: tuple[float, float]) -> tuple[float, float]:
@@ -452,8 +626,9 @@ class _TailFit:
     def residuals(self, x: FloatArray) -> FloatArray:
         one = mode_response(self.f, *self.line(x[:2], self.own))
         two = mode_response(self.f, *self.line(x[5:], self.other))
-        left = np.abs(x[2] * one + complex(x[3], x[4]) * two) - self.shares
-        return np.concatenate([left, self.pull * x[5:]])
+        wave = x[2] * one + complex(x[3], x[4]) * two
+        left = _amplitudes(wave, x[7:], self.background, self.run) - self.shares
+        return np.concatenate([left, self.pull * x[5:7]]) if self.pull else left
 
     def begun(self, turn: complex) -> tuple[LeastSquaresFit, _TailFit]:
         near = 0 if self.other[0] < self.f[0] else -1
@@ -483,7 +658,7 @@ class _TailFit:
         height, beside = np.linalg.lstsq(lines, turned, rcond=None)[0]
         size = max(abs(height), np.finfo(float).tiny)
         beside = beside * np.conj(height) / size
-        return np.array([x[0], x[1], size, beside.real, beside.imag, x[5], x[6]])
+        return np.array([x[0], x[1], size, beside.real, beside.imag, *x[5:]])
 
     def minimised(self, start: FloatArray) -> LeastSquaresFit:
         return minimise_squares(self.residuals, start, rounds=ROUNDS_FOR_TAIL, gain=GAIN_OF_TAIL)
@@ -493,13 +668,20 @@ def _squares(fit: LeastSquaresFit) -> float:
     return float(fit.residuals @ fit.residuals)
 
 
-def _amplitudes(wave: ComplexArray, beside: FloatArray, background: str) -> FloatArray:
-    """Amplitudes (n,) of a line with what stands beside it; noise is given by its power."""
+def _amplitudes(
+    wave: ComplexArray, beside: FloatArray, background: str, run: FloatArray
+) -> FloatArray:
+    """Amplitudes (n,) of a line with what stands beside it; noise is given by its power.
+
+    A slope has its value in the middle, and what it changes by from there to the last point.
+    """
     if background == "complex":
         wave = wave + complex(*beside)
     size = np.abs(wave)
     if background == OFFSET:
         return np.asarray(size + beside[0])
+    if background == SLOPE:
+        return np.asarray(size + beside[0] + beside[1] * run)
     if background == FLOOR:
         return np.asarray(np.sqrt(np.maximum(size**2 + beside[0], 0.0)))
     if background == RICE:
@@ -531,6 +713,8 @@ def _start(shares: FloatArray, background: str, *, dip: bool) -> FloatArray:
     least = float(np.min(shares))
     if background == OFFSET:
         return np.array([0.0, 0.0, 1.0 - least, least])
+    if background == SLOPE:
+        return np.array([0.0, 0.0, 1.0 - least, least, 0.0])
     if background in (FLOOR, RICE):
         return np.array([0.0, 0.0, math.sqrt(max(0.0, 1.0 - least**2)), least**2])
     if background == "none":
@@ -546,6 +730,8 @@ def _constant(beside: FloatArray, background: str) -> complex:
         return complex(*beside)
     if background in (FLOOR, RICE):
         return complex(math.copysign(math.sqrt(abs(beside[0])), beside[0]))
+    if background == SLOPE:
+        return complex(beside[0])
     return complex(*beside) if beside.size else 0j
 
 
@@ -604,7 +790,7 @@ def as_resonance(
     freedom = fit.freedom / structure.widening**2
     spread = (reach(ROOT_68, freedom) * structure.widening) ** 2 * fit.covariance
     x, variance = fit.values, np.diag(spread)
-    eta, width = eta0 + width0 * float(x[0]), width0 * math.exp(float(x[1]))
+    eta, width = eta0 + width0 * float(x[0]), width0 * math.exp(min(float(x[1]), 50.0))
     span = float(frequency_hz[-1] - frequency_hz[0])
     inside = frequency_hz[0] <= eta <= frequency_hz[-1] and width < 3.0 * span
     if not (fit.converged and inside):

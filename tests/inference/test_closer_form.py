@@ -38,12 +38,13 @@ def nearest_line(amplitude: FloatArray) -> FloatArray:
 @pytest.mark.parametrize(
     ("amplitude", "against"),
     [
-        (LINE + 0.3, r"added to its amplitude"),
+        (LINE + 0.3, r"constant that is added to its amplitude"),
+        (LINE + 0.3 + 5e-5 * (F - ETA), r"changes linearly with frequency and is added"),
         # a constant in quadrature adds its power to the line's, too, but for its slope
         (np.hypot(LINE, 0.3), r"whose power is added|complex constant"),
         (np.abs(mode(F, ETA, WIDTH) + 0.3 * np.exp(0.7j)), r"complex constant"),
     ],
-    ids=["offset", "power", "crosstalk"],
+    ids=["offset", "slope", "power", "crosstalk"],
 )
 def test_a_line_without_what_stands_beside_it_does_not_describe(
     amplitude: FloatArray, against: str

@@ -9,15 +9,21 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.campaign import SweepData
+from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Status
 from fitting.inference.infer import Inference, InferenceRequest, infer
-from fitting.inference.mistakes import SweepFindings
+from fitting.inference.mistakes import SweepFindings, slipped_sentences
+from fitting.inference.sweep_line import line_of_sweep
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind, Warned
+from tests.support.lines import mode, noise
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
 from tests.support.virtual.laboratory import Laboratory
@@ -55,6 +61,36 @@ def warned_of(kind: str, seed: int, folder: Path) -> list[Warned]:
 def test_a_mistake_is_named_by_its_kind(seed: int, kind: Kind, words: str, tmp_path: Path) -> None:
     said = warned_of("misuse", seed, tmp_path)
     assert any(w.kind is kind and re.search(words, w.sentence) for w in said), said
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [(52.34e6, True), (52.34e3, False), (53.0e3, False)],
+    ids=["kHz", "Hz", "off"],
+)
+def test_a_box_a_thousand_times_off_the_line_is_named(place: float, said: bool) -> None:
+    """A box of 1 % about a place in Hz; that of the width, 5 to 500, tells no place."""
+    f = 52340.0 + np.linspace(-150.0, 150.0, 201)
+    seen = np.abs(mode(f, 52340.0, 28.0)) + noise(f.size, 1e-3, 1).real
+    sweep = SweepData(
+        frequency_hz=f,
+        amplitude_v=seen,
+        phase_rad=None,
+        settings={},
+        use="fit",
+        scale="fit",
+        source=Path("mine.csv"),
+    )
+    factor = 1e3 if place > 1e6 else 1.0
+    boxes = [
+        Parameter(name=n, unit="Hz", lower=a, upper=b, start=a, reference=a, scale=1.0)
+        for n, a, b in (("f1", 0.995 * place, 1.005 * place), ("d1", 5.0 * factor, 500.0 * factor))
+    ]
+    problem = SimpleNamespace(campaigns={"": SimpleNamespace(sweep=sweep)}, parameters=boxes)
+    found = slipped_sentences(problem, {"": line_of_sweep(sweep)})  # type: ignore[arg-type]
+    assert bool(found) is said
+    for sentence in found:
+        assert re.search(r"mine\.csv is at 52\.3\d+ kHz, but f1 .* MHz only, 1000 times", sentence)
 
 
 @pytest.mark.parametrize(

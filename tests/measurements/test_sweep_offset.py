@@ -19,36 +19,39 @@ SEEN = 3e-3 * np.abs(mode(F_HZ, 1e6, 200.0)) + 0.4e-3 + noise(F_HZ.size, 2e-5, 1
 SETUP = Setup(Drive(input="b"), "q")
 
 
-def sweep(scale: str = "fit") -> Sweep:
+def sweep(scale: str = "fit", background: str = "offset") -> Sweep:
     return Sweep(
         setup=SETUP,
         frequency_hz=F_HZ,
         amplitude_v=SEEN,
         fitted=True,
         scaled_by=scale,
-        background="offset",
+        background=background,
     )
 
 
-def test_scale_and_constant_are_those_of_least_squares() -> None:
+@pytest.mark.parametrize(("background", "count"), [("offset", 1), ("slope", 2)])
+def test_scale_and_background_are_those_of_least_squares(background: str, count: int) -> None:
     simulated = 7.0 * np.abs(mode(F_HZ, 1e6 + 10.0, 230.0))
-    columns = np.column_stack([simulated, np.ones_like(simulated)])
-    (chi, constant), *_ = np.linalg.lstsq(columns, SEEN, rcond=None)
-    measured, seen = sweep(), Prediction(simulated)
+    columns = np.column_stack([simulated, np.ones_like(F_HZ), F_HZ - 1e6])[:, : 1 + count]
+    (chi, *beside), *_ = np.linalg.lstsq(columns, SEEN, rcond=None)
+    measured, seen = sweep(background=background), Prediction(simulated)
     scale = measured.scale(seen)
     assert scale is not None
-    assert scale.value == pytest.approx(chi, rel=1e-12)
-    assert measured.offset(seen, scale.value) == pytest.approx(constant, rel=1e-12)
-    left = (columns @ [chi, constant] - SEEN) / measured.maximum_v
-    np.testing.assert_allclose(measured.residuals(seen, scale.value), left, atol=1e-14)
-    assert measured.solved_inside == 1
+    assert scale.value == pytest.approx(chi, rel=1e-9)
+    added = columns[:, 1:] @ beside
+    np.testing.assert_allclose(measured.offset(seen, scale.value), added, rtol=1e-9)
+    left = (columns @ [chi, *beside] - SEEN) / measured.maximum_v
+    np.testing.assert_allclose(measured.residuals(seen, scale.value), left, atol=1e-12)
+    assert measured.solved_inside == measured.solved_columns(seen).shape[1] == count
 
 
+@pytest.mark.parametrize("background", ["offset", "slope"])
 @pytest.mark.parametrize("factor", [1.001, 0.999])
-def test_rows_follow_the_scale_as_they_say(factor: float) -> None:
-    """dr/d ln chi = r + measured, with the constant that follows chi: linear in chi."""
+def test_rows_follow_the_scale_as_they_say(factor: float, background: str) -> None:
+    """dr/d ln chi = r + measured, with the background that follows chi: linear in chi."""
     simulated = Prediction(np.abs(mode(F_HZ, 1e6, 230.0)))
-    measured, chi = sweep("free"), 3e-3
+    measured, chi = sweep("free", background), 3e-3
     here, there = (measured.residuals(simulated, c) for c in (chi, factor * chi))
     slope = here + measured.measured_rows
     np.testing.assert_allclose(there - here, (factor - 1.0) * slope, atol=1e-12)

@@ -298,7 +298,6 @@ def re_numbers(text: str) -> tuple[float, float]:
         ("a (kHz),b", ["--from", "5.1 kHz"], "0 points lie between --from and --to"),
         ("a (kHz),b", ["--from", "4.995 kHz"], "is cut off by the first point"),
         ("t (ms),b (V)", [], "a campaign that fits it: docs/how-to/traces.md"),
-        ("a (kHz),b", ["--wiring", "sloped"], "sloped wants phases"),
     ],
     ids=[
         *(
@@ -313,7 +312,6 @@ def re_numbers(text: str) -> tuple[float, float]:
             "cut",
             "time",
         ),
-        "sloped",
     ],
 )
 def test_what_a_file_does_not_tell_is_asked_for_by_name(

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
+from fitting.inference.mistakes import FAR_OFF, SLIPPED
 from fitting.inference.sampled_twins import SAMPLED
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import DerivedResult, ParameterResult
@@ -254,6 +255,9 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     """What to do next, in words and as a command."""
     if result.status == "interrupted":
         return "the rest of this job: the same command with --resume", ""
+    mistake = _mistake(result)
+    if mistake:
+        return mistake, ""
     if result.status == "not converged":
         return "a start nearer to the solution, or more starts (--starts N)", ""
     if result.status != "converged":
@@ -280,6 +284,16 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     if not command:
         return f'{head or "which measurement settles it"}: ff.design, target "{target}"', ""
     return f"{head}:" if head else "", command
+
+
+def _mistake(result: Result) -> str:
+    """What to put right before anything else, where the data show it; mostly empty."""
+    warnings = " ".join(result.warnings)
+    if SLIPPED in warnings:
+        return "a box that holds the line: its unit, or that of the file's frequencies"
+    if result.status != "converged" and FAR_OFF in warnings:
+        return "the file without the single point far off its neighbours"
+    return ""
 
 
 def _profiles(result: Result) -> tuple[str, str]:

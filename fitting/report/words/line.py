@@ -8,7 +8,13 @@ from dataclasses import replace
 from fitting.inference.mistakes import fault_sentence
 from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
-from fitting.resonance.form import FANO, TRANSMISSION, WORDS_BESIDE
+from fitting.resonance.form import (
+    FANO,
+    SLOPED,
+    TRANSMISSION,
+    WORDS_BESIDE,
+    WORDS_BESIDE_COMPLEX,
+)
 from fitting.resonance.line import AS_GOOD, Line, LineForm
 from fitting.signal.peaks import FLOOR, RICE, SINGLE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
@@ -21,6 +27,8 @@ WIRINGS = {
     NOTCH: "a resonator beside a feed line",
     REFLECTION: "a resonator at the end of a line",
 }
+#: Share of the height of a second line by which another height is told beside it.
+SECOND_DIFFERS = 0.05
 #: Standard errors by which another form that is nearly as good moves the line to be told.
 MOVES = 2.0
 
@@ -67,6 +75,7 @@ def sentences(line: Line) -> list[str]:
         *([] if math.isnan(line.delay_s) else [f"Delay of the cable: {_delay(line)}."]),
         *(_reading(line, reading) for reading in line.readings),
         *_beside(line),
+        *_second(line),
         *_further(line),
         *_mirrored(line),
         *_dependence(line),
@@ -81,15 +90,21 @@ def _taken(line: Line) -> str:
     left = f"it leaves {number(100.0 * line.residual, 2)} % of the line (rms)"
     delay = ", and the delay of a cable" if line.forms[0].delayed else ""
     if line.asked:
-        return f"Wiring as asked: {line.wiring}, {WIRINGS[line.wiring]}{delay}; {left}."
-    name = f"{_name(line.forms[0])}, {WIRINGS[line.wiring]}{delay}"
+        return f"Wiring as asked: {line.wiring}, {_wiring_words(line)}{delay}; {left}."
+    name = f"{_name(line.forms[0])}, {_wiring_words(line)}{delay}"
     fitted = [form for form in line.forms if not math.isnan(form.criterion)]
     if len(fitted) < 2:
         return f"Taken: {name}; {left}."
     least = min(form.criterion for form in fitted)
     if line.forms[0].criterion > least and line.wiring == TAIL:
         best = "as another line is there, and not for Akaike's criterion"
-    elif line.forms[0].criterion > least and not line.is_complex:
+    elif line.forms[0].criterion > least and _is_slope(least, line):
+        best = (
+            f"by Akaike's criterion the best of the {len(fitted)} forms that could be fitted, or "
+            f"within {number(AS_GOOD, 1)} of it, but for one with a slope, which these points do "
+            "not plainly show"
+        )
+    elif line.forms[0].criterion > least and (not line.is_complex or line.second is not None):
         best = (
             "the simplest of the forms that Akaike's criterion hardly tells from the best of the "
             f"{len(fitted)} that could be fitted (by {number(AS_GOOD, 1)} at most)"
@@ -104,11 +119,26 @@ def _taken(line: Line) -> str:
     return f"Taken: {name}, {best}; {left}."
 
 
+def _is_slope(criterion: float, line: Line) -> bool:
+    """Whether the form of amplitudes with a criterion has a slope."""
+    sloped = (form for form in line.forms if form.name == SLOPED and form.criterion == criterion)
+    return not line.is_complex and any(sloped)
+
+
+def _wiring_words(line: Line) -> str:
+    """What the wiring is, in words; beside complex values a slope is complex."""
+    known = WORDS_BESIDE_COMPLEX if line.is_complex else WORDS_BESIDE
+    if line.second is not None:
+        beside = known.get(line.wiring)
+        return f"the line, a second one and {beside}" if beside else "the line and a second one"
+    return f"the line and {known[line.wiring]}" if line.wiring in known else WIRINGS[line.wiring]
+
+
 def _beside(line: Line) -> list[str]:
     """How large the constant of amplitudes is, and what may make it."""
     if line.beside == 0.0:
         return []
-    factor, unit = (1.0, "") if line.unit == "1" else prefixed(line.beside, line.unit)
+    factor, unit = (1.0, "") if line.unit == "1" else prefixed(abs(line.beside), line.unit)
     size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
     if line.wiring in (FLOOR, RICE):
         return [
@@ -120,7 +150,33 @@ def _beside(line: Line) -> list[str]:
             f"Noise of each reading: {size}, in X and in Y alike. The points scatter by it on the "
             "line, and beside the line by 0.66 of it about 1.25 times it (Rice)."
         ]
+    if line.wiring == SLOPED:
+        first, last = line.points.frequency_hz[0], line.points.frequency_hz[-1]
+        change = abs(line.beside_slope) * (last - first)
+        per, of = (1.0, "") if line.unit == "1" else prefixed(change, line.unit)
+        way = "rises" if line.beside_slope > 0.0 else "falls"
+        whole = f"{number(change / per, 3)} {of}".rstrip()
+        return [
+            f"The background is {size} at the line, and {way} by {whole} from the first point to "
+            "the last: a zero of the detector that drifts, or what changes with frequency."
+        ]
     return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
+
+
+def _second(line: Line) -> list[str]:
+    """A weaker line among the points."""
+    if line.second is None:
+        return []
+    second = line.second
+    size = f"{number(100.0 * second.share, 2)} %"
+    if abs(second.mirrored - second.share) > SECOND_DIFFERS * second.share:
+        size += f" (or {number(100.0 * second.mirrored, 2)} %: without phases both describe it)"
+    return [
+        f"There is another line near {hertz(second.frequency_hz, digits=6)}, "
+        f"{hertz(second.width_hz, digits=2)} wide, of {size} of the first one's height: it was "
+        "fitted beside the first, to which all numbers above belong. A campaign whose model has "
+        "two modes fits both, as fmu-fit init drafts it."
+    ]
 
 
 def _further(line: Line) -> list[str]:
@@ -142,7 +198,8 @@ def _other_amplitude(line: Line) -> str:
     if not abs(line.amplitude_mirrored - line.amplitude) > MOVES * line.amplitude_std:
         return ""
     factor, unit = prefixed(line.amplitude_mirrored, "" if line.unit == "1" else line.unit)
-    return f"{number(line.amplitude_mirrored / factor, 4)} {unit}".rstrip()
+    error = line.amplitude_mirrored_std / factor
+    return with_error(line.amplitude_mirrored / factor, error, unit)
 
 
 def _mirrored(line: Line) -> list[str]:
@@ -150,7 +207,7 @@ def _mirrored(line: Line) -> list[str]:
     other = _other_amplitude(line)
     if not other:
         return []
-    if line.wiring == TAIL:
+    if line.wiring == TAIL or line.second is not None:
         return [f"Without phases A may as well be {other}: both describe these points."]
     return [
         f"Without phases A may as well be {other}: both have the same curve, and the same f and "
@@ -270,7 +327,8 @@ def _row_name(line: Line, form: LineForm) -> str:
 
 
 def _name(form: LineForm) -> str:
-    return f"{form.name}, delay" if form.delayed else form.name
+    beside = ", delay" * form.delayed + ", second line" * form.second
+    return f"{form.name}{beside}"
 
 
 def _value(value: float, error: float) -> str:
