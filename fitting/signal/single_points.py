@@ -2,8 +2,9 @@
 
 A line that is a third of the distance of the points wide, or wider, is seen in the neighbours of
 its top, too. A point is none of a line where it stands off the straight line through its six
-neighbours by `BESIDE` times as much as each of these does, and by as many times the noise: an
-overload, a lost reading, or a line so narrow that these points cannot tell of it.
+neighbours by `BESIDE` times as much as each of these does, by as many times the noise, and by
+`LEAST` of what they make likely, which noise that grows with the amplitude is not: an overload, a
+lost reading, or a line so narrow that these points cannot tell of it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from fitting.text.arrays import ComplexArray, FloatArray
 REACH = 3
 #: Times their own distances, and the noise, that a point stands off.
 BESIDE = 10.0
+#: Share of what is likely there by which it does.
+LEAST = 0.5
 #: Most such points, and share of all; more of them are no single ones.
 MOST, SHARE = 3, 0.02
 
@@ -57,7 +60,7 @@ def _off(
         columns = np.stack([np.ones_like(x), x / np.max(np.abs(x))], axis=1)
         line = np.linalg.lstsq(columns, y[beside], rcond=None)[0]
         scatter = float(np.max(np.abs(columns @ line - y[beside])))
-        if abs(y[k] - line[0]) > BESIDE * max(scatter, noise):
+        if abs(y[k] - line[0]) > max(BESIDE * scatter, BESIDE * noise, LEAST * abs(line[0])):
             yield k, complex(line[0])
 
 
