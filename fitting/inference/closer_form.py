@@ -67,7 +67,7 @@ LINES, ROWS = {2: "a pair of lines", 3: "three lines"}, 3
 #: What would describe these, of a model that shows fewer, and of one that shows as many.
 ALL_LINES = "an output that shows all lines of the sweep"
 OF_ANY_PHASE = " with any heights and phases"
-COUPLED = "a coupling between the modes that is fitted"
+COUPLED = "a coupling, a drive or a readout fitted that turns its lines against each other"
 
 
 def closer_form(solution: Solution) -> Adequacy | None:

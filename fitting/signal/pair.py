@@ -193,7 +193,10 @@ class _Scale:
 
     def modes(self, f: FloatArray, x: FloatArray) -> list[ComplexArray]:
         """Responses of both, (n,) each."""
-        return [mode_response(f, float(at), float(wide)) for at, wide in zip(*self.lines(x), strict=True)]
+        return [
+            mode_response(f, float(at), float(wide))
+            for at, wide in zip(*self.lines(x), strict=True)
+        ]
 
 
 def _lowest(
