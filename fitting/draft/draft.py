@@ -24,7 +24,7 @@ from fitting.resonance.line import Line, LineForm
 from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, quantity
+from fitting.text.notation import hertz, listed, number, quantity, with_error
 from fitting.text.units import convert, same_kind
 
 #: The models of this project that are one resonance, and two.
@@ -116,11 +116,27 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
         f"Held at the FMU's own start values: {listed(choices.held)}, and all others. What is "
         "found holds with these, of which one line tells nothing."
     )
-    tail = (words,) if choices.held else ()
+    tail = (words,) if choices.held else _lines_words(files.modes, choices, offer)
     return Draft(
         text=text,
         said=(*said, *answers.said, *_boxes(choices.boxes), *tail),
         undescribed=undescribed,
+    )
+
+
+def _lines_words(modes: TwoModes | None, choices: Choices, offer: Offer) -> tuple[str, ...]:
+    """That outputs of the FMU are not the lines of the sweep, and where these are."""
+    if modes is None or choices.derived or modes.tells_lines:
+        return ()
+    f1, f2, w1, w2 = (
+        with_error(value, std, "Hz")
+        for value, std in zip(modes.line_hz, modes.line_std_hz, strict=True)
+    )
+    off = number(max(modes.apart_hz), 2)
+    return (
+        f"Not reported: {listed(offer.derived)}. They are those of modes without damping, or of "
+        f"like ones, up to {off} Hz off the lines, which are at {f1}, {w1} wide, and at {f2}, "
+        f"{w2} wide. What is fitted is of each mode by itself, and tells both.",
     )
 
 
@@ -267,7 +283,9 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         start_words=words,
         amplitude=_amplitude(files, answers),
         boxes=tuple(boxes),
-        derived=_derived(offer, fitted, held=bool(held)),
+        derived=(
+            _derived(offer, fitted, held=bool(held)) if modes is None or modes.tells_lines else ()
+        ),
         held=held,
         width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,

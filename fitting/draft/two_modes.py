@@ -44,7 +44,9 @@ class TwoModes:
 
     `frequency_hz` and `width_hz` (2,) of each mode by itself, Hz; `coupling_hz` is lambda, Hz,
     `drive` g2, zero where there is none. `describes` is False where even this one leaves more than
-    the noise.
+    the noise. `line_hz` are the frequencies of both lines, then their widths, Hz, `line_std_hz`
+    their errors, `apart_hz` how far the model's own numbers for them, eta and width, are off these:
+    frequencies without damping, and widths as if dampings were alike.
     """
 
     kind: str
@@ -53,6 +55,15 @@ class TwoModes:
     coupling_hz: float
     drive: float
     describes: bool
+    line_hz: tuple[float, ...]
+    line_std_hz: tuple[float, ...]
+    apart_hz: tuple[float, ...]
+
+    @property
+    def tells_lines(self) -> bool:
+        """Whether the model's own numbers are those of the lines, within half their errors."""
+        pairs = zip(self.apart_hz, self.line_std_hz, strict=True)
+        return all(apart < 0.5 * std for apart, std in pairs)
 
 
 def two_modes_of(trace: Trace) -> TwoModes | None:
@@ -169,7 +180,24 @@ class _Fit:
             coupling_hz=strength,
             drive=drive,
             describes=describes,
+            line_hz=(*self.pair.frequency_hz.tolist(), *self.pair.width_hz.tolist()),
+            line_std_hz=tuple(self.pair.std_hz.tolist()),
+            apart_hz=_apart((f1, f2), (w1, w2), strength),
         )
+
+
+def _apart(
+    places: tuple[float, float], widths: tuple[float, float], coupling: float
+) -> tuple[float, ...]:
+    """How far modes without damping are from the lines, in frequency and width, Hz, (4,)."""
+    own, shapes = np.linalg.eigh([[places[0] ** 2, coupling**2], [coupling**2, places[1] ** 2]])
+    wide = (shapes**2).T @ np.array(widths)
+    one, two = ([-1.0, 1j * w, a * a] for a, w in zip(places, widths, strict=True))
+    both = np.polymul(one, two)
+    both[-1] -= coupling**4
+    poles = sorted((p for p in np.roots(both) if p.real > 0.0), key=abs)[:2]
+    lines = np.array([*map(abs, poles), *(2.0 * p.imag for p in poles)])
+    return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
 
 
 def _begin(one: complex, two: complex, *more: float) -> FloatArray:

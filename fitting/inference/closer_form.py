@@ -13,11 +13,11 @@ where another form leaves a fifth of them (rms) they are no small ones. A model 
 leaves less than a form of fewer, and nothing is said of it. What the simulation may be off by
 counts as left by every form.
 
-Two or three lines side by side need leave no fifth where what they leave is noise: errors of one
-line for two that overlap, or of two whose heights are held in phase though they are not, are no
+A pair of lines needs leave no fifth where what it leaves is noise: errors of one line for two
+that overlap, or of two whose heights are held in phase though they are not, are no
 smaller than what they leave out, however wide. There P is multiplied by the number of points
 (Bonferroni: at each noise may look like a line), and holds against every form of fewer lines, too.
-This holds where the noise is stated as well: it is what these lines leave, if it has one size.
+This holds where the noise is stated as well: it is what the pair leaves, if it has one size.
 
 Of amplitudes the forms are one line with something beside it, and a pair (`fitting.signal.pair`),
 of complex values one to three lines
@@ -42,6 +42,7 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
+from fitting.signal.complex_line import complex_line
 from fitting.signal.lines_together import LinesTogether, lines_together
 from fitting.signal.pair import pair_of
 from fitting.signal.peaks import (
@@ -268,7 +269,9 @@ def compared_complex(
     if not closer or fitted.noise_is_known:
         for form in forms:
             fewer = [(each.squares, each.unknowns) for each in forms if each.lines < form.lines]
-            if form.tells_more(residuals, unknowns, fewer):
+            if not form.tells_more(residuals, unknowns, fewer):
+                continue
+            if form.tells_more(residuals, unknowns, [_behind_a_cable(frequency_hz, values)]):
                 curve = values / np.max(np.abs(values)) + _complex(residuals)
                 one = lines_together(frequency_hz, curve, 1, 3).squares(curve)
                 return _given_up(residuals, unknowns, form, two=one > form.squares)
@@ -281,6 +284,12 @@ def compared_complex(
         if form.refutes(chosen.squares, chosen.unknowns):
             chosen = form
     return _held(residuals, unknowns, chosen)
+
+
+def _behind_a_cable(frequency_hz: FloatArray, values: ComplexArray) -> tuple[float, int]:
+    """Squares that one line behind a delay leaves over the largest value, and its unknowns."""
+    line = complex_line(frequency_hz, values, None)
+    return line.left**2 * values.size, 7
 
 
 def _complex(parts: FloatArray) -> ComplexArray:
@@ -297,6 +306,7 @@ class _Form:
     rows: int
     unknowns: int
     lines: int = 1
+    seen: bool = True
     tested: Callable[[], Structure]
     words: str
     remedy: str
@@ -335,14 +345,14 @@ class _Form:
     def tells_more(
         self, residuals: FloatArray, unknowns: int, fewer: Sequence[tuple[float, int]]
     ) -> bool:
-        """Whether it has several lines and leaves noise, as neither a model nor fewer lines do.
+        """Whether it is a pair that leaves noise, as neither a model nor fewer lines do.
 
         Args:
             residuals: of the model, shape (rows,).
             unknowns: real ones of the model.
             fewer: squares and unknowns of the forms of fewer lines.
         """
-        if self.lines < 2 or not self.squares < float(residuals @ residuals):
+        if not self.seen or self.lines != 2 or not self.squares < float(residuals @ residuals):
             return False
         others = [(float(residuals @ residuals), unknowns), *fewer]
         if self.tested().order > 0 or not fewer:
@@ -377,6 +387,7 @@ def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> li
                 rows=2 * y.size,
                 unknowns=form.unknowns,
                 lines=lines,
+                seen=all(mode.is_seen(frequency_hz) for mode in form.modes),
                 tested=partial(_structure, form, y),
                 words=f"{words} through sweep '{fitted.label}'" if fitted.label else words,
                 remedy=shows or key,
