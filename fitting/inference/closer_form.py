@@ -44,7 +44,7 @@ from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
 from fitting.signal.complex_line import complex_line
 from fitting.signal.lines_together import LinesTogether, lines_together
-from fitting.signal.pair import pair_of
+from fitting.signal.pair import NO_NOISE, pair_of
 from fitting.signal.peaks import (
     BESIDE_WORDS,
     FLOOR,
@@ -355,7 +355,7 @@ class _Form:
         if not self.seen or self.lines != 2 or not self.squares < float(residuals @ residuals):
             return False
         others = [(float(residuals @ residuals), unknowns), *fewer]
-        if self.tested().order > 0 or not fewer:
+        if self.tested().p_value <= NO_NOISE or not fewer:
             return False
         least = IMPROBABLE / residuals.size
         return all(self.chance(squares, known) < least for squares, known in others)

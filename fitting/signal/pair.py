@@ -46,6 +46,8 @@ ROUNDS, ROUNDS_OF_BEST = 25, 200
 GAIN, GAIN_OF_BEST = 1e-6, 1e-12
 #: Least height of a line that counts, over the higher one.
 LEAST_HEIGHT = 0.03
+#: Probability from which what a pair leaves is no noise: it is held against whole models.
+NO_NOISE = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +76,8 @@ class Pair:
 
     @property
     def is_noise(self) -> bool:
-        """Whether what it leaves does not hang together."""
-        return self.structure.order == 0
+        """Whether what it leaves hangs together no more than noise does in one of 10,000 sweeps."""
+        return self.structure.p_value > NO_NOISE
 
     def is_seen(self, frequency_hz: FloatArray) -> bool:
         """Whether points show both: tops among them, of widths and heights that they can tell.
