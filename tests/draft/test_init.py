@@ -157,7 +157,7 @@ def test_two_lines_that_are_not_in_phase_become_coupled_modes(
 @pytest.mark.parametrize("phases", [True, False])
 def test_the_model_of_two_modes_is_the_simplest_that_describes(phases: bool, driven: float) -> None:
     exact = hybrid(F_TWO, driven) + noise(F_TWO.size, 2e-4, 2)
-    found = two_modes_of(trace_of(F_TWO, exact if phases else np.abs(exact)))
+    found = two_modes_of(trace_of(F_TWO, exact if phases else np.abs(exact), "V"))
     assert found is not None
     assert found.describes
     assert found.kind == ("driven" if driven else "coupled")
