@@ -16,7 +16,8 @@ counts as left by every form.
 A pair of lines needs leave no fifth where what it leaves is noise: errors of one line for two
 that overlap, or of two whose heights are held in phase though they are not, are no
 smaller than what they leave out, however wide. There P is multiplied by the number of points
-(Bonferroni: at each noise may look like a line), and holds against every form of fewer lines, too.
+(Bonferroni: at each noise may look like a line), and holds against every form of one line, too,
+also one that bends with its amplitude, or stands behind a cable.
 This holds where the noise is stated as well: it is what the pair leaves, if it has one size.
 
 Of amplitudes the forms are one line with something beside it, and a pair (`fitting.signal.pair`),
@@ -44,7 +45,7 @@ from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
 from fitting.signal.complex_line import complex_line
 from fitting.signal.lines_together import LinesTogether, lines_together
-from fitting.signal.pair import NO_NOISE, pair_of
+from fitting.signal.pair import NO_NOISE, bent_line, pair_of
 from fitting.signal.peaks import (
     BESIDE_WORDS,
     FLOOR,
@@ -215,6 +216,8 @@ def compared_pair(
     fewer = _left_of(frequency_hz, amplitude_v / largest)
     if not form.tells_more(residuals, unknowns, fewer):
         return None
+    if not form.tells_more(residuals, unknowns, [bent_line(frequency_hz, amplitude_v)]):
+        return None
     curve = np.abs(amplitude_v / largest + residuals)
     one = min((left for left, _ in _left_of(frequency_hz, curve)), default=0.0)
     return _given_up(residuals, unknowns, form, two=one > form.squares)
@@ -271,7 +274,8 @@ def compared_complex(
             fewer = [(each.squares, each.unknowns) for each in forms if each.lines < form.lines]
             if not form.tells_more(residuals, unknowns, fewer):
                 continue
-            if form.tells_more(residuals, unknowns, [_behind_a_cable(frequency_hz, values)]):
+            single = [_behind_a_cable(frequency_hz, values), bent_line(frequency_hz, values)]
+            if form.tells_more(residuals, unknowns, single):
                 curve = values / np.max(np.abs(values)) + _complex(residuals)
                 one = lines_together(frequency_hz, curve, 1, 3).squares(curve)
                 return _given_up(residuals, unknowns, form, two=one > form.squares)

@@ -18,7 +18,7 @@ from fitting.resonance.form import FittedForm
 from fitting.resonance.trace import Trace
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.lines_together import lines_together
-from fitting.signal.pair import pair_of
+from fitting.signal.pair import bent_line, pair_of
 from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -65,6 +65,8 @@ class TwoResonances(BadInput):
 def overlapping(trace: Trace, forms: Sequence[FittedForm]) -> TwoLines | None:
     """Two lines with one top, which the points show where no form of one line leaves noise.
 
+    A line that bends with its amplitude is one of those.
+
     Args:
         trace: what was measured.
         forms: of one line, all that could be fitted.
@@ -72,11 +74,14 @@ def overlapping(trace: Trace, forms: Sequence[FittedForm]) -> TwoLines | None:
     f = trace.frequency_hz
     if any(form.structure.order == 0 for form in forms):
         return None
-    pair = pair_of(f, trace.values if trace.is_complex else trace.amplitude)
+    values = trace.values if trace.is_complex else trace.amplitude
+    pair = pair_of(f, values)
     if pair is None or not (pair.is_noise and pair.is_seen(f)):
         return None
     chances = [pair.chance(form.squares, form.unknowns, f.size) for form in forms]
     if max(chances) > OVERLAP_BY_CHANCE:
+        return None
+    if pair.chance(*bent_line(f, values), f.size) > OVERLAP_BY_CHANCE:
         return None
     one, two = pair.height
     return TwoLines(

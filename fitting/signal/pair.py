@@ -16,7 +16,15 @@ squares as one that is,
 with S and k squares and unknowns of that form, k2 - k one at least, w the widening for residuals of
 the pair, and all `points` at which noise may look like a second line (Bonferroni).
 
-Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
+A line that bends with its amplitude, as a nonlinear resonator's does, looks like a pair, too: it is
+one of the forms that are held against it (`bent_line`),
+
+    s (1 + (2 (f - f0 - b s)/w)^2) = 1        |S|^2 = h^2 s
+
+as long as it does not jump.
+
+Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares); L. Landau and
+E. Lifshitz, Mechanics, section 29, for the bent line.
 """
 
 from __future__ import annotations
@@ -48,6 +56,8 @@ GAIN, GAIN_OF_BEST = 1e-6, 1e-12
 LEAST_HEIGHT = 0.03
 #: Probability from which what a pair leaves is no noise: it is held against whole models.
 NO_NOISE = 1e-4
+#: Halvings after which the power of a bent line is known to rounding.
+HALVINGS = 50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,6 +185,47 @@ def _of_amplitudes(f: FloatArray, y: FloatArray) -> Pair | None:
     x = fit.values
     sizes = np.array([x[4], x[5] + 1j * x[6]])
     return _pair(fit, fit.jacobian, scale, sizes, np.abs(curve(x)))
+
+
+def bent_line(frequency_hz: FloatArray, values: FloatArray | ComplexArray) -> tuple[float, int]:
+    """Squares over the largest value that a line which bends leaves, and its unknowns.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: amplitudes, or complex values, beside which a constant may stand, shape (n,).
+    """
+    f, y = frequency_hz, values / float(np.max(np.abs(values)))
+    size = np.abs(y)
+    high = f[size >= math.sqrt(0.5) * float(np.max(size))]
+    top, width = float(f[int(np.argmax(size))]), max(float(np.ptp(high)), float(np.ptp(f)) / f.size)
+
+    def residuals(x: FloatArray) -> FloatArray:
+        wide = math.exp(float(np.clip(x[1], -30.0, 30.0)))
+        off = 2.0 * ((f - top) / width - x[0]) / wide
+        power = _bent(off, float(x[2]))
+        if not np.iscomplexobj(y):
+            return np.asarray(x[3] * np.sqrt(power) - y)
+        line = 1.0 / (1.0 + 1j * (off - x[2] * power))
+        columns = np.column_stack([line, np.ones(f.size)])
+        return both_parts(columns @ np.linalg.lstsq(columns, y, rcond=None)[0] - y)
+
+    begins = [
+        np.array([-0.5 * bend, 0.0, bend, *([] if np.iscomplexobj(y) else [1.0])])
+        for bend in (0.3, -0.3)
+    ]
+    fit = _lowest(residuals, begins)
+    squares = math.inf if fit is None else float(fit.residuals @ fit.residuals)
+    return squares, 7 if np.iscomplexobj(y) else 4
+
+
+def _bent(off: FloatArray, bend: float) -> FloatArray:
+    """s (n,) of a line that bends by so many half widths: by halving, as s (...) - 1 rises in s."""
+    low, high = np.zeros(off.size), np.ones(off.size)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        over = middle * (1.0 + (off - bend * middle) ** 2) > 1.0
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    return np.asarray(0.5 * (low + high))
 
 
 def _polar(turn: float) -> tuple[float, float]:
