@@ -329,6 +329,9 @@ def _complex(
     if sweep.two is not None:
         made["background"] = "constant"
         remarks[(*at, "background")] = "complex, beside the lines: solved inside"
+    if sweep.turned:
+        made["conjugate"] = True
+        remarks[(*at, "conjugate")] = "the phase rises over the resonance"
     if sweep.line is None:
         return made
     if sweep.line.turned:

@@ -17,13 +17,14 @@ from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
 from fitting.draft.traces import Recording, decays, traces_of
 from fitting.draft.trial import Trial
-from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
+from fitting.draft.two_modes import DRIVEN, TwoModes
+from fitting.draft.values import Box, Seen, boxes_of, coupled_boxes, seen_of, strength_box
 from fitting.resonance.form import FANO, SLOPED, WORDS_BESIDE, WORDS_BESIDE_COMPLEX
 from fitting.resonance.line import Line
 from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, quantity
+from fitting.text.notation import hertz, listed, number, quantity, with_error
 from fitting.text.units import convert, same_kind
 
 #: The models of this project that are one resonance, and two.
@@ -35,6 +36,12 @@ BESIDE = {
     "readout2": (1.0, "the detector sees both modes"),
 }
 STRENGTH = "g2"
+#: The same of two modes of which the first is driven and seen, and moves the second.
+COUPLING = "lambda12"
+THROUGH_COUPLING = {
+    "readout2": (0.0, "the detector sees mode 1"),
+    STRENGTH: (0.0, "the drive moves mode 1, and the coupling mode 2"),
+}
 #: Parameters that a line determines: where it is and how wide.
 PER_LINE = 2
 #: Forms of amplitudes with what a campaign cannot put beside an FMU's, and what would help.
@@ -113,11 +120,27 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
         f"Held at the FMU's own start values: {listed(choices.held)}, and all others. What is "
         "found holds with these, of which one line tells nothing."
     )
-    tail = (words,) if choices.held else ()
+    tail = (words,) if choices.held else _lines_words(files.modes, choices, offer)
     return Draft(
         text=text,
         said=(*said, *answers.said, *_boxes(choices.boxes), *tail),
         undescribed=undescribed,
+    )
+
+
+def _lines_words(modes: TwoModes | None, choices: Choices, offer: Offer) -> tuple[str, ...]:
+    """That outputs of the FMU are not the lines of the sweep, and where these are."""
+    if modes is None or choices.derived or modes.tells_lines:
+        return ()
+    f1, f2, w1, w2 = (
+        with_error(value, std, "Hz")
+        for value, std in zip(modes.line_hz, modes.line_std_hz, strict=True)
+    )
+    off = number(max(modes.apart_hz), 2)
+    return (
+        f"Not reported: {listed(offer.derived)}. They are those of modes without damping, or of "
+        f"like ones, up to {off} Hz off the lines, which are at {f1}, {w1} wide, and at {f2}, "
+        f"{w2} wide. What is fitted is of each mode by itself, and tells both.",
     )
 
 
@@ -237,15 +260,21 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
     start, words = _start_values(offer, tones)
     trial = _trial(files, source, offer, tones, output, start)
     pair = files.two is not None and source.is_model and source.name == TWO_MODES
-    if pair:
-        start |= {name: value for name, (value, _) in BESIDE.items()}
-        words |= {name: why for name, (_, why) in BESIDE.items()}
+    modes = files.modes if pair else None
+    more = _more(modes) if pair else ()
     shown = trial.pairs() if trial and len(offer.places) > 1 else []
-    fitted = answers.of(_fitted(files, offer, (STRENGTH,) if pair else (), shown))
+    fitted = answers.of(_fitted(files, offer, more, shown))
+    if pair:
+        of_pair = _start_of_pair(modes, fitted)
+        start |= {name: value for name, (value, _) in of_pair.items()}
+        words |= {name: why for name, (_, why) in of_pair.items()}
     line, seen = files.line, seen_of(files.line, files.two)
     held = _held(files, offer, fitted)
     boxes = boxes_of(source.workers, offer, fitted, _by_name(fitted, offer, seen), start)
-    if pair and STRENGTH in fitted:
+    if modes is not None:
+        own = {box.name: box for box in coupled_boxes(offer, modes, seen, more)}
+        boxes = [own.get(box.name, box) for box in boxes]
+    elif pair and STRENGTH in fitted:
         boxes[fitted.index(STRENGTH)] = _strength(files, offer, seen)
     boxes = [_in_box(box) for box in boxes]
     chosen = Choices(
@@ -261,7 +290,9 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         start_words=words,
         amplitude=_amplitude(files, answers),
         boxes=tuple(boxes),
-        derived=_derived(offer, fitted, held=bool(held)),
+        derived=(
+            _derived(offer, fitted, held=bool(held)) if modes is None or modes.tells_lines else ()
+        ),
         held=held,
         width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,
@@ -304,6 +335,23 @@ def _by_name(fitted: Sequence[str], offer: Offer, seen: Sequence[Seen]) -> dict[
         else:
             found |= dict(zip(names, seen, strict=False))
     return found
+
+
+def _more(modes: TwoModes | None) -> tuple[str, ...]:
+    """What is fitted of two modes beside their places and widths."""
+    if modes is None:
+        return (STRENGTH,)
+    return (COUPLING, STRENGTH) if modes.kind == DRIVEN else (COUPLING,)
+
+
+def _start_of_pair(modes: TwoModes | None, fitted: Sequence[str]) -> dict[str, tuple[float, str]]:
+    """What makes two modes those of the sweep, with reasons, but for what is fitted."""
+    made = dict(BESIDE)
+    if modes is not None:
+        found = "as both lines of the sweep have it"
+        made = THROUGH_COUPLING | {COUPLING: (modes.coupling_hz, found)}
+        made |= {STRENGTH: (modes.drive, found)} if modes.kind == DRIVEN else {}
+    return {name: value for name, value in made.items() if name not in fitted}
 
 
 def _strength(files: Files, offer: Offer, seen: Sequence[Seen]) -> Box:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import Columns, Roles, map_in, read_trace_of, roles_of
@@ -29,7 +32,8 @@ class SweepFile:
     """A response over frequency: amplitudes or complex values.
 
     ``line`` is the resonance that it shows, None where it shows no single one, as ``trouble`` says;
-    ``two`` are those that it shows if there are two.
+    ``two`` are those that it shows if there are two, ``modes`` what describes them, and ``turned``
+    whether their phases rise over a resonance.
     """
 
     path: Path
@@ -38,6 +42,8 @@ class SweepFile:
     line: Line | None
     trouble: str = ""
     two: TwoLines | None = None
+    modes: TwoModes | None = None
+    turned: bool = False
 
     @property
     def is_complex(self) -> bool:
@@ -103,6 +109,12 @@ class Files:
             return None
         return next((sweep.two for sweep in self.sweeps if sweep.two is not None), None)
 
+    @property
+    def modes(self) -> TwoModes | None:
+        """What describes these two, where it is more than each of them by itself."""
+        found = next((s.modes for s in self.sweeps if s.two is not None), None)
+        return None if self.line is not None or found is None or found.kind == BESIDE else found
+
 
 def files_of(paths: Sequence[Path], columns: Columns) -> Files:
     """Look at files.
@@ -165,18 +177,30 @@ def _map(path: Path, columns: Columns, *, alone: bool) -> list[MapFile]:
 
 def _sweep(path: Path, columns: Columns) -> SweepFile:
     roles, trace = roles_of(path, columns), read_trace_of(path, columns)
-    line, trouble, two = None, "", None
+    line, trouble, two, modes, turned = None, "", None, None, False
     said = [*trace.said, *(f"{spike_words(s, trace.unit)} {COUNTED}" for s in spikes_in(trace))]
     try:
         line = line_of(trace)
         if line.second is not None:  # a model of two modes describes both
-            two = as_two(line.frequency_hz, line.width_hz, line.second)
+            two, turned = as_two(line.frequency_hz, line.width_hz, line.second), line.turned
             line = None
     except TwoResonances as error:
-        trouble, two = str(error), error.lines
+        trouble, two, turned = str(error), error.lines, error.turned
     except BadInput as error:
         trouble = str(error)
-    return SweepFile(path=path, roles=roles, said=tuple(said), line=line, trouble=trouble, two=two)
+    if two is not None:
+        values = np.conj(trace.values) if turned else trace.values
+        modes = two_modes_of(replace(trace, values=values))
+    return SweepFile(
+        path=path,
+        roles=roles,
+        said=tuple(said),
+        line=line,
+        trouble=trouble,
+        two=two,
+        modes=modes,
+        turned=turned,
+    )
 
 
 def _table(path: Path) -> TableFile | None:

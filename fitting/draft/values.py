@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fitting.draft.model import Offer
+from fitting.draft.two_modes import TwoModes
 from fitting.fmu import FmuWorkers, Run
 from fitting.resonance.line import Line
 from fitting.resonance.two_lines import TwoLines
@@ -22,6 +23,8 @@ from fitting.text.units import convert, same_kind
 
 #: Widths of the line on both sides to which its place is bounded, and factor on its width.
 REACH, FACTOR = 20.0, 20.0
+#: Factor on a coupling that the sweep shows.
+COUPLED = 3.0
 #: Step of a logarithm for slopes, and Newton's steps.
 STEP, ROUNDS = 1e-3, 4
 #: Factor to either side where nothing tells the value, and that of a strength's box.
@@ -224,6 +227,61 @@ def strength_box(offer: Offer, name: str, start: float, why: str) -> Box:
         why=why,
     )
     return _bounded(offer, name, box)
+
+
+def coupled_boxes(
+    offer: Offer, modes: TwoModes, seen: Sequence[Seen], names: Sequence[str]
+) -> list[Box]:
+    """Boxes of two coupled modes, whose lines are not where each would be by itself.
+
+    Args:
+        offer: what the FMU offers.
+        modes: as they describe the sweep.
+        seen: both lines of the sweep, the lower one first.
+        names: of the coupling, and of the drive of the second mode where it is fitted.
+    """
+    low, high = seen
+    room = max(high.frequency_hz - low.frequency_hz, low.width_hz, high.width_hz)
+    ends = low.frequency_hz - room, high.frequency_hz + room
+    made = []
+    for k, (place, width) in enumerate(zip(offer.places, offer.widths, strict=False)):
+        if k < len(modes.frequency_hz):
+            f, w = modes.frequency_hz[k], modes.width_hz[k]
+            why = f"of mode {k + 1} by itself: with the coupling both lines of the sweep follow"
+            made.append(_box_between(offer, place, f, ends, w, f"frequency {why}"))
+            made.append(_box_between(offer, width, w, (w / FACTOR, w * FACTOR), w, f"width {why}"))
+    coupling, *drive = names
+    size = modes.coupling_hz
+    scale = min(size, high.frequency_hz * low.width_hz / size)
+    why = "the phases and heights of both lines, which modes without it would not have"
+    made.append(_box_between(offer, coupling, size, (0.0, COUPLED * size), scale, why))
+    why = "the same: mode 2 is driven, too"
+    made += [strength_box(offer, name, modes.drive, why) for name in drive]
+    return made
+
+
+def _box_between(
+    offer: Offer,
+    name: str,
+    start: float,
+    ends: tuple[float, float],
+    scale: float,
+    why: str,
+) -> Box:
+    """A box in Hz with given ends."""
+    return _bounded(
+        offer,
+        name,
+        Box(
+            name=name,
+            unit=offer.unit(name),
+            lower=ends[0],
+            upper=ends[1],
+            start=start,
+            scale=scale,
+            why=why,
+        ),
+    )
 
 
 def _start(offer: Offer, name: str) -> float:

@@ -13,7 +13,15 @@ where another form leaves a fifth of them (rms) they are no small ones. A model 
 leaves less than a form of fewer, and nothing is said of it. What the simulation may be off by
 counts as left by every form.
 
-Of amplitudes the forms are one line with something beside it, of complex values one to three lines
+A pair of lines needs leave no fifth where what it leaves is noise: errors of one line for two
+that overlap, or of two whose heights are held in phase though they are not, are no
+smaller than what they leave out, however wide. There P is multiplied by the number of points
+(Bonferroni: at each noise may look like a line), and holds against every form of one line, too,
+also one that bends with its amplitude, or stands behind a cable.
+This holds where the noise is stated as well: it is what the pair leaves, if it has one size.
+
+Of amplitudes the forms are one line with something beside it, and a pair (`fitting.signal.pair`),
+of complex values one to three lines
 beside what the fit solves for, or beside more (`fitting.signal.lines_together`): the simplest one
 that the model fails against, and that does not fail so against another one.
 
@@ -23,8 +31,8 @@ Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of square
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -35,7 +43,9 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
+from fitting.signal.complex_line import complex_line
 from fitting.signal.lines_together import LinesTogether, lines_together
+from fitting.signal.pair import NO_NOISE, bent_line, pair_of
 from fitting.signal.peaks import (
     ADDED,
     BESIDE_WORDS,
@@ -58,6 +68,10 @@ TRIED = ("complex", OFFSET, SLOPE, FLOOR, RICE)
 RATIO, IMPROBABLE = 25.0, 1e-4
 #: Lines side by side that are tried, in words, and rows for each unknown, at least.
 LINES, ROWS = {2: "a pair of lines", 3: "three lines"}, 3
+#: What would describe these, of a model that shows fewer, and of one that shows as many.
+ALL_LINES = "an output that shows all lines of the sweep"
+OF_ANY_PHASE = " with any heights and phases"
+COUPLED = "a coupling, a drive or a readout fitted that turns its lines against each other"
 
 
 def closer_form(solution: Solution) -> Adequacy | None:
@@ -79,14 +93,16 @@ def _amplitudes(solution: Solution) -> Iterator[Adequacy | None]:
     """Every sweep of amplitudes whose residuals tell its noise."""
     data = solution.objective.data
     for k, (sweep, mine) in enumerate(zip(data.measurements, data.slices, strict=True)):
-        if isinstance(sweep, Sweep) and sweep.fitted and not np.any(sweep.sigma > 0.0):
-            yield compared(
-                sweep.frequency_hz,
-                sweep.amplitude_v,
-                solution.final.residuals[mine],
-                beside=sweep.added,
-                resolved=_resolved(solution, k),
-            )
+        if not (isinstance(sweep, Sweep) and sweep.fitted):
+            continue
+        seen = sweep.frequency_hz, sweep.amplitude_v, solution.final.residuals[mine]
+        resolved = _resolved(solution, k)
+        if not np.any(sweep.sigma > 0.0):
+            yield compared(*seen, beside=sweep.added, resolved=resolved)
+        if np.ptp(sweep.sigma) == 0.0:
+            moving = np.count_nonzero(np.any(solution.matrix[mine] != 0.0, axis=0))
+            unknowns = 1 + sweep.solved_inside + int(moving)
+            yield compared_pair(*seen, unknowns=unknowns, resolved=resolved)
 
 
 def _complex_values(solution: Solution) -> Iterator[Adequacy | None]:
@@ -101,8 +117,6 @@ def _complex_values(solution: Solution) -> Iterator[Adequacy | None]:
         for curve in sweeps.curves:
             mine = slice(begin, begin + 2 * curve.y.size)
             begin = mine.stop
-            if curve.sigma > 0.0:
-                continue
             moving = np.count_nonzero(np.any(solution.matrix[mine] != 0.0, axis=0))
             yield compared_complex(
                 curve.u_hz,
@@ -114,6 +128,7 @@ def _complex_values(solution: Solution) -> Iterator[Adequacy | None]:
                     label=curve.label,
                     table="[complex_control_sweep]" if sweeps.units else Fitted.table,
                     resolved=_resolved(solution, k),
+                    noise_is_known=curve.sigma > 0.0,
                 ),
             )
 
@@ -178,12 +193,61 @@ def _forms(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Iterator[tuple[
             yield name, fit_resonance(frequency_hz, amplitude_v, background=name)
 
 
+def compared_pair(
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    residuals: FloatArray,
+    *,
+    unknowns: int,
+    resolved: float = SMALLEST_RESIDUAL,
+) -> Adequacy | None:
+    """What a model leaves of amplitudes, where it fails against two lines; None where it does not.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        amplitude_v: peak, shape (n,), V.
+        residuals: of the model, over the largest amplitude, shape (n,).
+        unknowns: of the model, its scale one of them.
+        resolved: residuals that say nothing, over the largest amplitude, root mean square.
+    """
+    pair = pair_of(frequency_hz, amplitude_v)
+    if pair is None or not (pair.is_noise and pair.is_seen(frequency_hz)):
+        return None
+    largest, rows = float(np.max(amplitude_v)), residuals.size
+    form = _Form(
+        squares=max(pair.squares, rows * resolved**2),
+        rows=rows,
+        unknowns=pair.unknowns,
+        lines=2,
+        tested=lambda: pair.structure,
+        words=LINES[2],
+        remedy=ALL_LINES,
+    )
+    fewer = _left_of(frequency_hz, amplitude_v / largest)
+    if not form.tells_more(residuals, unknowns, fewer):
+        return None
+    if not form.tells_more(residuals, unknowns, [bent_line(frequency_hz, amplitude_v)]):
+        return None
+    curve = np.abs(amplitude_v / largest + residuals)
+    one = min((left for left, _ in _left_of(frequency_hz, curve)), default=0.0)
+    return _given_up(residuals, unknowns, form, two=one > form.squares)
+
+
+def _left_of(frequency_hz: FloatArray, amplitude: FloatArray) -> list[tuple[float, int]]:
+    """Squares that forms of one line leave of amplitudes over their largest, and their unknowns."""
+    return [
+        (float(np.sum((each.curve - amplitude) ** 2)), UNKNOWNS[name])
+        for name, each in _forms(frequency_hz, amplitude)
+    ]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
     """What a fit did for a complex sweep: complex `columns` solved inside, parameters `moving` it.
 
     `label` is the sweep's, `table` that of the campaign that tells of it; residuals below
-    `resolved`, over the largest value, say nothing.
+    `resolved`, over the largest value, say nothing. Where `noise_is_known` only more lines are held
+    against the model.
     """
 
     columns: int = 1
@@ -191,6 +255,7 @@ class Fitted:
     label: str = ""
     table: str = "[[complex_sweep]]"
     resolved: float = SMALLEST_RESIDUAL
+    noise_is_known: bool = False
 
     @property
     def unknowns(self) -> int:
@@ -214,6 +279,18 @@ def compared_complex(
         return None
     squares, unknowns = float(residuals @ residuals), fitted.unknowns
     closer = [form for form in forms if form.refutes(squares, unknowns)]
+    if not closer or fitted.noise_is_known:
+        for form in forms:
+            fewer = [(each.squares, each.unknowns) for each in forms if each.lines < form.lines]
+            if not form.tells_more(residuals, unknowns, fewer):
+                continue
+            single = [_behind_a_cable(frequency_hz, values), bent_line(frequency_hz, values)]
+            if form.tells_more(residuals, unknowns, single):
+                curve = values / np.max(np.abs(values)) + _complex(residuals)
+                one = lines_together(frequency_hz, curve, 1, 3).squares(curve)
+                return _given_up(residuals, unknowns, form, two=one > form.squares)
+        if fitted.noise_is_known:
+            return None
     if not closer:
         return _held(residuals, unknowns, min(forms, key=lambda form: form.squares))
     chosen, *others = closer
@@ -223,6 +300,18 @@ def compared_complex(
     return _held(residuals, unknowns, chosen)
 
 
+def _behind_a_cable(frequency_hz: FloatArray, values: ComplexArray) -> tuple[float, int]:
+    """Squares that one line behind a delay leaves over the largest value, and its unknowns."""
+    line = complex_line(frequency_hz, values, None)
+    return line.left**2 * values.size, 7
+
+
+def _complex(parts: FloatArray) -> ComplexArray:
+    """Complex values of real, then imaginary parts, (n,)."""
+    real, imaginary = np.split(parts, 2)
+    return np.asarray(real + 1j * imaginary)
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Form:
     """A form of line: the `squares` that it leaves over the largest value, of so many `rows`."""
@@ -230,6 +319,8 @@ class _Form:
     squares: float
     rows: int
     unknowns: int
+    lines: int = 1
+    seen: bool = True
     tested: Callable[[], Structure]
     words: str
     remedy: str
@@ -265,6 +356,24 @@ class _Form:
         """
         return squares > RATIO * self.squares and self.chance(squares, unknowns) < IMPROBABLE
 
+    def tells_more(
+        self, residuals: FloatArray, unknowns: int, fewer: Sequence[tuple[float, int]]
+    ) -> bool:
+        """Whether it is a pair that leaves noise, as neither a model nor fewer lines do.
+
+        Args:
+            residuals: of the model, shape (rows,).
+            unknowns: real ones of the model.
+            fewer: squares and unknowns of the forms of fewer lines.
+        """
+        if not self.seen or self.lines != 2 or not self.squares < float(residuals @ residuals):
+            return False
+        others = [(float(residuals @ residuals), unknowns), *fewer]
+        if self.tested().p_value <= NO_NOISE or not fewer:
+            return False
+        least = IMPROBABLE / residuals.size
+        return all(self.chance(squares, known) < least for squares, known in others)
+
 
 def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> list[_Form]:
     """All lines side by side that the points can tell, the simplest ones first."""
@@ -285,12 +394,14 @@ def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> li
             continue
         more = columns > fitted.columns
         key = f'{fitted.table} background = "{BACKGROUNDS[columns - 1]}"' if more else ""
-        shows = "an output that shows all lines of the sweep" if lines in LINES else ""
+        shows = ALL_LINES if lines in LINES else ""
         found.append(
             _Form(
                 squares=max(form.squares(y), 2 * y.size * fitted.resolved**2),
                 rows=2 * y.size,
                 unknowns=form.unknowns,
+                lines=lines,
+                seen=all(mode.is_seen(frequency_hz) for mode in form.modes),
                 tested=partial(_structure, form, y),
                 words=f"{words} through sweep '{fitted.label}'" if fitted.label else words,
                 remedy=shows or key,
@@ -335,6 +446,14 @@ def _real_columns(form: LinesTogether) -> FloatArray:
     return np.concatenate(
         [np.hstack([columns.real, -columns.imag]), np.hstack([columns.imag, columns.real])]
     )
+
+
+def _given_up(residuals: FloatArray, unknowns: int, form: _Form, *, two: bool) -> Adequacy:
+    """What a model leaves, against more lines, or as many where it has `two` itself."""
+    held = _held(residuals, unknowns, form)
+    if two and form.lines == 2:
+        held = replace(held, remedy=COUPLED, against=f"{held.against}{OF_ANY_PHASE}")
+    return replace(held, describes=False)
 
 
 def _held(residuals: FloatArray, unknowns: int, form: _Form) -> Adequacy:

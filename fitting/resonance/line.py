@@ -47,7 +47,7 @@ from fitting.resonance.rival_forms import Covered, covered
 from fitting.resonance.second_line import fits_with_second, second_place
 from fitting.resonance.spikes import Spike, spikes_in, without_spikes
 from fitting.resonance.trace import Trace
-from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two, two_lines
+from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two, overlapping, two_lines
 from fitting.signal.peaks import (
     AMONG,
     FLOOR,
@@ -64,7 +64,7 @@ from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number
+from fitting.text.notation import hertz, listed, number, with_error
 
 #: Height of a second line over that of the first one up to which the first is the one meant.
 WEAK = 0.3
@@ -83,6 +83,8 @@ AT_END = 3
 #: Widths, and logarithm of a factor on the width, by which another line may not be where a point
 #: outside is largest, or where it is only supposed.
 SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
+#: Error over the width of a line from which its numbers are not told.
+TOLD_SHARE = 0.5
 #: Akaike's criterion by which a form with a delay must be better than all without one.
 PLAINLY = 10.0
 #: Akaike's criterion below which a form is as good as another one.
@@ -279,6 +281,7 @@ def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
         found, criteria, order = _second_first(trace, found, both)
         best = found[order[0]]
     _check_one(trace, best, further, failed)
+    _check_overlap(trace, best, found)
     same = bool(asked) or trace.is_complex
     wider = Covered(best, (), 1.0) if same else covered(found, criteria, order[0])
     best = wider.form
@@ -643,8 +646,36 @@ def _not_one(trace: Trace, two: TwoLines) -> TwoResonances:
         else "wanted one, as --from and --to choose it; fmu-fit init drafts a campaign of both"
     )
     return TwoResonances(
-        f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}", lines=two
+        f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}",
+        lines=two,
+        turned=trace.turned,
     )
+
+
+def _check_overlap(trace: Trace, best: FittedForm, found: Sequence[FittedForm]) -> None:
+    """Complain of two lines with one top, where nothing else explains what one line leaves."""
+    two = None if _faults(trace, best) else overlapping(trace, found)
+    if two is not None:
+        raise TwoResonances(
+            f"{trace.source}: two lines that overlap describe its points, and one line does not: "
+            f"the best form of one, {best.name}, leaves {number(two.times, 2)} times as much (in "
+            f"squares). {_overlapping(two)} A campaign whose model has two modes fits both, as "
+            "fmu-fit init drafts it",
+            lines=two,
+            turned=trace.turned,
+        )
+
+
+def _overlapping(two: TwoLines) -> str:
+    """Where two lines are and how wide, in words, as far as the points tell."""
+    values = zip((*two.frequency_hz, *two.width_hz), two.std_hz, two.width_hz * 2, strict=True)
+    if any(std > TOLD_SHARE * width for _, std, width in values):
+        return "Where each of them is the points do not tell."
+    low, up, *widths = (
+        with_error(value, std, "Hz")
+        for value, std in zip((*two.frequency_hz, *two.width_hz), two.std_hz, strict=True)
+    )
+    return f"They are at {low}, {widths[0]} wide, and at {up}, {widths[1]} wide."
 
 
 def _turns(best: FittedForm) -> bool:

@@ -1,13 +1,14 @@
 """Whether a trace shows two resonances, where one is looked for.
 
 Complex values by a rational function of degree two (`fitting.signal.lines_together`); amplitudes by
-a second line beside the first, begun where most is left.
+a second line beside the first, begun where most is left. Of two that overlap so that they have one
+top `fitting.signal.pair` tells, where every form of one line leaves more than noise.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from fitting.resonance.form import FittedForm
 from fitting.resonance.trace import Trace
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.lines_together import lines_together
+from fitting.signal.pair import bent_line, pair_of
 from fitting.signal.peaks import SecondLine, mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -25,6 +27,8 @@ from fitting.text.errors import BadInput
 LEAST_HEIGHT, EXPLAINED = 0.03, 0.75
 #: Fewer points do not tell two lines from one and noise, and noise gains as much less often.
 LEAST_POINTS, BY_CHANCE = 12, 1e-3
+#: Noise gains so much by two lines with one top less often than this.
+OVERLAP_BY_CHANCE = 1e-4
 #: Evaluations after which a second line that is still looked for is none.
 ROUNDS_FOR_SECOND = 60
 
@@ -33,12 +37,16 @@ ROUNDS_FOR_SECOND = 60
 class TwoLines:
     """Two resonances: frequencies and full widths, Hz, the lower one first.
 
-    ``ratio`` is the complex height of the upper one over that of the lower one.
+    ``ratio`` is the complex height of the upper one over that of the lower one. Where both have one
+    top, ``std_hz`` are standard errors of the frequencies, then of the widths, Hz, and ``times`` is
+    what the best form of one line leaves, over what they leave, in squares.
     """
 
     frequency_hz: tuple[float, float]
     width_hz: tuple[float, float]
     ratio: complex
+    std_hz: tuple[float, ...] = ()
+    times: float = math.nan
 
     @property
     def overlap(self) -> bool:
@@ -71,9 +79,40 @@ def as_two(frequency_hz: float, width_hz: float, second: SecondLine | None) -> T
 class TwoResonances(BadInput):
     """A trace shows two resonances where one is looked for: ``lines``."""
 
-    def __init__(self, *complaints: str, lines: TwoLines) -> None:
+    def __init__(self, *complaints: str, lines: TwoLines, turned: bool = False) -> None:
         super().__init__(*complaints)
-        self.lines = lines
+        self.lines, self.turned = lines, turned
+
+
+def overlapping(trace: Trace, forms: Sequence[FittedForm]) -> TwoLines | None:
+    """Two lines with one top, which the points show where no form of one line leaves noise.
+
+    A line that bends with its amplitude is one of those.
+
+    Args:
+        trace: what was measured.
+        forms: of one line, all that could be fitted.
+    """
+    f = trace.frequency_hz
+    if any(form.structure.order == 0 for form in forms):
+        return None
+    values = trace.values if trace.is_complex else trace.amplitude
+    pair = pair_of(f, values)
+    if pair is None or not (pair.is_noise and pair.is_seen(f)):
+        return None
+    chances = [pair.chance(form.squares, form.unknowns, f.size) for form in forms]
+    if max(chances) > OVERLAP_BY_CHANCE:
+        return None
+    if pair.chance(*bent_line(f, values), f.size) > OVERLAP_BY_CHANCE:
+        return None
+    one, two = pair.height
+    return TwoLines(
+        frequency_hz=(float(pair.frequency_hz[0]), float(pair.frequency_hz[1])),
+        width_hz=(float(pair.width_hz[0]), float(pair.width_hz[1])),
+        ratio=complex(two / one),
+        std_hz=tuple(map(float, pair.std_hz)),
+        times=min(form.squares for form in forms) / pair.squares,
+    )
 
 
 def two_lines(trace: Trace, best: FittedForm) -> TwoLines | None:

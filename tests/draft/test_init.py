@@ -15,6 +15,8 @@ import fitting as ff
 from fitting.api.init import Question, init
 from fitting.cli.main import main
 from fitting.draft.ringdown import ringdown_of
+from fitting.draft.two_modes import two_modes_of
+from fitting.resonance.trace import trace_of
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.cfmu_build import (
@@ -120,6 +122,49 @@ def test_two_lines_become_a_campaign_of_two_modes_that_finds_both(
     assert written["fmu"]["model"] == "CoupledModes2"
     assert written["fmu"]["start"]["lambda12"] == 0.0
     assert written["complex_sweep"][0]["background"] == "constant"
+
+
+def hybrid(f: FloatArray, driven: float) -> ComplexArray:
+    """q1 of two coupled modes of unlike damping over its top, mode 2 driven so much as mode 1."""
+    one, two = (
+        (ETA + at) ** 2 - f**2 + 1j * f * d for at, d in ((0.0, WIDTH), (SPLIT, 2.0 * WIDTH))
+    )
+    seen = (two + COUPLING**2 * driven) / (one * two - COUPLING**4)
+    return np.asarray(seen / np.max(np.abs(seen)))
+
+
+#: lambda of a coupling that splits like modes by 40 Hz.
+COUPLING = math.sqrt(40.0 * ETA)
+
+
+def test_two_lines_that_are_not_in_phase_become_coupled_modes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen = hybrid(F_TWO, 0.0) + noise(F_TWO.size, 2e-3, 3)
+    file = write_csv(tmp_path / "two.csv", "f (Hz),X (V),Y (V)", F_TWO, seen.real, seen.imag)
+    found = fitted(tmp_path, [str(file)])
+    truth = {"f1": ETA, "f2": ETA + SPLIT, "d1": WIDTH, "d2": 2.0 * WIDTH, "lambda12": COUPLING}
+    assert found.status == "converged"
+    assert set(found.parameters) == set(truth)
+    for name, value in truth.items():
+        each = found.parameters[name]
+        assert abs(each.value - value) < 4.0 * each.std < 0.2 * value, name
+    # eta and width are no longer what the sweep shows
+    assert "Not reported: eta1, eta2" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("driven", [0.0, 0.7])
+@pytest.mark.parametrize("phases", [True, False])
+def test_the_model_of_two_modes_is_the_simplest_that_describes(phases: bool, driven: float) -> None:
+    exact = hybrid(F_TWO, driven) + noise(F_TWO.size, 2e-4, 2)
+    found = two_modes_of(trace_of(F_TWO, exact if phases else np.abs(exact), "V"))
+    assert found is not None
+    assert found.describes
+    assert found.kind == ("driven" if driven else "coupled")
+    assert found.coupling_hz == pytest.approx(COUPLING, rel=0.02)
+    assert found.frequency_hz == pytest.approx((ETA, ETA + SPLIT), abs=1.0)
+    assert found.width_hz == pytest.approx((WIDTH, 2.0 * WIDTH), rel=0.1)
+    assert found.drive == pytest.approx(driven, abs=0.05)
 
 
 def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fitting.inference.closer_form import Fitted, compared, compared_complex
+from fitting.inference.closer_form import Fitted, compared, compared_complex, compared_pair
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.coloured import coloured
 from tests.support.complex_data import mode as driven
@@ -80,6 +80,45 @@ def test_two_lines_are_no_line_with_something_beside_it() -> None:
     assert found is None or found.describes
 
 
+def best_amplitudes(amplitude: FloatArray) -> FloatArray:
+    """What the best single line beside nothing leaves, over the top: by scipy."""
+    top = float(np.max(amplitude))
+
+    def rows(q: FloatArray) -> FloatArray:
+        curve = np.abs(mode(F, ETA + WIDTH * q[0], WIDTH * np.exp(q[1])))
+        return np.asarray(q[2] * curve - amplitude / top)
+
+    return np.asarray(least_squares(rows, [0.3, 0.3, 1.0]).fun)
+
+
+def test_two_lines_that_overlap_are_no_single_line() -> None:
+    """A shoulder: one line leaves some times what two leave, not 25 times, and is given up."""
+    noise = 8e-3 * np.random.default_rng(5).standard_normal(F.size)
+    bump = np.abs(mode(F, ETA, WIDTH) + 0.5 * np.exp(0.4j) * mode(F, ETA + 350.0, 450.0)) + noise
+    left = best_amplitudes(bump)
+    plain = compared(F, bump, left)
+    assert plain is not None
+    assert plain.describes
+    found = compared_pair(F, bump, left, unknowns=3)
+    assert found is not None
+    assert not found.describes
+    assert found.against == "a pair of lines"
+    assert found.chi_square == pytest.approx(
+        float(left @ left) * (float(np.max(bump)) / 8e-3) ** 2, rel=0.4
+    )
+
+
+def test_one_line_of_amplitudes_is_no_pair() -> None:
+    """Of 40 honest lines, 0.1 to 10 % of noise, none."""
+    told = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        noise = 10.0 ** rng.uniform(-3.0, -1.0) * rng.standard_normal(F.size)
+        seen = np.abs(LINE + noise)
+        told += compared_pair(F, seen, best_amplitudes(seen), unknowns=3) is not None
+    assert told == 0
+
+
 # Complex values: what another number of lines, or another background, leaves.
 
 ONE = mode(F, ETA, WIDTH)
@@ -99,6 +138,39 @@ def best(y: ComplexArray, beside: tuple[ComplexArray, ...] = (), lines: int = 1)
         return np.concatenate([left.real, left.imag]) / float(np.max(np.abs(y)))
 
     return np.asarray(least_squares(rows, [0.0, 1.0, 900.0 / WIDTH, 0.75][: 2 * lines]).fun)
+
+
+def in_phase(y: ComplexArray) -> FloatArray:
+    """What two lines of which the second is a real share of the first leave of y: by scipy."""
+
+    def rows(q: FloatArray) -> FloatArray:
+        one, two = (
+            mode(F, ETA + WIDTH * place, WIDTH * np.exp(wide))
+            for place, wide in ((q[0], q[1]), (900.0 / WIDTH + q[2], q[3]))
+        )
+        shape = one + q[4] * two
+        left = shape * np.vdot(shape, y) / np.vdot(shape, shape) - y
+        return np.concatenate([left.real, left.imag]) / float(np.max(np.abs(y)))
+
+    return np.asarray(least_squares(rows, [0.0, 0.0, 0.0, 0.0, 0.6]).fun)
+
+
+@pytest.mark.parametrize("turn", [0.15, 0.0])
+@pytest.mark.parametrize("known", [False, True])
+def test_two_lines_are_not_in_phase_because_a_model_has_them_so(turn: float, known: bool) -> None:
+    """By 9 degrees: the model leaves some times the noise (in squares), not 25 times."""
+    pair = ONE + 0.6 * np.exp(1j * turn) * mode(F, ETA + 900.0, 300.0)
+    y = pair + 5e-3 * noise_of("white", np.random.default_rng(8), pair)
+    left = in_phase(y)
+    assert float(left @ left) < 10.0 * 2 * F.size * (5e-3 / float(np.max(np.abs(y)))) ** 2
+    found = compared_complex(F, y, left, Fitted(columns=1, moving=5, noise_is_known=known))
+    if turn == 0.0:
+        assert found is None or found.describes
+        return
+    assert found is not None
+    assert not found.describes
+    assert found.against == "a pair of lines with any heights and phases"
+    assert "coupling" in found.remedy
 
 
 def noise_of(kind: str, rng: np.random.Generator, exact: ComplexArray) -> ComplexArray:

@@ -255,6 +255,47 @@ def test_what_is_no_single_line_is_refused_in_a_sentence(
     assert len(error.value.args) == 1
 
 
+def overlapped(f: FloatArray, split: float, widths: tuple[float, float]) -> ComplexArray:
+    """q1 = D2/(D1 D2 - k^2) over its top: mode 1 is driven and seen, k splits both."""
+    one, two = (
+        (ETA + at) ** 2 - f**2 + 1j * f * d for at, d in zip((-2.5, 2.5), widths, strict=True)
+    )
+    seen = two / (one * two - (split * ETA) ** 2)
+    return np.asarray(seen / np.max(np.abs(seen)))
+
+
+def test_two_lines_with_one_top_are_told_with_their_places() -> None:
+    """Hybrid modes 9.3 Hz apart and 12 Hz wide on average: no number of one line is told."""
+    f = ETA + np.linspace(-100.0, 100.0, 401)
+    seen = np.abs(overlapped(f, 8.0, (10.0, 14.0)) + noise(f.size, 6e-3, 21))
+    with pytest.raises(ff.BadInput, match="two lines that overlap describe its points") as error:
+        ff.line(f, seen)
+    one = r"at (\S+)\s±\s(\S+)\sHz, (\S+)\s.*wide"
+    told = re.search(rf"{one}, and {one}", str(error.value))
+    assert told is not None
+    low, low_error, width, high, high_error, _ = map(float, told.groups())
+    # eigenvalues of the two modes to first order in splitting over frequency
+    own = np.linalg.eigvals([[ETA - 2.5 + 5j, 4.0], [4.0, ETA + 2.5 + 7j]])
+    lower, upper = sorted(own, key=lambda p: p.real)
+    assert abs(low - lower.real) < 4.0 * low_error < 2.0
+    assert abs(high - upper.real) < 4.0 * high_error < 4.0
+    assert width == pytest.approx(2.0 * lower.imag, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["phases", "amplitudes", "single"])
+def test_one_line_is_not_told_to_be_two_that_overlap(kind: str) -> None:
+    """Of 12 each: on a constant, of 0.1 to 10 % noise."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        exact, error = on_crosstalk(F) / 2.3, noise(F.size, 10.0 ** rng.uniform(-3, -1), seed)
+        seen = {
+            "phases": exact + error,
+            "amplitudes": np.abs(np.abs(exact) + error.real),
+            "single": np.abs(exact + error),
+        }[kind]
+        assert abs(ff.line(F, seen).frequency_hz - ETA) < WIDTH
+
+
 def test_the_command_tells_the_number_first_and_writes_what_it_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,206 @@
+"""Which model of two modes two lines of one sweep want, and the values with which it begins.
+
+With D = f0^2 - f^2 + i f d of each mode by itself, and k = lambda^2 the coupling,
+
+    beside     S = 1/D1 + g/D2                      each line is a mode, both are seen
+    coupled    S = D2/(D1 D2 - k^2)                 mode 1 is driven and seen, mode 2 is coupled
+    driven     S = (D2 + k g)/(D1 D2 - k^2)         and mode 2 is driven, too
+
+times a gain, and beside a constant where there are phases. The first has lines in phase, or half a
+turn apart; of coupled modes of unlike dampings they are not. The simplest one is taken that leaves
+no more than noise lets it beside two lines of any heights and phases (`fitting.signal.pair`); both
+with one unknown less are equally simple, and the first of them goes before.
+
+The lines of a pair, p = f + i w/2 with residues r, give the begin: z = (r1 p2 + r2 p1)/(r1 + r2) is
+where nothing is seen, which is mode 2 of `coupled`, and p1 + p2 - z is mode 1. Amplitudes are as
+well those of the mirrored z.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.resonance.trace import Trace
+from fitting.signal.least_squares import minimise_squares
+from fitting.signal.pair import Pair, pair_of
+from fitting.text.arrays import ComplexArray, FloatArray, both_parts
+
+BESIDE, COUPLED, DRIVEN = "beside", "coupled", "driven"
+#: Probability from which noise is why two lines of any phases leave less.
+BY_CHANCE = 0.01
+#: Evaluations of a fit, and the relative fall of the squares at which it ends.
+ROUNDS, GAIN = 300, 1e-12
+#: Unknowns of x that each model has.
+UNKNOWNS = {BESIDE: 5, COUPLED: 5, DRIVEN: 6}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoModes:
+    """Two modes that describe a sweep: `kind` of model, and its values.
+
+    `frequency_hz` and `width_hz` (2,) of each mode by itself, Hz; `coupling_hz` is lambda, Hz,
+    `drive` g2, zero where there is none. `describes` is False where even this one leaves more than
+    the noise. `line_hz` are the frequencies of both lines, then their widths, Hz, `line_std_hz`
+    their errors, `apart_hz` how far the model's own numbers for them, eta and width, are off these:
+    frequencies without damping, and widths as if dampings were alike.
+    """
+
+    kind: str
+    frequency_hz: tuple[float, float]
+    width_hz: tuple[float, float]
+    coupling_hz: float
+    drive: float
+    describes: bool
+    line_hz: tuple[float, ...]
+    line_std_hz: tuple[float, ...]
+    apart_hz: tuple[float, ...]
+
+    @property
+    def tells_lines(self) -> bool:
+        """Whether the model's own numbers are those of the lines, within half their errors."""
+        pairs = zip(self.apart_hz, self.line_std_hz, strict=True)
+        return all(apart < 0.5 * std for apart, std in pairs)
+
+
+def two_modes_of(trace: Trace) -> TwoModes | None:
+    """The simplest model of two modes that describes a trace; None where no two lines fit it.
+
+    Args:
+        trace: what was measured.
+    """
+    values = trace.values if trace.is_complex else trace.amplitude
+    pair = pair_of(trace.frequency_hz, values)
+    if pair is None:
+        return None
+    y = values / float(np.max(trace.amplitude))
+    fits = {kind: _Fit(trace.frequency_hz, y, pair, kind).lowest() for kind in UNKNOWNS}
+    linear = 4 if trace.is_complex else 1
+    found = [
+        (pair.chance(squares, UNKNOWNS[kind] + linear, 1), kind)
+        for kind, (squares, _) in fits.items()
+        if math.isfinite(squares)
+    ]
+    if not found:
+        return None
+    likely = [each for each in found if each[0] > BY_CHANCE]
+    _, kind = likely[0] if likely else min(found, key=lambda each: fits[each[1]][0])
+    return _Fit(trace.frequency_hz, y, pair, kind).told(fits[kind][1], describes=bool(likely))
+
+
+class _Fit:
+    """A model fitted to a sweep over its largest value.
+
+    x holds shifts of both modes from the middle of the lines and logarithms of their widths, both
+    over the larger of the widths and the distance, then k over 2 f0 of it, and g.
+    """
+
+    def __init__(self, f: FloatArray, y: FloatArray | ComplexArray, pair: Pair, kind: str) -> None:
+        self.f, self.y, self.kind, self.pair = f, y, kind, pair
+        self.middle = float(np.mean(pair.frequency_hz))
+        self.unit = max(float(np.ptp(pair.frequency_hz)), float(np.max(pair.width_hz)))
+
+    def modes(self, x: FloatArray) -> list[tuple[float, float]]:
+        """Frequency and width of each mode by itself, Hz."""
+        widths = self.unit * np.exp(np.clip(x[2:4], -30.0, 30.0))
+        return [(self.middle + self.unit * float(x[k]), float(widths[k])) for k in (0, 1)]
+
+    def response(self, x: FloatArray) -> ComplexArray:
+        """S over 1/(2 f0 unit), (n,)."""
+        size = 2.0 * self.middle * self.unit
+        one, two = (
+            ((a - self.f) * (a + self.f) + 1j * self.f * w) / size for a, w in self.modes(x)
+        )
+        if self.kind == BESIDE:
+            return np.asarray(1.0 / one + x[4] / two)
+        more = x[4] * x[5] if self.kind == DRIVEN else 0.0
+        return np.asarray((two + more) / (one * two - x[4] ** 2))
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """What the best gain, and a constant beside phases, leaves."""
+        response = self.response(x)
+        if not np.iscomplexobj(self.y):
+            size = np.abs(response)
+            return np.asarray(size * float(size @ self.y) / float(size @ size) - self.y)
+        columns = np.column_stack([response, np.ones(self.f.size)])
+        return both_parts(columns @ np.linalg.lstsq(columns, self.y, rcond=None)[0] - self.y)
+
+    def lowest(self) -> tuple[float, FloatArray]:
+        """Squares and x of the lowest minimum; infinite where there is none."""
+        best = math.inf, np.zeros(UNKNOWNS[self.kind])
+        for begin in self.begins():
+            with contextlib.suppress(ValueError, np.linalg.LinAlgError):
+                fit = minimise_squares(self.residuals, begin, rounds=ROUNDS, gain=GAIN)
+                squares = float(fit.residuals @ fit.residuals)
+                best = min(best, (squares, fit.values), key=lambda each: each[0])
+        return best
+
+    def begins(self) -> list[FloatArray]:
+        """Where the fit begins, from the lines of the pair."""
+        poles = (self.pair.frequency_hz - self.middle + 0.5j * self.pair.width_hz) / self.unit
+        residues = self.pair.height * self.pair.width_hz
+        p1, p2 = map(complex, poles)
+        if self.kind == BESIDE:
+            ratio = complex(residues[1] / residues[0])
+            signs = {math.copysign(1.0, ratio.real), -1.0} if abs(ratio.imag) > 0 else {1.0}
+            return [_begin(p1, p2, sign * abs(ratio)) for sign in sorted(signs)]
+        z = complex((residues[0] * p2 + residues[1] * p1) / (residues[0] + residues[1]))
+        zeros = [z] if np.iscomplexobj(self.y) else [z, z.conjugate()]
+        made = []
+        for zero in zeros:
+            for more in ((), (0.0,)) if self.kind == COUPLED else ((0.1,), (-0.1,)):
+                made.append(self.coupled(p1, p2, zero, more))
+        return made
+
+    def coupled(
+        self, p1: complex, p2: complex, zero: complex, more: tuple[float, ...]
+    ) -> FloatArray:
+        """x of coupled modes with poles and a zero, as near as a real coupling comes."""
+        two = complex(zero.real, max(zero.imag, 0.05 * min(p1.imag, p2.imag)))
+        one = p1 + p2 - two
+        one = complex(one.real, max(one.imag, 0.05 * min(p1.imag, p2.imag)))
+        square = (-(p1 - two) * (p2 - two)).real
+        return _begin(one, two, math.sqrt(max(square, 0.01)), *more)
+
+    def told(self, x: FloatArray, *, describes: bool) -> TwoModes:
+        """The values of x in their units."""
+        (f1, w1), (f2, w2) = self.modes(x)
+        coupled = self.kind != BESIDE
+        strength = math.sqrt(2.0 * self.middle * self.unit * abs(float(x[4]))) if coupled else 0.0
+        drive = float(x[4]) if self.kind == BESIDE else 0.0
+        if self.kind == DRIVEN:  # lambda^2 has a sign of its own, which g2 takes
+            drive = math.copysign(float(x[5]), float(x[4] * x[5]))
+        return TwoModes(
+            kind=self.kind,
+            frequency_hz=(f1, f2),
+            width_hz=(w1, w2),
+            coupling_hz=strength,
+            drive=drive,
+            describes=describes,
+            line_hz=(*self.pair.frequency_hz.tolist(), *self.pair.width_hz.tolist()),
+            line_std_hz=tuple(self.pair.std_hz.tolist()),
+            apart_hz=_apart((f1, f2), (w1, w2), strength),
+        )
+
+
+def _apart(
+    places: tuple[float, float], widths: tuple[float, float], coupling: float
+) -> tuple[float, ...]:
+    """How far modes without damping are from the lines, in frequency and width, Hz, (4,)."""
+    own, shapes = np.linalg.eigh([[places[0] ** 2, coupling**2], [coupling**2, places[1] ** 2]])
+    wide = (shapes**2).T @ np.array(widths)
+    one, two = ([-1.0, 1j * w, a * a] for a, w in zip(places, widths, strict=True))
+    both = np.polymul(one, two)
+    both[-1] -= coupling**4
+    poles = sorted((p for p in np.roots(both) if p.real > 0.0), key=abs)[:2]
+    lines = np.array([*map(abs, poles), *(2.0 * p.imag for p in poles)])
+    return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
+
+
+def _begin(one: complex, two: complex, *more: float) -> FloatArray:
+    """x of two modes p = f + i w/2."""
+    widths = [math.log(2.0 * max(p.imag, 1e-6)) for p in (one, two)]
+    return np.array([one.real, two.real, *widths, *more])
