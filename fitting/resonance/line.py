@@ -1,14 +1,4 @@
-"""One resonance of a trace: every form that may stand beside it, compared, and the best one.
-
-Forms are compared by Akaike's criterion for small samples, with points that hang together counted
-as the independent ones that they are worth,
-
-    c = N/v ln(sum r^2/N) + 2 k + 2 k (k + 1)/(N/v - k - 1)
-
-N residuals, k unknowns, v the square of the widening (`residual_structure`) under the form that
-leaves least. Source: H. Akaike, IEEE Trans. Autom. Control 19 (1974) 716; K. Burnham and
-D. Anderson, Model Selection and Multimodel Inference, section 2.5, for the inflation of counts.
-"""
+"""One resonance of a trace: every form that may stand beside it, fitted, and the best one."""
 
 from __future__ import annotations
 
@@ -18,10 +8,18 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from scipy.special import fdtrc
 
 from fitting.campaign.instruments import own_estimates
 from fitting.measurements.complex.curve import WIDTHS_FOR_DELAY
+from fitting.resonance.complaints import (
+    check_one,
+    check_overlap,
+    complain_of_ends,
+    complain_of_flank,
+    faults_of,
+    not_one,
+    outside,
+)
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading, dip_readings
 from fitting.resonance.form import (
     AMPLITUDE_FORMS,
@@ -36,35 +34,37 @@ from fitting.resonance.form import (
     fit_complex,
     guesses,
 )
+from fitting.resonance.form_choice import (
+    AS_GOOD,
+    criteria_of,
+    with_tail,
+    without_doubtful_constant,
+    without_doubtful_delay,
+    without_doubtful_slope,
+)
 from fitting.resonance.further_lines import (
-    Flank,
     FurtherLine,
-    beyond_ends,
-    flank,
     further_lines,
 )
 from fitting.resonance.rival_forms import Covered, covered
 from fitting.resonance.second_line import fits_with_second, second_place
 from fitting.resonance.spikes import Spike, spikes_in, without_spikes
 from fitting.resonance.trace import Trace
-from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two, overlapping, two_lines
+from fitting.resonance.two_lines import as_two, two_lines
 from fitting.signal.peaks import (
-    AMONG,
     FLOOR,
     MIN_SWEEP_POINTS,
     OFFSET,
     RICE,
     SINGLE,
     TAIL,
-    UNKNOWNS,
     SecondLine,
 )
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.signal.student import ratio95
-from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
+from fitting.signal.sweep_faults import SweepFault
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, with_error
+from fitting.text.notation import hertz, listed
 
 #: Height of a second line over that of the first one up to which the first is the one meant.
 WEAK = 0.3
@@ -72,26 +72,9 @@ WEAK = 0.3
 AMPLITUDES_ALONE = (OFFSET, FLOOR, RICE, SINGLE, TAIL)
 #: What may be asked for: forms, and those of their readings that are no form of their own.
 WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, *AMPLITUDES_ALONE)
-#: A resonance is there if noise alone were to look like one less often than this.
-SEEN_P = 1e-3
-
-#: Squares by which a curve is off from any that only rises or only falls, over those of the noise,
-#: from which no flank describes the points.
-TURNS = 10.0
-#: Points at an end of which one is the largest where the end cuts off a line.
-AT_END = 3
 #: Widths, and logarithm of a factor on the width, by which another line may not be where a point
 #: outside is largest, or where it is only supposed.
 SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
-#: Error over the width of a line from which its numbers are not told.
-TOLD_SHARE = 0.5
-#: Akaike's criterion by which a form with a delay must be better than all without one.
-PLAINLY = 10.0
-#: Akaike's criterion below which a form is as good as another one.
-AS_GOOD = 2.0
-#: And by which a slope beside amplitudes must be better than all that is simpler: noise alone makes
-#: one in a hundred sweeps of it.
-SLOPE_SEEN = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,15 +247,15 @@ def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
     further = further_lines(trace)
     asked = FANO if wiring in (NOTCH, REFLECTION) else wiring
     found, failed = _fitted(trace, further, asked)
-    criteria = _criteria(found, _rows(trace))
+    criteria = criteria_of(found, trace.rows)
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
     if further and not asked:
-        order = _with_tail(found, criteria, order)
+        order = with_tail(found, criteria, order)
     if not trace.is_complex:
-        order = _without_doubtful_slope(found, criteria, order)
-    order = _without_doubtful_constant(found, criteria, order)
+        order = without_doubtful_slope(found, criteria, order)
+    order = without_doubtful_constant(found, criteria, order)
     order.sort(key=lambda k: bool(asked) and found[k].name != asked)
-    order = _without_doubtful_delay(found, criteria, order, asked)
+    order = without_doubtful_delay(found, criteria, order, asked)
     best = found[order[0]]
     if asked and best.name != asked:
         raise BadInput(next(form.message for form in failed if form.name == asked))
@@ -280,8 +263,8 @@ def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
     if both:
         found, criteria, order = _second_first(trace, found, both)
         best = found[order[0]]
-    _check_one(trace, best, further, failed)
-    _check_overlap(trace, best, found)
+    check_one(trace, best, further, {form.name: form.message for form in failed})
+    check_overlap(trace, best, found)
     same = bool(asked) or trace.is_complex
     wider = Covered(best, (), 1.0) if same else covered(found, criteria, order[0])
     best = wider.form
@@ -317,7 +300,7 @@ def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
         rivals_widening=wider.factor,
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
         readings=dip_readings(trace, best, wiring),
-        faults=_faults(trace, best),
+        faults=faults_of(trace, best),
         second=best.second,
         further_hz=tuple(line.frequency_hz for line in further),
         instrument=own_estimates(trace.notes),
@@ -339,7 +322,7 @@ def _with_second(
     best = forms[0]
     two = two_lines(trace, best)
     if two is not None and (two.overlap or two.share > WEAK):
-        raise _not_one(trace, two)
+        raise not_one(trace, two)
     place = None if best.name == TAIL else second_place(trace, best)
     if place is None:
         return []
@@ -348,7 +331,7 @@ def _with_second(
     for form in both[:1]:
         lines = as_two(form.frequency_hz, form.width_hz, form.second)
         if lines is not None and lines.share > WEAK:
-            raise _not_one(trace, lines)
+            raise not_one(trace, lines)
     return both
 
 
@@ -357,11 +340,11 @@ def _second_first(
 ) -> tuple[list[FittedForm], FloatArray, list[int]]:
     """All forms, those of two lines first, their criteria, and the order they are taken in."""
     forms = [*both, *found]
-    criteria = _criteria(forms, _rows(trace))
+    criteria = criteria_of(forms, trace.rows)
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
     pair = [k for k in order if k < len(both)]
     if not trace.is_complex:
-        pair = _without_doubtful_slope(forms, criteria, pair)
+        pair = without_doubtful_slope(forms, criteria, pair)
     near = [k for k in pair if criteria[k] - criteria[pair[0]] < AS_GOOD]
     simple = min(near, key=lambda k: forms[k].unknowns)
     pair = [simple, *(k for k in pair if k != simple)]
@@ -372,65 +355,6 @@ def _interval(value: float, error: float, freedom: float) -> tuple[float, float]
     """The 95 % interval about a value with half of its 68 % interval."""
     half = error * ratio95(freedom)
     return value - half, value + half
-
-
-def _without_doubtful_delay(
-    found: Sequence[FittedForm], criteria: FloatArray, order: list[int], asked: str
-) -> list[int]:
-    """The order in which forms are taken: a delay that is not plainly seen is none.
-
-    A delay is the phase of the line itself over a sweep of some widths, so that noise invents one.
-    """
-    plain = [k for k in order if math.isnan(found[k].delay_s) and asked in ("", found[k].name)]
-    if not plain or criteria[plain[0]] - criteria[order[0]] >= PLAINLY:
-        return order
-    return [plain[0], *(k for k in order if k != plain[0])]
-
-
-def _without_doubtful_constant(
-    found: Sequence[FittedForm], criteria: FloatArray, order: list[int]
-) -> list[int]:
-    """The order in which forms are taken: what noise of single readings makes is nothing else.
-
-    Such noise lifts a faint line as a constant does, or noise that was averaged, and has no unknown
-    for it; and where it is small, nobody sees that it is Rice's.
-    """
-    of_name = {found[k].name: k for k in order}
-    near = [
-        of_name[name]
-        for name in (TRANSMISSION, SINGLE)
-        if name in of_name and criteria[of_name[name]] - criteria[order[0]] < AS_GOOD
-    ]
-    doubtful = found[order[0]].name in (SINGLE, OFFSET, FLOOR, RICE)
-    if not doubtful or of_name.get(SINGLE) not in near:
-        return order
-    return [near[0], *(k for k in order if k != near[0])]
-
-
-def _without_doubtful_slope(
-    found: Sequence[FittedForm], criteria: FloatArray, order: list[int]
-) -> list[int]:
-    """The order in which forms of amplitudes are taken: a slope that is not plainly seen is none.
-
-    Every sweep of a clean line has one to fit; errors hold for it where it is nearly as good.
-    """
-    others = [k for k in order if found[k].name != SLOPED]
-    if not others or criteria[others[0]] - criteria[order[0]] >= SLOPE_SEEN:
-        return order
-    return [others[0], *(k for k in order if k != others[0])]
-
-
-def _with_tail(found: Sequence[FittedForm], criteria: FloatArray, order: list[int]) -> list[int]:
-    """The order in which forms are taken where another line is seen: with its tail.
-
-    It is known to be there: a form without it is as good where noise hides it, and then moves the
-    line by up to some standard errors of its own.
-    """
-    tail = [k for k in order if found[k].name == TAIL]
-    worse = any(criteria[k] - criteria[order[0]] >= PLAINLY for k in tail)
-    if not tail or (worse and found[tail[0]].structure.order > 0):
-        return order
-    return [*tail, *(k for k in order if k not in tail)]
 
 
 def _points(trace: Trace, best: FittedForm) -> LinePoints:
@@ -447,10 +371,6 @@ def _points(trace: Trace, best: FittedForm) -> LinePoints:
         measured_imaginary=tuple(y.imag.tolist()),
         fitted_imaginary=tuple(curve.imag.tolist()),
     )
-
-
-def _rows(trace: Trace) -> int:
-    return (2 if trace.is_complex else 1) * int(trace.values.size)
 
 
 def _turned(trace: Trace) -> Trace:
@@ -488,8 +408,8 @@ def _fitted(
         if further or asked == TAIL or not noisy:
             tried([_tail(trace, further)])
     if not (found or unresolved):
-        _complain_of_flank(trace, further, math.inf)
-        _complain_of_ends(trace)
+        complain_of_flank(trace, further, math.inf)
+        complain_of_ends(trace)
         if trace.is_complex or trace.values.size < MIN_SWEEP_POINTS:
             raise BadInput(failed[0].message)
         ends = hertz(*trace.frequency_hz[[0, -1]], digits=8, joined=" and ")
@@ -505,7 +425,7 @@ _Try = tuple[tuple[str, bool], Callable[[], FittedForm]]
 
 def _tail(trace: Trace, further: Sequence[FurtherLine]) -> _Try:
     """The fit of a line beside the tail of another one, seen or beyond the ends."""
-    others = [(line.frequency_hz, line.width_hz) for line in _outside(trace, further)]
+    others = [(line.frequency_hz, line.width_hz) for line in outside(trace, further)]
     room = SEEN_ROOM if further else UNSEEN_ROOM
 
     def fit() -> FittedForm:
@@ -513,11 +433,6 @@ def _tail(trace: Trace, further: Sequence[FurtherLine]) -> _Try:
         return fit_amplitudes(f, a, TAIL, trace.source, others, room)
 
     return (TAIL, False), fit
-
-
-def _outside(trace: Trace, further: Sequence[FurtherLine]) -> Sequence[FurtherLine]:
-    """Lines that are seen outside, or where they may be."""
-    return further or beyond_ends(trace.frequency_hz, 0.1 * float(np.ptp(trace.frequency_hz)))
 
 
 def _tries(trace: Trace, further: Sequence[FurtherLine]) -> list[_Try]:
@@ -553,19 +468,6 @@ def _resolves_delay(trace: Trace, delayed: FittedForm) -> bool:
     return delayed.width_hz * WIDTHS_FOR_DELAY < float(np.ptp(trace.frequency_hz))
 
 
-def _criteria(found: Sequence[FittedForm], rows: int) -> FloatArray:
-    """Akaike's criterion of every form, see the head of this file."""
-    closest = min(found, key=lambda form: form.likely_squares)
-    count = rows / closest.structure.widening**2
-    made = []
-    for form in found:
-        k = form.unknowns
-        squares = max(form.likely_squares, rows * SMALLEST_RESIDUAL**2)
-        small = 2.0 * k * (k + 1) / (count - k - 1) if count > k + 1 else math.inf
-        made.append(count * math.log(squares / rows) + 2.0 * k + small)
-    return np.array(made) if np.any(np.isfinite(made)) else np.arange(len(made), dtype=float)
-
-
 def _numbers(form: FittedForm, criterion: float) -> LineForm:
     return LineForm(
         name=form.name,
@@ -597,183 +499,3 @@ def _failure(name: str, delayed: bool, message: str) -> LineForm:
         criterion=nan,
         message=message,
     )
-
-
-def _check_one(
-    trace: Trace,
-    best: FittedForm,
-    further: Sequence[FurtherLine],
-    failed: Sequence[LineForm],
-) -> None:
-    """Complain of no line, and of one that the ends of the sweep cut off."""
-    f = trace.frequency_hz
-    ends = hertz(f[0], f[-1], digits=8, joined=" and ")
-    if _chance(trace, best, 1.0) > SEEN_P:
-        raise BadInput(
-            f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
-            "points as well"
-        )
-    if not _turns(best):
-        _complain_of_flank(trace, further, best.squares, best.unknowns)
-    if _chance(trace, best, best.structure.together) > SEEN_P:
-        _complain_of_ends(trace)
-        for form in failed:
-            if form.name == TAIL and AMONG in form.message:
-                raise BadInput(f"{form.message}; wanted a range that holds one, --from and --to")
-        worth = max(1.0, f.size / best.structure.together**2)
-        raise BadInput(
-            f"{trace.source}: no form of a line describes its points between {ends}: the residuals "
-            f"of the best one, {best.name}, at {hertz(best.frequency_hz, digits=8)}, {TOGETHER}, "
-            f"so that the {f.size} points are worth {number(worth, 2)} independent ones"
-        )
-    left, right = best.frequency_hz - f[0], f[-1] - best.frequency_hz
-    if min(left, right) < 0.5 * best.width_hz:
-        end, where = ("first", f[0]) if left < right else ("last", f[-1])
-        raise BadInput(
-            f"{trace.source}: its resonance at {hertz(best.frequency_hz, digits=8)}, "
-            f"{hertz(best.width_hz, digits=3)} wide, is cut off by the {end} point of the sweep at "
-            f"{hertz(where, digits=8)}; wanted half a width on both sides at least"
-        )
-
-
-def _not_one(trace: Trace, two: TwoLines) -> TwoResonances:
-    """The complaint of two lines of which none is far lower."""
-    places = hertz(*two.frequency_hz, digits=5)
-    widths = hertz(*two.width_hz, digits=3)
-    way = (
-        "a campaign whose model has two modes fits both, as fmu-fit init drafts it"
-        if two.overlap
-        else "wanted one, as --from and --to choose it; fmu-fit init drafts a campaign of both"
-    )
-    return TwoResonances(
-        f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}",
-        lines=two,
-        turned=trace.turned,
-    )
-
-
-def _check_overlap(trace: Trace, best: FittedForm, found: Sequence[FittedForm]) -> None:
-    """Complain of two lines with one top, where nothing else explains what one line leaves."""
-    two = None if _faults(trace, best) else overlapping(trace, found)
-    if two is not None:
-        raise TwoResonances(
-            f"{trace.source}: two lines that overlap describe its points, and one line does not: "
-            f"the best form of one, {best.name}, leaves {number(two.times, 2)} times as much (in "
-            f"squares). {_overlapping(two)} A campaign whose model has two modes fits both, as "
-            "fmu-fit init drafts it",
-            lines=two,
-            turned=trace.turned,
-        )
-
-
-def _overlapping(two: TwoLines) -> str:
-    """Where two lines are and how wide, in words, as far as the points tell."""
-    values = zip((*two.frequency_hz, *two.width_hz), two.std_hz, two.width_hz * 2, strict=True)
-    if any(std > TOLD_SHARE * width for _, std, width in values):
-        return "Where each of them is the points do not tell."
-    low, up, *widths = (
-        with_error(value, std, "Hz")
-        for value, std in zip((*two.frequency_hz, *two.width_hz), two.std_hz, strict=True)
-    )
-    return f"They are at {low}, {widths[0]} wide, and at {up}, {widths[1]} wide."
-
-
-def _turns(best: FittedForm) -> bool:
-    """Whether a form that leaves noise alone rises and falls by far more than that noise.
-
-    The flank of one line beyond the ends does only one of both, and is then not looked for.
-    """
-    if best.structure.order > 0:
-        return False
-    curve = np.abs(best.curve) / float(np.max(np.abs(best.curve)))
-    reversals = [
-        np.maximum.accumulate(each) - np.minimum.accumulate(each[::-1])[::-1]
-        for each in (curve, curve[::-1])
-    ]
-    off = min(float(np.sum((0.5 * gap) ** 2)) for gap in reversals)
-    return off > TURNS * best.squares
-
-
-def _complain_of_flank(
-    trace: Trace, further: Sequence[FurtherLine], squares: float, unknowns: int = 0
-) -> None:
-    """Complain where the flank of a line beyond the ends describes amplitudes as well."""
-    if trace.is_complex:
-        return
-    found = flank(trace, _outside(trace, further))
-    straight, rows = _straight(trace), _rows(trace)
-    if found is None or not found.squares > 0.0 or rows <= UNKNOWNS["none"] + 1:
-        return
-    gain = (straight - found.squares) * (rows - UNKNOWNS["none"]) / found.squares
-    if fdtrc(1, rows - UNKNOWNS["none"], max(0.0, gain)) > SEEN_P / rows:
-        return
-    more = unknowns - UNKNOWNS["none"]
-    if more > 0:
-        better = (found.squares - squares) / more * (rows - unknowns) / squares
-        if rows * fdtrc(more, rows - unknowns, max(0.0, better)) <= SEEN_P:
-            return
-    raise _cut_off(trace, found, further)
-
-
-def _complain_of_ends(trace: Trace) -> None:
-    """Complain of amplitudes of which an end holds the largest, where no form describes them."""
-    f, top = trace.frequency_hz, int(np.argmax(trace.amplitude))
-    if trace.is_complex or AT_END <= top < f.size - AT_END:
-        return
-    end, where = ("first", f[0]) if top < AT_END else ("last", f[-1])
-    raise BadInput(
-        f"{trace.source}: is largest at its {end} point, {hertz(where, digits=8)}, which cuts off "
-        "a line; wanted half a width on both sides at least"
-    )
-
-
-def _cut_off(trace: Trace, line: Flank, further: Sequence[FurtherLine]) -> BadInput:
-    """The complaint of a line beyond an end; where it is, points outside tell."""
-    f = trace.frequency_hz
-    below = line.frequency_hz < f[0]
-    end, where = ("first", f[0]) if below else ("last", f[-1])
-    there = [each.frequency_hz for each in further if (each.frequency_hz < f[0]) is below]
-    place = f", near {hertz(there[0], digits=6)}" if there else ""
-    return BadInput(
-        f"{trace.source}: its {end} point at {hertz(where, digits=8)} cuts off a line: the points "
-        f"are the flank of one beyond it{place}; wanted half a width on both sides at least"
-    )
-
-
-def _straight(trace: Trace, delay_s: float = math.nan) -> float:
-    """What a straight line leaves of a trace, its delay taken out: squares over the largest."""
-    f = trace.frequency_hz
-    y = trace.values / float(np.max(trace.amplitude))
-    if not math.isnan(delay_s):
-        y = y * np.exp(2j * np.pi * (f - float(np.mean(f))) * delay_s)
-    x = (f - float(np.mean(f))) / float(np.ptp(f))
-    columns = np.column_stack([np.ones_like(x), x])
-    return float(np.sum(np.abs(y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2))
-
-
-def _chance(trace: Trace, best: FittedForm, widening: float) -> float:
-    """Probability that noise gains as much by a line over a straight one, at any of its points.
-
-    The noise is white with `widening` 1, else it hangs together as that says.
-
-    Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares), with
-    Bonferroni's bound.
-    """
-    before = _straight(trace, best.delay_s)
-    rows = _rows(trace)
-    if best.squares <= rows * SMALLEST_RESIDUAL**2:
-        return 0.0 if before > best.squares else 1.0
-    more = max(1, best.unknowns - (4 if trace.is_complex else 2))
-    freedom = max(1.0, (rows - best.unknowns) / widening**2)
-    gain = max(0.0, (before - best.squares) / more * freedom / best.squares)
-    return min(1.0, trace.frequency_hz.size * float(fdtrc(more, freedom, gain)))
-
-
-def _faults(trace: Trace, best: FittedForm) -> tuple[SweepFault, ...]:
-    """What makes amplitudes no damped line, where the best form leaves something of them."""
-    if trace.is_complex or (best.name != TRANSMISSION and best.structure.order == 0):
-        return ()
-    if best.second is not None:
-        return ()
-    found = sweep_faults(trace.frequency_hz, trace.amplitude)
-    return tuple(f for f in found if f.fault is not Fault.BACKGROUND)

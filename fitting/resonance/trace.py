@@ -55,6 +55,11 @@ class Trace:
         """Moduli of the values, (n,)."""
         return np.asarray(np.abs(self.values), dtype=float)
 
+    @property
+    def rows(self) -> int:
+        """Number of residuals: of complex values two at every point."""
+        return (2 if self.is_complex else 1) * int(self.values.size)
+
     def within(self, low_hz: float | None, high_hz: float | None) -> Trace:
         """The part between two frequencies.
 

@@ -506,7 +506,7 @@ def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.Monkey
     def looked_for(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fitting.resonance.line.flank", looked_for)
+    monkeypatch.setattr("fitting.resonance.complaints.flank", looked_for)
     assert ff.line(F, np.abs(line_alone(F) + noise(F.size, 0.02, 1))).wiring
     with pytest.raises(AssertionError):
         ff.line(F[:70], np.abs(line_alone(F[:70]) + noise(70, 0.02, 1)))

@@ -15,7 +15,8 @@ from fitting.resonance.form import (
     WORDS_BESIDE,
     WORDS_BESIDE_COMPLEX,
 )
-from fitting.resonance.line import AS_GOOD, Line, LineForm
+from fitting.resonance.form_choice import AS_GOOD
+from fitting.resonance.line import Line, LineForm
 from fitting.signal.peaks import FLOOR, RICE, SINGLE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
 from fitting.text.notation import hertz, listed, number, percent, prefixed, quantity, with_error
