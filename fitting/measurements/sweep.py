@@ -185,7 +185,10 @@ class Sweep(MeasurementKind):
             prediction: of the sweep, without scale.
             chi: scale, laboratory over simulation.
         """
-        return self._projected(self.amplitude_v - chi * _real(prediction))
+        predicted = _real(prediction)
+        if self.added == "none":  # of a sweep that is not fitted only the maximum may be predicted
+            return np.zeros_like(predicted)
+        return self._projected(self.amplitude_v - chi * predicted)
 
     @property
     def solved_inside(self) -> int:
