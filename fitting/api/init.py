@@ -14,7 +14,7 @@ from fitting.draft.files import files_of
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.source import Source
 from fitting.draft.traces import recordings_of
-from fitting.resonance.reading import Columns
+from fitting.resonance.reading import TIME_PAGE, Columns
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.results_folder import results_folder
@@ -107,6 +107,11 @@ def drafted(
     with results_folder(Path(out), "init", (CAMPAIGN,)):
         recordings = recordings_of(paths)
         recorded = fmu or model_for_recordings(recordings)
+        if recordings and recorded is None:
+            raise BadInput(
+                f"{paths[0]}: is a recording over time, and no free decay of one column; wanted "
+                f"--fmu, the FMU whose output was recorded: {TIME_PAGE}"
+            )
         if recordings and recorded is not None:
             with _source(recorded) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))

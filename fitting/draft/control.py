@@ -351,7 +351,9 @@ def _said(made: _Written, unit: str) -> list[str]:
     apart = hertz(crossing.gap_hz, digits=3)
     at = "beyond the values that were measured"
     if crossing.place is not None:
-        value = number(crossing.place, 3)
+        half = 0.5 * float(np.ptp(made.file.found.settings[:, 0]))
+        digits = 2 + math.ceil(math.log10(max(10.0, abs(crossing.place) / half)))
+        value = number(crossing.place, digits)
         at = f"at {made.control} = {value} {unit if unit != '1' else ''}".rstrip()
     left = f"{number(100.0 * crossing.left, 2)} %"
     who = ("the one that is driven and seen", "the one that is not driven")[crossing.tuned - 1]

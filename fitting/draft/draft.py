@@ -17,7 +17,7 @@ from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
 from fitting.draft.traces import Recording, decays, traces_of
 from fitting.draft.trial import Trial
-from fitting.draft.two_modes import DRIVEN, TwoModes
+from fitting.draft.two_modes import COUPLED, DRIVEN, TwoModes
 from fitting.draft.values import Box, Seen, boxes_of, coupled_boxes, seen_of, strength_box
 from fitting.resonance.form import FANO, SLOPED, WORDS_BESIDE, WORDS_BESIDE_COMPLEX
 from fitting.resonance.line import Line
@@ -36,6 +36,12 @@ BESIDE = {
     "readout2": (1.0, "the detector sees both modes"),
 }
 STRENGTH = "g2"
+#: What a draft of two modes takes, by the kind of model (`fitting.draft.two_modes`).
+TAKEN = {
+    "": "each line is a mode of its own, without a coupling, and the detector sees both",
+    COUPLED: "mode 1 alone is driven and seen, and lambda12 couples mode 2 to it",
+    DRIVEN: "both modes are driven, mode 1 alone is seen, and lambda12 couples them",
+}
 #: The same of two modes of which the first is driven and seen, and moves the second.
 COUPLING = "lambda12"
 THROUGH_COUPLING = {
@@ -121,10 +127,22 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
         "found holds with these, of which one line tells nothing."
     )
     tail = (words,) if choices.held else _lines_words(files.modes, choices, offer)
+    tail = (*_taken(files, source), *tail)
     return Draft(
         text=text,
         said=(*said, *answers.said, *_boxes(choices.boxes), *tail),
         undescribed=undescribed,
+    )
+
+
+def _taken(files: Files, source: Source) -> tuple[str, ...]:
+    """What is taken of two modes that one sweep does not tell."""
+    if files.two is None or not (source.is_model and source.name == TWO_MODES):
+        return ()
+    kind = "" if files.modes is None else files.modes.kind
+    return (
+        f"Taken: {TAKEN.get(kind, TAKEN[''])}. Other shares of the drive and of the detector may "
+        "give the same two lines, which one sweep does not tell: what is found holds under this.",
     )
 
 

@@ -41,7 +41,7 @@ def ringdown_of(time_s: FloatArray, values: FloatArray) -> Ringdown | None:
         values: of the record, shape (n,), in any unit.
     """
     y = values - np.mean(values)
-    if np.count_nonzero(np.diff(np.sign(y))) < CROSSINGS:
+    if np.count_nonzero(np.diff(np.sign(y))) < CROSSINGS or _highest(y) < 0.5 * CROSSINGS:
         return None
     first, second = (float(np.sqrt(np.mean(half**2))) for half in np.array_split(y, 2))
     if not 0.0 < second < DECAYS * first:

@@ -192,7 +192,7 @@ def misfit_advice(adequacy: Adequacy, *, drifts: bool) -> str:
     if adequacy.against:
         way = adequacy.remedy or "a sweep without that, or phases"
         return (
-            f"What it leaves of the sweep is {times} (in squares) what {adequacy.against} leaves. "
+            f"What it leaves is {times} (in squares) what {adequacy.against} leaves. "
             f"No value is called determined; wanted {way}, or another model."
         )
     return (

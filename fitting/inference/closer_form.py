@@ -39,6 +39,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from fitting.fit.solution import Solution
+from fitting.inference.closer_decay import closer_decays
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import BACKGROUNDS
@@ -84,7 +85,7 @@ def closer_form(solution: Solution) -> Adequacy | None:
     """
     if solution.structure is None or solution.structure.order == 0:  # it leaves noise
         return None
-    tried = [*_amplitudes(solution), *_complex_values(solution)]
+    tried = [*_amplitudes(solution), *_complex_values(solution), *closer_decays(solution)]
     worse = [each for each in tried if each is not None and not each.describes]
     return max(worse, key=lambda each: each.chi_square / each.freedom, default=None)
 

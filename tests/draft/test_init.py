@@ -571,3 +571,12 @@ def test_a_record_that_does_not_decay_is_no_ringdown() -> None:
     t = np.arange(4000) / 8000.0
     assert ringdown_of(t, np.cos(2.0 * np.pi * 1234.5 * t)) is None
     assert ringdown_of(t, np.exp(-20.0 * t)) is None
+    rough = np.random.default_rng(5).standard_normal(t.size)
+    assert ringdown_of(t, 0.2 * np.exp(-20.0 * t) + 2e-3 * rough) is None  # noise crosses zero
+
+
+def test_a_recording_that_does_not_decay_wants_its_fmu(tmp_path: Path) -> None:
+    t = np.arange(4000) / 8000.0
+    path = write_csv(tmp_path / "steady.csv", "t (s),U (V)", t, np.cos(2.0 * np.pi * 1234.5 * t))
+    with pytest.raises(ff.BadInput, match="no free decay of one column; wanted --fmu"):
+        init(path, out=tmp_path / "o")

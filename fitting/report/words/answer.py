@@ -241,9 +241,9 @@ def _otherwise(result: Result) -> str:
     if adequacy is not None and adequacy.scale_off > 1.0:
         return 'a sweep whose top is that of a line, or scale = "free"'
     if adequacy is not None and adequacy.remedy:
-        return f"{adequacy.remedy}, as {against} describes the sweep better"
+        return f"{adequacy.remedy}, as {against} describes the data better"
     if against:
-        return f"another model, or phases, as {against} describes the sweep better"
+        return f"another model, or phases, as {against} describes the data better"
     drift = "another drift, " if result.peaks else ""
     return (
         f"another model, {drift}or the noise that the data have; narrower boxes or a nearer start "

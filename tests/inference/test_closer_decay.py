@@ -1,0 +1,30 @@
+"""A free decay of two lines is not described by one, and that of one line is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitting.inference.closer_decay import compared_decay
+from fitting.measurements.traces.record import TraceRecord
+from fitting.signal.decaying_lines import decaying_lines
+
+T = np.arange(2500) / 8000.0
+
+
+@pytest.mark.parametrize(("second", "said"), [(0.6, True), (0.05, True), (0.0, False)])
+def test_a_second_line_is_told_where_one_line_leaves_it(second: float, said: bool) -> None:
+    """1000.3 and 1013 Hz; what one line leaves by least squares stands for a model of one mode."""
+    for seed in range(10):
+        noise = 0.01 * np.random.default_rng(seed).standard_normal(T.size)
+        fall = np.exp(-np.pi * 4.0 * T)
+        y = fall * (np.cos(2e3 * np.pi * 1.0003 * T) + second * np.sin(2e3 * np.pi * 1.013 * T))
+        trace = TraceRecord(T, y + noise, input="force", start="unknown")
+        one = decaying_lines(trace.y / trace.largest, trace.spacing_s, 1)
+        assert one is not None
+        found = compared_decay(trace, one.left, unknowns=4)
+        assert (found is not None) is said
+        if found is not None:
+            assert not found.describes
+            assert "two decaying lines (1.000" in found.against
+            assert "states = 4" in found.remedy
