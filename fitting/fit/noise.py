@@ -112,11 +112,14 @@ def shared_at(noise: RowNoise, data: Dataset, point: Point) -> RowNoise:
     there = shared(data, point.residuals)
     if not there.shape[1]:
         return noise
-    here, sigma = noise.common, noise.sigma[:, np.newaxis]
-    factors = np.sum(here * there / sigma**2, axis=0) / np.sum(here**2 / sigma**2, axis=0)
-    apart = (there - factors * here) / sigma  # a common factor is an error of the error
-    if np.max(np.sum(apart**2, axis=0)) < (0.5 * NOTICED) ** 2:
-        return noise
+    sigma = noise.sigma[:, np.newaxis]
+    with np.errstate(over="ignore", invalid="ignore"):  # of rows that nothing describes
+        old, new = noise.common / sigma, there / sigma
+        sizes = np.sum(old**2, axis=0)
+        apart = sizes * new - np.sum(old * new, axis=0) * old  # a factor errs the error alone
+        moved = np.sum(apart**2, axis=0)
+        if not np.any(moved > (0.5 * NOTICED * sizes) ** 2):
+            return noise
     return replace(noise, common=there)
 
 
