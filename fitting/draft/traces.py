@@ -32,9 +32,10 @@ from fitting.draft.ringdown import Ringdown, line_boxes, ringdown_of, silenced
 from fitting.draft.source import Source
 from fitting.draft.values import Box
 from fitting.fmu import Run
-from fitting.measurements.traces.record import UNKNOWN, TraceRecord
+from fitting.measurements.traces.record import FOUND, UNKNOWN, TraceRecord
 from fitting.measurements.traces.waveform import HELD, LINEAR
 from fitting.resonance.reading import TIME_PAGE
+from fitting.signal.decay import decay_start
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import hertz, listed
@@ -54,6 +55,12 @@ QUADRATURES = (("x", "y"), ("re", "im"))
 UNDRIVEN = (
     "No column drives: the FMU runs from its start values, with what drive it has of its own. Of a "
     f'ringdown nobody knows where it starts: start = "unknown", {TIME_PAGE}.'
+)
+#: Share of a record behind which its decay begins late, and what is said of it.
+LATEST = 0.02
+LATE = (
+    "It does not decay from its first sample on, as if a drive or a blow came first: where the "
+    'decay begins is looked for, begin = "found".'
 )
 #: Factor to either side of the FMU's own start value.
 FACTOR = 10.0
@@ -96,7 +103,8 @@ class TraceDraft:
     """A campaign of traces: ``input`` is empty where nothing drives; ``seen`` are sentences.
 
     ``start`` are start values of the FMU; with ``decays`` the traces are ringdowns from a state
-    that nobody knows, which a pulse at the input spans.
+    that nobody knows, which a pulse at the input spans; with ``late`` they begin inside the
+    records.
     """
 
     source: Source
@@ -107,6 +115,7 @@ class TraceDraft:
     seen: tuple[str, ...]
     start: Mapping[str, float] = field(default_factory=dict)
     decays: bool = False
+    late: bool = False
 
     def text(self, folder: Path | None) -> str:
         """The text of the campaign.
@@ -156,6 +165,9 @@ class TraceDraft:
             made |= {"input": self.input, "start": UNKNOWN}
             remarks["trace", k, "input"] = "a pulse at it spans the states that ring down"
             remarks["trace", k, "start"] = "solved for: nobody knows where a ringdown starts"
+            if self.late:
+                made["begin"] = FOUND
+                remarks["trace", k, "begin"] = "earlier samples, of a drive or a blow, are not used"
         if file.further:
             made["further_inputs"] = [column.name for column in file.further]
         if columns:
@@ -261,6 +273,13 @@ def _line(recording: Recording, seen: Column) -> Ringdown | None:
     return ringdown_of(factor * table.numbers(time), table.numbers(seen))
 
 
+def _is_late(file: TraceFile) -> bool:
+    """Whether a free decay, perhaps of two lines, begins inside the record, after a drive or blow."""
+    values = file.recording.table.numbers(file.seen)
+    begun = (decay_start(values, states) for states in (2, 4))
+    return all(first is not None and first > LATEST * values.size for first in begun)
+
+
 def _decaying(
     files: tuple[TraceFile, ...],
     source: Source,
@@ -271,6 +290,7 @@ def _decaying(
 ) -> TraceDraft:
     """A campaign of ringdowns of one mode: its drives off, frequency and width from the record."""
     line, boxes = found
+    late = any(_is_late(file) for file in files)
     names = answers.of(
         Question(
             key="fit",
@@ -290,12 +310,14 @@ def _decaying(
         boxes=tuple(known[name] if name in known else _box(offer, name) for name in names),
         seen=(
             *(_said(file, output, "") for file in files),
+            *([LATE] if late else []),
             f"A ringdown: no column drives and it decays. The highest line of its spectrum lies at "
             f"{hertz(line.frequency_hz, digits=6)}; where it starts is solved for"
             + (", the FMU's own tones are off." if offer.tones else "."),
         ),
         start=silenced(offer),
         decays=True,
+        late=late,
     )
 
 

@@ -575,6 +575,23 @@ def test_a_record_that_does_not_decay_is_no_ringdown() -> None:
     assert ringdown_of(t, 0.2 * np.exp(-20.0 * t) + 2e-3 * rough) is None  # noise crosses zero
 
 
+@pytest.mark.parametrize(
+    ("driven", "second", "late"), [(0.1, 0.0, True), (0.0, 0.0, False), (0.0, 0.6, False)]
+)
+def test_a_drive_before_a_decay_is_left_out(
+    driven: float, second: float, late: bool, tmp_path: Path
+) -> None:
+    """1 kHz of width 5 Hz, on its drive until that is switched off; or two lines that beat."""
+    t = np.arange(4000) / 8000.0
+    fall = np.exp(-np.pi * 5.0 * np.maximum(t - driven, 0.0))
+    y = fall * (np.cos(2e3 * np.pi * t) + second * np.cos(2e3 * np.pi * 1.013 * t + 0.5))
+    y += 0.01 * np.random.default_rng(2).standard_normal(t.size)
+    made, said = init(write_csv(tmp_path / "r.csv", "t (s),U (V)", t, y), out=tmp_path / "o")
+    [trace] = tomllib.loads(made.read_text("utf-8"))["trace"]
+    assert trace.get("begin") == ("found" if late else None)
+    assert any("does not decay from its first sample" in each for each in said) is late
+
+
 def test_a_recording_that_does_not_decay_wants_its_fmu(tmp_path: Path) -> None:
     t = np.arange(4000) / 8000.0
     path = write_csv(tmp_path / "steady.csv", "t (s),U (V)", t, np.cos(2.0 * np.pi * 1234.5 * t))
