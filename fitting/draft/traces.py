@@ -274,7 +274,7 @@ def _line(recording: Recording, seen: Column) -> Ringdown | None:
 
 
 def _is_late(file: TraceFile) -> bool:
-    """Whether a free decay, perhaps of two lines, begins inside the record, after a drive or blow."""
+    """Whether a free decay, of two lines at most, begins inside the record."""
     values = file.recording.table.numbers(file.seen)
     begun = (decay_start(values, states) for states in (2, 4))
     return all(first is not None and first > LATEST * values.size for first in begun)
