@@ -107,12 +107,12 @@ def drafted(
     with results_folder(Path(out), "init", (CAMPAIGN,)):
         recordings = recordings_of(paths)
         recorded = fmu or model_for_recordings(recordings)
-        if recordings and recorded is None:
-            raise BadInput(
-                f"{paths[0]}: is a recording over time, and no free decay of one column; wanted "
-                f"--fmu, the FMU whose output was recorded: {TIME_PAGE}"
-            )
-        if recordings and recorded is not None:
+        if recordings:
+            if recorded is None:
+                raise BadInput(
+                    f"{paths[0]}: is a recording over time, and no free decay of one column; "
+                    f"wanted --fmu, the FMU whose output was recorded: {TIME_PAGE}"
+                )
             with _source(recorded) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))
         else:

@@ -334,9 +334,6 @@ def _complex(
         remarks[(*at, "conjugate")] = "the phase rises over the resonance"
     if sweep.line is None:
         return made
-    if sweep.line.turned:
-        made["conjugate"] = True
-        remarks[(*at, "conjugate")] = "the phase rises over the resonance"
     background = BACKGROUNDS.get(sweep.line.forms[0].name)
     if background:
         made["background"] = background

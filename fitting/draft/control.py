@@ -45,6 +45,14 @@ STEEPER, COUPLED, WIDER, REACH = 5.0, (0.1, 3.0), 10.0, 0.5
 FAR = 3.0
 
 
+@dataclass(frozen=True)
+class _Control:
+    """The quantity that laws count on, and its unit."""
+
+    name: str
+    unit: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Law:
     """The law of a mode that follows the control, ``origin`` where it counts from."""
@@ -84,7 +92,7 @@ def map_draft_of(
                 f"--{key}: of a map {listed(PAIR)} are fitted, under one tone; wanted another "
                 "choice in the campaign itself"
             )
-    control, unit = _control(file, offer)
+    control = _control(file, offer)
     [output] = answers.of(
         Question(
             key="output",
@@ -98,7 +106,7 @@ def map_draft_of(
     crossing = crossing_of(spectra)
     if not crossing.is_seen:
         raise file.refused("it shows one line, and none that it meets")
-    laws = _laws(crossing, spectra, control, unit)
+    laws = _laws(crossing, spectra, control)
     boxes = _boxes(crossing, spectra, laws)
     made = _Written(
         file=file,
@@ -113,7 +121,7 @@ def map_draft_of(
         phases=phases_of(crossing, spectra, values) if values else (False, False),
     )
     check_text(made.text(None), source)
-    said = (*lead(file.roles), *_said(made, unit), *answers.said, *_starts(boxes))
+    said = (*lead(file.roles), *_said(made), *answers.said, *_starts(boxes))
     return Draft(text=made.text(folder), said=said)
 
 
@@ -129,8 +137,8 @@ def _outputs(offer: Offer) -> tuple[str, ...]:
     return tuple(name for name in OUTPUTS if name in offer.outputs)
 
 
-def _control(file: MapFile, offer: Offer) -> tuple[str, str]:
-    """Name and unit of the control, if a law can have it."""
+def _control(file: MapFile, offer: Offer) -> _Control:
+    """The control, if a law can have it."""
     found = file.found
     if len(found.controls) > 1:
         raise file.refused("a draft has one control")
@@ -144,7 +152,7 @@ def _control(file: MapFile, offer: Offer) -> tuple[str, str]:
         raise file.refused(f"wanted another name than '{channel.name}', one word for laws")
     if channel.unit is None:
         raise file.refused(f"wanted the unit of {channel.name} in the header, 1 where it has none")
-    return channel.name, channel.unit
+    return _Control(channel.name, channel.unit)
 
 
 def _spectra(file: MapFile) -> tuple[Spectra, list[ComplexArray]]:
@@ -170,13 +178,13 @@ def _spectra(file: MapFile) -> tuple[Spectra, list[ComplexArray]]:
     return made, [np.asarray(values[rows], dtype=complex) for rows in order]
 
 
-def _laws(crossing: Crossing, spectra: Spectra, control: str, unit: str) -> tuple[_Law, ...]:
+def _laws(crossing: Crossing, spectra: Spectra, control: _Control) -> tuple[_Law, ...]:
     """Of the modes that follow the control."""
     tuned = crossing.tuned
     laws = [(f"f{tuned}", "a", crossing.law)]
     if len(crossing.other) > 1:
         laws.append((f"f{3 - tuned}", "b", crossing.other))
-    return tuple(_law(v, letter, law, spectra, (control, unit)) for v, letter, law in laws)
+    return tuple(_law(v, letter, law, spectra, control) for v, letter, law in laws)
 
 
 def _law(
@@ -184,15 +192,15 @@ def _law(
     letter: str,
     law: Sequence[float],
     spectra: Spectra,
-    named: tuple[str, str],
+    control: _Control,
 ) -> _Law:
     """The polynomial, about zero or, where the control is far from it, about its middle."""
-    control, unit = named
+    unit = control.unit
     far = abs(spectra.middle) > FAR * spectra.half
     origin = float(f"{spectra.middle:.3g}") if far else 0.0
     moved = np.polynomial.Polynomial(law)(np.polynomial.Polynomial([origin, 1.0])).coef
-    constant = f"{control}_middle" if far else ""
-    x = f"({control} - {constant})" if far else control
+    constant = f"{control.name}_middle" if far else ""
+    x = f"({control.name} - {constant})" if far else control.name
     per = "" if unit == "1" else f"/{unit if unit.isalnum() else f'({unit})'}"
     terms = [f"{letter}{k}" + (f"*{x}" + f"**{k}" * (k > 1)) * (k > 0) for k in range(len(moved))]
     return _Law(
@@ -262,7 +270,7 @@ class _Written:
     crossing: Crossing
     laws: tuple[_Law, ...]
     boxes: tuple[Box, ...]
-    control: str
+    control: _Control
     kind: str
     phases: tuple[bool, bool]
 
@@ -287,10 +295,9 @@ class _Written:
         tables[self.table] = self._measured(folder, remarks)
         tables["laws"] = {law.variable: law.formula for law in self.laws}
         for law in self.laws:
-            remarks["laws", law.variable] = f"{self.control} moves it, a guess"
+            remarks["laws", law.variable] = f"{self.control.name} moves it, a guess"
         if constant := self.laws[0].constant:
-            unit = self.file.found.controls[0].unit
-            tables["constants"] = {constant: f"{self.laws[0].origin:g} {unit}"}
+            tables["constants"] = {constant: f"{self.laws[0].origin:g} {self.control.unit}"}
             remarks["constants", constant] = "laws count from here"
         tables["parameters"] = [
             parameter_table(box, k, remarks) for k, box in enumerate(self.boxes)
@@ -322,7 +329,7 @@ class _Written:
         at, roles = self.table, self.file.roles
         made: dict[str, Any] = {
             "file": relative_path(self.file.path, folder),
-            "controls": [self.control],
+            "controls": [self.control.name],
         }
         remarks[at, "controls"] = f"{len(self.file.found.rows)} values, a spectrum for each"
         if not roles.is_complex:
@@ -344,7 +351,7 @@ class _Written:
         return made
 
 
-def _said(made: _Written, unit: str) -> list[str]:
+def _said(made: _Written) -> list[str]:
     """What the map was found to be."""
     crossing = made.crossing
     kind = "amplitude and phase" if made.file.roles.is_complex else "amplitudes"
@@ -354,14 +361,15 @@ def _said(made: _Written, unit: str) -> list[str]:
         half = 0.5 * float(np.ptp(made.file.found.settings[:, 0]))
         digits = 2 + math.ceil(math.log10(max(10.0, abs(crossing.place) / half)))
         value = number(crossing.place, digits)
-        at = f"at {made.control} = {value} {unit if unit != '1' else ''}".rstrip()
+        unit = "" if made.control.unit == "1" else made.control.unit
+        at = f"at {made.control.name} = {value} {unit}".rstrip()
     left = f"{number(100.0 * crossing.left, 2)} %"
     who = ("the one that is driven and seen", "the one that is not driven")[crossing.tuned - 1]
     who = who if len(made.laws) == 1 else "both"
     said = [
         f"A map of {kind}: {made.file.found.words}.",
         f"Two modes that meet {at}, {apart} apart, leave {left} of the largest amplitude of each "
-        f"spectrum, root mean square. {made.control} moves {who}.",
+        f"spectrum, root mean square. {made.control.name} moves {who}.",
     ]
     return said + ["Beside them, found by comparing: the delay of a cable."] * made.phases[1]
 

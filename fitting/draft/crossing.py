@@ -2,12 +2,10 @@
 
     q1 = N2/(N1 N2 - l^4)      N_i = f_i^2 - u^2 + i u d_i      f1, f2 polynomials of the control
 
-One of them is constant where that will do.
-
 is what one tone on mode 1 makes of it, q1 in units of no interest: every spectrum has a scale of
-its own, by least squares. At the crossing both lines are gap = l^2/f apart. Starts come from the
-ridge, the frequencies of the largest amplitudes: mode 1 shows, so that the ridge follows it where
-both are far from each other.
+its own, by least squares. One of the modes stands still where that will do. At the crossing both
+lines are gap = l^2/f apart. Starts come from the ridge, the frequencies of the largest amplitudes:
+mode 1 shows, so that the ridge follows it where both are far from each other.
 """
 
 from __future__ import annotations

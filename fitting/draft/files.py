@@ -181,8 +181,9 @@ def _sweep(path: Path, columns: Columns) -> SweepFile:
     said = [*trace.said, *(f"{spike_words(s, trace.unit)} {COUNTED}" for s in spikes_in(trace))]
     try:
         line = line_of(trace)
+        turned = line.turned
         if line.second is not None:  # a model of two modes describes both
-            two, turned = as_two(line.frequency_hz, line.width_hz, line.second), line.turned
+            two = as_two(line.frequency_hz, line.width_hz, line.second)
             line = None
     except TwoResonances as error:
         trouble, two, turned = str(error), error.lines, error.turned

@@ -17,14 +17,15 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.traces.record import UNKNOWN, TraceRecord
 from fitting.measurements.traces.traces import Traces
 from fitting.signal.decaying_lines import DecayingLines, decaying_lines
+from fitting.signal.pair import NO_NOISE
 from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz
 
 #: Samples that are looked at, at most, the first ones.
 MOST = 20_000
-#: Probability from which what lines leave is noise, and below which chance does not explain a gain.
-NO_NOISE, IMPROBABLE = 1e-4, 1e-4
+#: Probability below which chance does not explain a gain.
+IMPROBABLE = 1e-4
 #: Numbers of lines in words.
 WORDS = {2: "two", 3: "three", 4: "four"}
 
