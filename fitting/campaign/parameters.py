@@ -15,6 +15,8 @@ from fitting.text.errors import BadInput
 UNIFORM_WIDTH = math.sqrt(12.0)
 #: Share of a box by which a value beyond its end counts as outside of it.
 SLACK = 1e-6
+#: Ratio of the bounds of a positive parameter from which its box spans decades.
+DECADE = 10.0
 #: Ratio of a box to the scale of its parameter, or the inverse, beyond which sums lose all digits.
 WIDEST = 1e12
 
@@ -91,6 +93,27 @@ class Parameter:
     def target(self) -> str:
         """The FMU variable that holds the value (without ``adds_to``)."""
         return self.variable or self.name
+
+    @property
+    def spans_decades(self) -> bool:
+        """Whether its box is one of ratios: a positive value that may be ten times larger.
+
+        Never that of an angle: a small one is no ratio of another.
+        """
+        positive = self.lower > 0.0 and self.period is None
+        return positive and self.upper >= DECADE * self.lower
+
+    def near(self, end: float, share: float) -> float:
+        """How far from an end of a range a value is next to it, in its unit.
+
+        A share of the end where the box spans decades: of its width, all but the last decade were
+        next to the lower end. Else that share of the box.
+
+        Args:
+            end: of a range, in its unit.
+            share: that counts as nothing.
+        """
+        return share * (abs(end) if self.spans_decades else self.upper - self.lower)
 
     @property
     def moves_model(self) -> bool:

@@ -13,9 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, canonical, drift_square, to_model
+from fitting.campaign.parameters import (
+    DECADE,
+    Parameter,
+    canonical,
+    drift_square,
+    to_model,
+)
 from fitting.fit.likelihood.descent import Optimum
-from fitting.fit.search.box import DECADE
 from fitting.inference.equivalent_fits import contradicts, exchange_words, turned_to
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches

@@ -247,12 +247,12 @@ def estimator_sentences(
 def _on_bounds(solution: Solution) -> list[str]:
     said = []
     for i, parameter in enumerate(solution.parameters):
-        p, width = float(solution.final.parameters[i]), parameter.upper - parameter.lower
+        p = float(solution.final.parameters[i])
         bound = min(parameter.lower, parameter.upper, key=lambda end: abs(p - end))
-        if abs(p - bound) >= NEAR_BOUND * width:
+        if abs(p - bound) >= parameter.near(bound, NEAR_BOUND):
             continue
         at = f"{bound:.9g} {parameter.unit}".rstrip()
-        if abs(p - bound) <= ON_BOUND * width:
+        if abs(p - bound) <= parameter.near(bound, ON_BOUND):
             said.append(f"{parameter.name} ended on a bound of its box ({at}).")
         else:
             found = f"{p:.9g} {parameter.unit}".rstrip()

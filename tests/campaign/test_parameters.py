@@ -80,3 +80,15 @@ def test_canonical_angle_lies_in_zero_to_pi(theta: float, reported: float) -> No
 def test_nonsense_is_refused_when_made(change: dict[str, Any], words: str) -> None:
     with pytest.raises(BadInput, match=words):
         ps.Parameter(**{**THETA, **change})
+
+
+def test_next_to_an_end_is_a_ratio_where_the_box_spans_decades() -> None:
+    """1.5 Hz is no lower end of 1 to 1000 Hz, though it is within a thousandth of that box."""
+    theta, d1 = two()
+    assert d1.spans_decades
+    assert d1.near(d1.lower, 1e-3) == pytest.approx(1e-3)
+    assert d1.near(d1.upper, 1e-3) == pytest.approx(1.0)
+    assert not theta.spans_decades
+    assert theta.near(theta.lower, 1e-3) == pytest.approx(12e-3)
+    assert not ps.Parameter(**{**THETA, "lower": 0.1, "start": 1.0}).spans_decades  # type: ignore[arg-type]
+    assert not ps.Parameter(**{**D1, "lower": 0.0}).spans_decades  # type: ignore[arg-type]

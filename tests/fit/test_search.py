@@ -276,3 +276,18 @@ def test_two_lines_in_a_box_of_a_hundred_widths_are_found(tmp_path: Path) -> Non
     end = least.vector(dict(zip(found.problem.names, found.x, strict=True)), reflection=False)
     # near the truth, in its valley: others end above 70,000
     assert least.chi_square(end) < least.chi_square(least.true) + 20.0
+
+
+def test_rough_ground_is_searched_though_noise_explains_what_was_found(tmp_path: Path) -> None:
+    """Every descent ends elsewhere, one 20 above the truth: noise leaves that one time in five."""
+    virtual = KINDS["crossing"](70005)
+    record = ff.Problem.of(virtual.write(tmp_path), ff.Fmu("CoupledOscillator", workers=1)).record
+    problem = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
+    found = ff.profile(ff.fit(problem), ["width_plus"])
+    least = Likelihood(virtual)
+    knowledge = found.inferred.knowledge
+    assert knowledge is not None
+    assert knowledge.chi_square < least.chi_square(least.true)
+    low, high = found.values["width_plus"].interval(0.95)
+    assert low < virtual.truth()["width_plus"] < high
+    assert not [said for said in found.warnings if "next to a bound" in said]

@@ -97,6 +97,8 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
         ("readings", 2012, "width_plus", "bounded below"),
         # the last step goes a decade beyond the end of what fits
         ("readings", 40031, "d1", "bounded on both sides"),
+        # d1 is far above the lower end of its box, though within a thousandth of its width
+        ("pairs", 70000, "f1", "determined"),
         ("crossing", 2002, "lambda", "determined"),
     ],
 )

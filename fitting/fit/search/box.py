@@ -14,9 +14,6 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.text.arrays import BoolArray, FloatArray
 
-#: Ratio of the bounds of a positive parameter from which it is spread in its logarithm.
-DECADE = 10.0
-
 
 class Box:
     """Box of the parameters that are looked for, seen as a cube of unit edges."""
@@ -26,9 +23,7 @@ class Box:
         self.free = np.array([p.prior_sigma is None for p in parameters])
         self.lower, self.upper = search_bounds(parameters)
         self._ends = np.array([_ends(p) for p in parameters]).reshape(-1, 2)
-        self._log: BoolArray = np.array(
-            [p.lower > 0.0 and p.upper >= DECADE * p.lower for p in parameters], dtype=bool
-        )
+        self._log: BoolArray = np.array([p.spans_decades for p in parameters], dtype=bool)
         self._round: BoolArray = np.array([_goes_round(p) for p in parameters], dtype=bool)
 
     def spread(self, number: int, seed: int, skip: int = 0) -> list[FloatArray]:

@@ -9,9 +9,12 @@ least chi square, every edge of the box is gone along through the lowest minima;
 explain it, differential evolution searches the box, and finer scans go through what is lowest then.
 Where all descents came to one minimum evolution is not repeated, and not begun where that is rarely
 noise, but may be: right minima are that by noise more often than such a box hides a lower one.
+Evolution comes first where the ground is rough: a lowest minimum that one descent alone came to,
+with another little above it, tells that the descents have not seen all there are.
 
 Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
-methods", Mathematical Programming 39 (1987) 57.
+methods", Mathematical Programming 39 (1987) 57; C. Boender and A. Rinnooy Kan, "Bayesian stopping
+rules for multistart global optimization methods", Mathematical Programming 37 (1987) 59.
 """
 
 from __future__ import annotations
@@ -53,8 +56,12 @@ EVOLUTIONS, FINER_SCANS = 2, 3
 BARELY_P = 0.2
 #: The same below which evolution searches a box whose descents all came to one minimum.
 RARELY_P = 1e-3
+#: The probability that no chi square above nought has: the search goes on whatever noise explains.
+NEVER_EXPLAINED_P = 1.0
 #: Parameters beyond which each doubles what is screened in any case, up to so many points.
 FEW, MOST_AT_FIRST = 3, 512
+#: Chi square above the least below which another minimum makes the ground rough.
+ROUGH = 10.0
 #: Decrease of chi square that counts as something lower, and as a share of it.
 WORTH, WORTH_SHARE = 1.0, 1e-2
 #: Chi square of a minimum by few places, in units of the least, from which nothing goes on.
@@ -223,6 +230,8 @@ def _further_rounds(
     def is_alone() -> bool:
         return len(_apart(box, evaluator.likelihood, ended)) == 1
 
+    if _is_rough(_apart(box, evaluator.likelihood, ended)):
+        yield NEVER_EXPLAINED_P, partial(evolved, evaluator, box, seed + EVOLUTIONS, DESCENTS)
     yield BARELY_P, partial(scan, SCAN)
     for turn in range(EVOLUTIONS):
         alone = is_alone()
@@ -235,6 +244,14 @@ def _further_rounds(
         yield TOO_LARGE_P, partial(scan, FINER_SCAN)
         if not least() < before - worth(before):
             return
+
+
+def _is_rough(minima: Sequence[Minimum]) -> bool:
+    """Whether descents found the lowest of several minima that are nearly as low only once."""
+    if not minima or minima[0].descents > 1:
+        return False
+    least = minima[0].chi_square
+    return any(worth(least) < minimum.chi_square - least < ROUGH for minimum in minima)
 
 
 def _let_down(

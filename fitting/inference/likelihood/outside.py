@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, canonical, to_model, to_search
+from fitting.campaign.parameters import DECADE, Parameter, canonical, to_model, to_search
 from fitting.fit.likelihood.descent import AT_LIMIT, Optimum
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
-from fitting.fit.search.box import DECADE
 from fitting.inference.likelihood.exploration import (
     Exploration,
     cut_sides,

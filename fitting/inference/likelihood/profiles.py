@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.parameters import search_bounds
+from fitting.campaign.parameters import search_bounds, to_model
 from fitting.fit.likelihood.descent import (
     Constraint,
     Expansion,
@@ -277,12 +277,16 @@ class _BranchTracer:
 
     def _at_limit(self) -> bool:
         """Whether another parameter has come to the end of its room: no walk goes beyond that."""
-        likelihood, x = self.optimum.likelihood, self.here.x
-        near = AT_END * likelihood.widths
-        at = (x - likelihood.lower <= near) | (likelihood.upper - x <= near)
-        if self.quantity.index >= 0:
-            at[self.quantity.index] = False
-        return bool(np.any(at))
+        likelihood = self.optimum.likelihood
+        ends = (likelihood.lower, likelihood.upper)
+        low, high = (to_model(likelihood.parameters, end) for end in ends)
+        here = to_model(likelihood.parameters, self.here.x)
+        return any(
+            here[i] - low[i] <= p.near(low[i], AT_END)
+            or high[i] - here[i] <= p.near(high[i], AT_END)
+            for i, p in enumerate(likelihood.parameters)
+            if i != self.quantity.index
+        )
 
     def _flat_over_box(self) -> bool:
         """Whether the data see nothing up to the end of a parameter's own box, and this is beyond.

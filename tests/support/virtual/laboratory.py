@@ -36,13 +36,16 @@ class Unknown:
     widens: str = "ratio"
 
     def widened(self, factor: float) -> Unknown:
-        """The same with a box that many times as wide."""
+        """The same with a box that many times as wide; a value that is positive stays so."""
         if self.widens == "not":
             return self
         if self.widens == "ratio":
             return replace(self, lower=self.lower / factor, upper=self.upper * factor)
         middle, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
-        return replace(self, lower=middle - factor * half, upper=middle + factor * half)
+        low = middle - factor * half
+        if self.period is None and self.lower > 0.0:
+            low = max(low, self.lower / factor)
+        return replace(self, lower=low, upper=middle + factor * half)
 
     @property
     def table(self) -> dict[str, Any]:
