@@ -90,7 +90,11 @@ class Scene:
         self.farther = 1.0 + out * ASKED
 
     def after(
-        self, other: str | ProfileBranch = "crossed", *, output: bool = False
+        self,
+        other: str | ProfileBranch = "crossed",
+        *,
+        output: bool = False,
+        low: float = -50.0,
     ) -> ProfileBranch:
         """The branch afterwards, the other one having ended as told; all else is as it was."""
         if isinstance(other, str):
@@ -101,7 +105,7 @@ class Scene:
             output=0 if output else -1,
             best=1.0,
             sigma=S,
-            low=-50.0,
+            low=low,
             high=50.0,
         )
         before: Branches = (other, self.held) if self.side else (self.held, other)
@@ -126,6 +130,14 @@ def test_where_nothing_fits_beyond_a_limit_the_data_end_it(
     """3 per cent farther out than it crosses."""
     scene = Scene(flat, side, way)
     assert scene.frees(scene.after(output=output))
+
+
+def test_a_value_over_decades_is_asked_for_three_per_cent_more_of_its_ratio() -> None:
+    """From 1 to 7.2 it goes on to 7.2^1.03; a share of the way down would lead below nought."""
+    scene = Scene(flat)
+    scene.farther = (1.0 + CROSSING) ** 1.03
+    assert scene.frees(scene.after(output=True, low=0.5))
+    assert not scene.frees(scene.after(output=True, low=6.0))
 
 
 @pytest.mark.parametrize("output", [False, True])

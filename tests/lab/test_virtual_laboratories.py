@@ -255,3 +255,14 @@ def test_a_sweep_and_peaks_that_the_truth_fits_do_not_contradict_each_other(tmp_
     laboratory = KINDS["readings"](2005)
     found = by_closed_form(ff.Fmu("CoupledOscillator"), ["width_plus"])(laboratory, tmp_path)
     assert not [said for said in found.warnings if "contradict" in said]
+
+
+def test_an_interval_that_a_limit_does_not_end_stays_above_nought(tmp_path: Path) -> None:
+    """From a best width of 3462 Hz to 17 Hz is a long way: a share of it more ended at -86 Hz."""
+    laboratory = KINDS["pairs"](75015)
+    solve = by_closed_form(ff.Fmu("CoupledOscillator"), ("width_minus", "Q_minus"))
+    values, truth = solve(laboratory, tmp_path).values, laboratory.truth()
+    for name in ("width_minus", "Q_minus"):
+        low, high = values[name].interval(0.95)
+        assert 0.0 < low < truth[name] < high
+    assert 10.0 < values["width_minus"].interval(0.95)[0] < 17.1

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitting.campaign.parameters import DECADE
 from fitting.fit.likelihood.descent import (
     Constraint,
     Expansion,
@@ -72,14 +73,31 @@ def released(
     for (quantity, side), fit in zip(sides, fits, strict=True):
         if fit is False:  # None: cut for its cost
             both = list(made[quantity.name])
-            end = _farther(quantity, both[side])
+            end = _farther(optimum, quantity, both[side])
             both[side] = replace(both[side], end="crossed", at_95=end, held=())
             made[quantity.name] = (both[0], both[1])
     return made
 
 
-def _farther(quantity: Quantity, branch: ProfileBranch) -> float:
-    return branch.at_95 + MORE * (branch.at_95 - quantity.best)
+def _farther(optimum: Optimum, quantity: Quantity, branch: ProfileBranch) -> float:
+    """The value `MORE` of the way beyond a crossing; in ratios where its range spans decades.
+
+    There a share of the way down from the best may be many times what is left to nought.
+    """
+    end, best = branch.at_95, quantity.best
+    zero = _nought(optimum, quantity)
+    if zero is None:
+        return end + MORE * (end - best)
+    return float(zero + (end - zero) * ((end - zero) / (best - zero)) ** MORE)
+
+
+def _nought(optimum: Optimum, quantity: Quantity) -> float | None:
+    """Where a quantity whose range spans decades is nought, in x or its unit; None for others."""
+    if quantity.index < 0:
+        spans = quantity.low > 0.0 and quantity.high >= DECADE * quantity.low
+        return 0.0 if spans else None
+    parameter = optimum.likelihood.parameters[quantity.index]
+    return -parameter.reference / parameter.scale if parameter.spans_decades else None
 
 
 def _fits_beyond(optimum: Optimum, quantity: Quantity, branch: ProfileBranch) -> Task[bool]:
@@ -88,7 +106,7 @@ def _fits_beyond(optimum: Optimum, quantity: Quantity, branch: ProfileBranch) ->
     What is not found out counts as a fit.
     """
     room = optimum.likelihood
-    target = _farther(quantity, branch)
+    target = _farther(optimum, quantity, branch)
     constraint = quantity.constraint(target, target - branch.at_95)
     x = next(point for point in branch.points if point.root > ROOT_95).x
 
