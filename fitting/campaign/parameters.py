@@ -100,20 +100,18 @@ class Parameter:
 
         Never that of an angle: a small one is no ratio of another.
         """
-        positive = self.lower > 0.0 and self.period is None
-        return positive and self.upper >= DECADE * self.lower
+        return self.period is None and spans_decades(self.lower, self.upper)
 
     def near(self, end: float, share: float) -> float:
-        """How far from an end of a range a value is next to it, in its unit.
-
-        A share of the end where the box spans decades: of its width, all but the last decade were
-        next to the lower end. Else that share of the box.
+        """How far from an end of a range a value is next to it, in its unit (`next_to`).
 
         Args:
             end: of a range, in its unit.
             share: that counts as nothing.
         """
-        return share * (abs(end) if self.spans_decades else self.upper - self.lower)
+        if self.period is not None:
+            return share * (self.upper - self.lower)
+        return next_to(end, (self.lower, self.upper), share)
 
     @property
     def moves_model(self) -> bool:
@@ -124,6 +122,31 @@ class Parameter:
     def experiments(self) -> tuple[str, ...]:
         """Labels of the experiments that it acts in; empty: everywhere, in the sweep too."""
         return () if self.experiment is None else (self.experiment, *self.further)
+
+
+def spans_decades(low: float, high: float) -> bool:
+    """Whether a range is one of ratios: positive, its upper end ten times the lower or more.
+
+    Args:
+        low: its lower end.
+        high: its upper end.
+    """
+    return low > 0.0 and high >= DECADE * low
+
+
+def next_to(end: float, whole: tuple[float, float], share: float) -> float:
+    """How far from an end of a range a value is next to it, in its unit.
+
+    A share of the end where the range spans decades: of its width, all but the last decade were
+    next to the lower end. Else that share of the width.
+
+    Args:
+        end: of the range or of a part of it.
+        whole: both ends of the range.
+        share: that counts as nothing.
+    """
+    low, high = whole
+    return share * (abs(end) if spans_decades(low, high) else high - low)
 
 
 def names(parameters: Sequence[Parameter]) -> tuple[str, ...]:

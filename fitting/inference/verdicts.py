@@ -14,10 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import (
-    DECADE,
     Parameter,
     canonical,
     drift_square,
+    next_to,
+    spans_decades,
     to_model,
 )
 from fitting.fit.likelihood.descent import Optimum
@@ -285,14 +286,16 @@ def _over_the_box(subject: _Subject, branches: Branches, ends: tuple[str, str]) 
     if "crossed" in ends:
         return ends
     low, high = subject.box
-    near = NEAR_BOX * (high - low)
+    near = [NEAR_BOX * (high - low)] * 2
+    if subject.period is None:
+        near = [next_to(end, subject.box, NEAR_BOX) for end in subject.box]
     words = list(ends)
     for side, branch in enumerate(branches):
         values = [subject.shown(point.value) for point in branch.points]
         fits = all(point.root <= ROOT_95 for point in branch.points)
         if words[side] not in CUT or not values or not fits:
             continue
-        if (min(values) <= low + near) if side == 0 else (max(values) >= high - near):
+        if (min(values) <= low + near[0]) if side == 0 else (max(values) >= high - near[1]):
             words[side] = "bound"
     return words[0], words[1]
 
@@ -418,7 +421,7 @@ def _is_nearly_all(subject: _Subject, wide: Interval) -> bool:
     if subject.parameter is not None:
         return False
     low, high = subject.quantity.low, subject.quantity.high
-    if low > 0.0 and high >= DECADE * low and wide[0] > 0.0:
+    if spans_decades(low, high) and wide[0] > 0.0:
         return math.log(wide[1] / wide[0]) > NEARLY_ALL * math.log(high / low)
     return wide[1] - wide[0] > NEARLY_ALL * (high - low)
 

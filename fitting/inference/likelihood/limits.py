@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.campaign.parameters import DECADE
+from fitting.campaign.parameters import spans_decades
 from fitting.fit.likelihood.descent import (
     Constraint,
     Expansion,
@@ -94,8 +94,7 @@ def _farther(optimum: Optimum, quantity: Quantity, branch: ProfileBranch) -> flo
 def _nought(optimum: Optimum, quantity: Quantity) -> float | None:
     """Where a quantity whose range spans decades is nought, in x or its unit; None for others."""
     if quantity.index < 0:
-        spans = quantity.low > 0.0 and quantity.high >= DECADE * quantity.low
-        return 0.0 if spans else None
+        return 0.0 if spans_decades(quantity.low, quantity.high) else None
     parameter = optimum.likelihood.parameters[quantity.index]
     return -parameter.reference / parameter.scale if parameter.spans_decades else None
 

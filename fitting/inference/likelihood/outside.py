@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import DECADE, Parameter, canonical, to_model, to_search
+from fitting.campaign.parameters import Parameter, canonical, to_model, to_search
 from fitting.fit.likelihood.descent import AT_LIMIT, Optimum
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
@@ -64,7 +64,7 @@ def _widened(parameter: Parameter) -> Parameter:
     if parameter.period is not None or parameter.prior_sigma is not None:
         return parameter
     low, high = parameter.lower, parameter.upper
-    if low > 0.0 and high >= DECADE * low:
+    if parameter.spans_decades:
         low, high = low / TIMES, high * TIMES
     else:
         more = 0.5 * (HALF_WIDTHS - 1.0) * (high - low)
