@@ -47,6 +47,19 @@ def test_the_interval_of_q_is_that_of_the_width(share: float) -> None:
     assert bool(twice) is (share <= 1e-4)
 
 
+@pytest.mark.parametrize(("share", "twice"), [(0.05, True), (0.2, False)])
+def test_a_frequency_that_the_data_hold_moves_no_product(share: float, twice: bool) -> None:
+    """Over its box it goes by 5 %, and is known to 5e-6; one that goes by 20 % is walked."""
+
+    def measured(p: FloatArray) -> FloatArray:
+        return np.array([(p[0] - WIDTH) / STD, p[1] / 1e-4, 0.5])
+
+    found = drifting(share, measured)
+    assert found["q"].interval95[0] == pytest.approx(ETA / (WIDTH + Z95 * STD), rel=2e-4)
+    products = np.outer(found["q"].values, found["w"].values) / ETA
+    assert bool(np.all(np.min(np.abs(products - 1.0), axis=1) < 1e-9)) is twice
+
+
 @pytest.mark.parametrize("share", [1e-4, 2e-3])
 def test_a_bound_of_q_is_that_of_the_width_from_the_other_side(share: float) -> None:
     """Beyond 100 the width is free: only what is below it is excluded."""

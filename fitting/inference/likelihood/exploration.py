@@ -135,7 +135,7 @@ def explore(
     every = quantities(optimum, ranges)
     free = ~(optimum.likelihood.inverse_prior_sigma > 0.0)
     wanted = tuple(q for q in every if not only or q.name in only)
-    twice = inverses(evaluator, optimum, wanted)
+    twice = inverses(evaluator, optimum, data_covariance(optimum), wanted)
     chosen = tuple(q for q in wanted if all(q is not inverse.quantity for inverse in twice))
     wide = [
         q

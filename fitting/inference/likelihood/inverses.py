@@ -1,8 +1,8 @@
 """Outputs that say the same of a sample, one inverse to the other: walked once, told twice.
 
 A quality factor is eta over the width: where eta is known their product does not move, and a
-profile of one is that of the other. Where eta drifts with what is fitted the product moves, but by
-far less than either is known to. Found by their values, without knowing the model.
+profile of one is that of the other. Where eta is fitted, or drifts with what is, the product moves,
+but by far less than either is known to. Found by their values, without knowing the model.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request
 from fitting.fit.search.box import Box
 from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity
+from fitting.text.arrays import FloatArray
 
 Branches = tuple[ProfileBranch, ProfileBranch]
 RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
@@ -25,8 +26,9 @@ RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
 DRAWN, FEWEST = 8, 4
 #: How little a product moves, and how much its factors at least, as shares.
 SAME, MOVES = 1e-6, 1e-2
-#: A product may move by this part of a factor's standard deviation, up to such a share.
-UNSEEN, MOST = 0.01, 1e-2
+#: A product may move by this part of a factor's standard deviation, all over the box up to such a
+#: share, where the data hold it up to the other.
+UNSEEN, MOST, MOST_HELD = 0.01, 1e-2, 0.1
 
 
 @dataclass(frozen=True)
@@ -68,13 +70,18 @@ class Inverse:
 
 
 def inverses(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, chosen: Sequence[Quantity], seed: int = 1
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    covariance: FloatArray,
+    chosen: Sequence[Quantity],
+    seed: int = 1,
 ) -> list[Inverse]:
     """Those outputs among some quantities whose product with an earlier one does not move.
 
     Args:
         evaluator: of the likelihood; outputs alone are asked for.
         optimum: the most likely point and its likelihood.
+        covariance: of the parameters in x there, shape (n, n).
         chosen: quantities that are profiled.
         seed: of the points that are compared.
     """
@@ -97,15 +104,22 @@ def inverses(
             product = float(first.best * later.best)
             if len(factors) < FEWEST or not product > 0.0:
                 continue
-            still = np.max(np.abs(np.prod(factors, axis=1) / product - 1.0)) <= _still(first)
-            if still and np.min(np.ptp(np.log(factors), axis=0)) > MOVES:
+            moves = float(np.max(np.abs(np.prod(factors, axis=1) / product - 1.0)))
+            unseen = UNSEEN * first.sigma / abs(first.best)
+            still = moves <= min(max(SAME, unseen), MOST)
+            held = moves <= MOST_HELD and _spread(optimum, covariance, first, later) <= unseen
+            if (still or held) and np.min(np.ptp(np.log(factors), axis=0)) > MOVES:
                 found[later.name] = Inverse(later, first.name, product)
     return list(found.values())
 
 
-def _still(first: Quantity) -> float:
-    """By what share the product with a quantity may move."""
-    return min(max(SAME, UNSEEN * first.sigma / abs(first.best)), MOST)
+def _spread(optimum: Optimum, covariance: FloatArray, first: Quantity, later: Quantity) -> float:
+    """Standard deviation of a product as the data have it, as a share; infinite without slopes."""
+    slopes = optimum.expansion.outward
+    slope = slopes[first.output] / first.best + slopes[later.output] / later.best
+    if not np.all(np.isfinite(slope)):
+        return float("inf")
+    return float(np.sqrt(max(0.0, slope @ covariance @ slope)))
 
 
 def told_twice(walked: Mapping[str, Branches], found: Sequence[Inverse]) -> dict[str, Branches]:
