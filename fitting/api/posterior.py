@@ -594,8 +594,8 @@ def _of_fit(knowledge: Knowledge) -> Iterator[str]:
     """What the fit said that bears on draws."""
     if not knowledge.adequacy.describes:
         yield (
-            "The model does not describe the data: draws say what its parameters would be if it "
-            "did."
+            f"{knowledge.adequacy.why_not.capitalize()}: draws say what its parameters would be if "
+            "it did."
         )
     if knowledge.inflation > 1.0:
         yield (

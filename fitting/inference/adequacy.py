@@ -168,6 +168,8 @@ def misfit_sentence(adequacy: Adequacy, *, drifts: bool) -> str:
     """
     if adequacy.scale_off > 1.0:
         return misfit_advice(adequacy, drifts=drifts)
+    if adequacy.absent:
+        return f"No line stands out of the noise. {misfit_advice(adequacy, drifts=drifts)}"
     return (
         f"The model does not describe the data: χ² = {number(adequacy.chi_square, 3)} on "
         f"{number(adequacy.freedom, 3)} degrees of freedom. "
@@ -187,6 +189,11 @@ def misfit_advice(adequacy: Adequacy, *, drifts: bool) -> str:
             "The scale of the peaks is taken from a sweep whose top is not that of a line: it may "
             f"be off by a factor of {number(adequacy.scale_off, 2)}. No value is called "
             'determined; wanted a sweep without that, or scale = "free".'
+        )
+    if adequacy.absent:
+        return (
+            f"Without one {adequacy.absent} are described nearly as well. No value is called "
+            "determined; wanted a stronger drive, more averaging, or points about the lines."
         )
     times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
     if adequacy.against:

@@ -150,7 +150,7 @@ def determine(
         equivalents=equivalents,
         units=options.units,
         boxes={name: (range_.low, range_.high) for name, range_ in boxes.items()},
-        describes=adequacy.describes,
+        withdrawn="" if adequacy.describes else adequacy.why_not,
         redundant=is_redundant(optimum),
     )
     profiles = profiles_of(found, basis)

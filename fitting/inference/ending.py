@@ -19,6 +19,7 @@ from fitting.text.notation import number
 DESCRIBES = "converged and describes the data"
 MISFIT = "converged but does not describe the data"
 NOT_CONVERGED = "not converged"
+ABSENT = "converged, but no line stands out of the noise"
 #: Probability from which chi square is smaller than the noise lets it be.
 TOO_SMALL = 1.0 - 1e-4
 #: Where nothing was tested, and why: no row has a noise of its own, or there are too few rows.
@@ -81,7 +82,8 @@ def ending_of(
         return Ending(words=NOT_CONVERGED)
     chi = "" if adequacy is None or math.isnan(adequacy.p_value) else _chi_words(adequacy)
     if status is Status.MISFIT:
-        return Ending(words=MISFIT, ground=chi)
+        absent = adequacy is not None and bool(adequacy.absent)
+        return Ending(words=ABSENT if absent else MISFIT, ground=chi)
     said, seen = [chi] if chi else [], ""
     if inflation > TOLD:
         said.append(f"errors {inflation:.3g} times as wide for residuals beyond the noise")

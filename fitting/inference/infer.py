@@ -24,7 +24,7 @@ from fitting.inference.budget import BUDGET
 from fitting.inference.closer_form import closer_form
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.ending import MISFIT, Ending, ending_of, extent_of
+from fitting.inference.ending import ABSENT, MISFIT, Ending, ending_of, extent_of
 from fitting.inference.equivalent_fits import (
     is_reason,
     reason_sentences,
@@ -41,6 +41,7 @@ from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
+from fitting.inference.presence import unseen
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
@@ -148,8 +149,9 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     joint = consistency(problem, solution) if problem.is_joint else None
     profiles = knowledge.profiles if knowledge is not None else {}
     describes = adequacy is None or adequacy.describes
-    parameters = {n: _judged(v, profiles.get(n), describes) for n, v in parameters.items()}
-    derived = {n: _judged(v, profiles.get(n), describes) for n, v in derived.items()}
+    withdrawn = "" if adequacy is None or describes else adequacy.why_not
+    parameters = {n: _judged(v, profiles.get(n), withdrawn) for n, v in parameters.items()}
+    derived = {n: _judged(v, profiles.get(n), withdrawn) for n, v in derived.items()}
     if not describes:
         derived = {n: _withdrawn(d) for n, d in derived.items()}
         offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
@@ -320,7 +322,7 @@ def _knowledge(
             only=request.only or everything,
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
-            closer=closer_form(solution),
+            closer=unseen(solution) or closer_form(solution),
             scale_off=_scale_off(solution, sweeps),
             models=_other_models(fit),
             progress=request.progress,
@@ -363,9 +365,8 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
         optimum = let_out(evaluator, most_likely(evaluator, begins))
     except (FmuFailure, KeyboardInterrupt):
         return stood
-    adequacy = adequacy_of(
-        optimum, solution.structure, closer_form(solution), _scale_off(solution, sweeps)
-    )
+    closer = unseen(solution) or closer_form(solution)
+    adequacy = adequacy_of(optimum, solution.structure, closer, _scale_off(solution, sweeps))
     best = to_model(solution.parameters, optimum.expansion.x)
     return _Reading(best, adequacy, optimum.likelihood.inflation)
 
@@ -391,7 +392,7 @@ def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: floa
 
 def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:
     """The ending in sentences, that of the optimiser last."""
-    if ending.words == MISFIT and adequacy is not None:
+    if ending.words in (MISFIT, ABSENT) and adequacy is not None:
         drifts = bool(fit.solution.objective.data.tones)
         return ending.told(f"{misfit_advice(adequacy, drifts=drifts)} {fit.message}")
     return ending.told(fit.message)
@@ -431,18 +432,21 @@ def _alternatives(fit: Fit, noise: RowNoise) -> tuple[Equivalent, ...]:
     return tuple(equal for equal in found if equal is not None)
 
 
-def _judged(value: Valued, profile: Profile | None, describes: bool) -> Valued:
-    """A value with the verdict, error and interval of its profile, where one was walked."""
+def _judged(value: Valued, profile: Profile | None, withdrawn: str) -> Valued:
+    """A value with the verdict, error and interval of its profile, where one was walked.
+
+    `withdrawn`: why no verdict is given; empty where the model describes the data.
+    """
     nowhere = (math.nan, math.nan)
     if profile is None:
-        if describes:
+        if not withdrawn:
             return value
         return replace(
             value,
             std=math.nan,
             ci95=nowhere,
             identifiable=Verdict.WITHDRAWN,
-            reason="the model does not describe the data",
+            reason=withdrawn,
         )
     low, high = profile.interval68
     std = 0.5 * (high - low) if profile.verdict.has_value else math.nan

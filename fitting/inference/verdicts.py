@@ -61,14 +61,14 @@ class Basis:
     """What verdicts are decided on, beside the profiles themselves.
 
     `equivalents` fit as well elsewhere, `boxes` are the ranges of the outputs over the campaign's
-    box, `units` those of outputs; `describes`: whether the model describes the data; `redundant`:
-    whether there are more data than unknowns.
+    box, `units` those of outputs; `withdrawn`: why no verdict is given, where the model does not
+    describe the data; `redundant`: whether there are more data than unknowns.
     """
 
     equivalents: Sequence[Equivalent] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     boxes: Mapping[str, Interval] = field(default_factory=dict)
-    describes: bool = True
+    withdrawn: str = ""
     redundant: bool = True
 
 
@@ -124,10 +124,11 @@ def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
     for name in explored.optimum.likelihood.names:
         if name not in made:
             made[name] = _without_value(explored, name, basis)
-    return made if basis.describes else {n: _withdrawn(p) for n, p in made.items()}
+    why = basis.withdrawn
+    return {n: _withdrawn(p, why) for n, p in made.items()} if why else made
 
 
-def _withdrawn(profile: Profile) -> Profile:
+def _withdrawn(profile: Profile, why: str) -> Profile:
     """A profile of a model that does not describe the data: its intervals are those of nothing."""
     nowhere = (math.nan, math.nan)
     return replace(
@@ -137,7 +138,7 @@ def _withdrawn(profile: Profile) -> Profile:
         shrinkage=math.nan,
         verdict=Verdict.WITHDRAWN,
         precision=math.nan,
-        reason="the model does not describe the data",
+        reason=why,
     )
 
 

@@ -296,6 +296,14 @@ class Measurement(Protocol):
         """
         ...
 
+    @property
+    def rows_without_response(self) -> FloatArray:
+        """Rows (rows,) where a constant, or what stands beside the response, is all there is.
+
+        Empty where nothing is asked of that: peaks of tones are there.
+        """
+        ...
+
     def unexplained(self, residuals: FloatArray) -> str:
         """What says that rows (rows,) do not follow the data at all; empty where they do.
 
@@ -527,6 +535,11 @@ class MeasurementKind:
     def scaled(self, prediction: Prediction, chi: float) -> Values:
         """The prediction times the scale."""
         return cast(Values, np.asarray(chi * prediction.values))
+
+    @property
+    def rows_without_response(self) -> FloatArray:
+        """None: that is not asked of it."""
+        return np.empty(0)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Nothing is told from the residuals alone."""

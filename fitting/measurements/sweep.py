@@ -395,6 +395,15 @@ class Sweep(MeasurementKind):
         """Root mean square: rows are over the largest amplitude."""
         return float(np.sqrt(np.mean(residuals**2)))
 
+    @property
+    def rows_without_response(self) -> FloatArray:
+        """Distances (rows,) of a fitted sweep from its mean, or from a slope solved for."""
+        if not self.fitted:
+            return np.empty(0)
+        shape = self.amplitude_v / self.maximum_v
+        beside = np.column_stack([np.ones(shape.size), self._beside])
+        return np.asarray(shape - beside @ np.linalg.lstsq(beside, shape, rcond=None)[0])
+
     def unexplained(self, residuals: FloatArray) -> str:
         """A fitted sweep of whose variance less than half is explained is not described."""
         if not residuals.size:

@@ -30,7 +30,8 @@ class Adequacy:
     sweep's own (`fitting.inference.closer_form`); empty where the noise is known. `remedy` is what
     would describe them so: a key of the campaign, or an output; empty where nobody knows one.
     `scale_off` is the factor by which the scale that peaks take from a sweep may be off, where its
-    top is so wrong that no value is trusted (`fitting.inference.mistakes`); else NaN.
+    top is so wrong that no value is trusted (`fitting.inference.mistakes`); else NaN. `absent`
+    names the curves out of whose noise no line stands (`fitting.inference.presence`).
     """
 
     chi_square: float
@@ -40,6 +41,14 @@ class Adequacy:
     against: str = ""
     remedy: str = ""
     scale_off: float = math.nan
+    absent: str = ""
+
+    @property
+    def why_not(self) -> str:
+        """Why no verdict is given where the model does not describe the data, in a clause."""
+        if self.absent:
+            return "no line stands out of the noise"
+        return "the model does not describe the data"
 
 
 @dataclass(frozen=True, kw_only=True)

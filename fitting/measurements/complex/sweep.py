@@ -38,6 +38,7 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
+from fitting.signal.chi_square import explains
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
@@ -412,11 +413,35 @@ class ComplexSweeps(MeasurementKind):
         ends = np.cumsum([2 * c.y.size for c in self.curves])[:-1]
         return max(float(np.sqrt(2.0 * np.mean(r**2))) for r in np.split(residuals, ends))
 
+    @property
+    def rows_without_response(self) -> FloatArray:
+        """What a constant, and what is declared beside the response, leave of each sweep, (rows,).
+
+        Behind the delay that the best single line has.
+        """
+        return np.concatenate([c.rows_of(self._less_beside(c)) for c in self.curves])
+
+    @staticmethod
+    def _less_beside(curve: ComplexCurve) -> ComplexArray:
+        middle = 0.5 * float(curve.u_hz[0] + curve.u_hz[-1])
+        delay = curve.line.delay_s if curve.delay_s is None else curve.delay_s
+        # the first column is that of the response: without one it is a constant
+        columns = curve.wiring.design(curve.u_hz, np.ones_like(curve.y), delay, middle)
+        found = np.linalg.lstsq(columns, curve.y, rcond=None)[0]
+        return np.asarray(curve.y - columns @ found)
+
     def unexplained(self, residuals: FloatArray) -> str:
-        """Sweeps of whose variance less than half is explained are not described."""
+        """Sweeps of whose variance less than half is explained are not described.
+
+        Those with so much noise that it is most of their variance may be.
+
+        Args:
+            residuals: rows (rows,).
+        """
         y = np.concatenate([c.rows_of(c.y - np.mean(c.y)) for c in self.curves])
         spread, left = float(y @ y), float(residuals @ residuals)
-        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+        far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
+        if far and not explains(self.sigma, residuals):
             return "the simulated complex sweep does not follow the measured one"
         return ""
 

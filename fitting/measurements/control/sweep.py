@@ -43,7 +43,7 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
-from fitting.signal.chi_square import joined_freedom
+from fitting.signal.chi_square import explains, joined_freedom
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
@@ -375,15 +375,24 @@ class ControlSweep(MeasurementKind):
             return math.nan
         return max(float(np.sqrt(np.mean(residuals[mine] ** 2))) for mine in self.slices)
 
+    @property
+    def rows_without_response(self) -> FloatArray:
+        """Distances (rows,) from the mean of each spectrum."""
+        shape = np.log(self.measured) if self.logarithmic else self.measured / self.sizes
+        return np.concatenate([shape[mine] - np.mean(shape[mine]) for mine in self.slices])
+
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra of whose variance less than half is explained are not described.
+
+        Those with so much noise that it is most of their variance may be.
 
         Args:
             residuals: rows (rows,).
         """
         shape = np.log(self.measured) if self.logarithmic else self.measured / self.sizes
         spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
-        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+        far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
+        if far and not explains(self.sigma, residuals):
             return "the simulated spectra do not follow the measured ones"
         return ""
 

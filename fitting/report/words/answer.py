@@ -210,7 +210,7 @@ def _open_words(found: Found) -> str:
     if found.identifiable is Verdict.LINEARISED:
         return f"{reported_words(found)} by its linearised error alone: no profile was walked"
     if found.identifiable is Verdict.WITHDRAWN:
-        return "the model does not describe the data"
+        return found.reason or "the model does not describe the data"
     return found.reason or str(found.identifiable)
 
 
@@ -240,6 +240,8 @@ def _otherwise(result: Result) -> str:
     against = "" if adequacy is None else adequacy.against
     if adequacy is not None and adequacy.scale_off > 1.0:
         return 'a sweep whose top is that of a line, or scale = "free"'
+    if adequacy is not None and adequacy.absent:
+        return "a stronger drive, more averaging, or points about the lines"
     if adequacy is not None and adequacy.remedy:
         return f"{adequacy.remedy}, as {against} describes the data better"
     if against:

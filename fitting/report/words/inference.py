@@ -79,7 +79,7 @@ def knowledge_heading(knowledge: Knowledge) -> str:
     """
     if knowledge.adequacy.describes:
         return "What the data determine"
-    return "Nothing is determined: the model does not describe the data"
+    return f"Nothing is determined: {knowledge.adequacy.why_not}"
 
 
 def knowledge_lines(knowledge: Knowledge) -> list[str]:

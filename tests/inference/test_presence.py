@@ -1,0 +1,62 @@
+"""Curves out of whose noise no line stands: nothing is said of a sample that was not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.random import default_rng
+from scipy.stats import chi2, f
+
+import fitting as ff
+from fitting.inference.presence import SURELY, chance
+from tests.bench.bench_crossing import METHOD
+from tests.support.virtual.crossing import laboratory
+
+
+@pytest.fixture(scope="module")
+def fmu() -> ff.Fmu:
+    return ff.Fmu("CoupledModes2", workers=1)
+
+
+def told(fmu: ff.Fmu, seed: int, noise: float) -> ff.Inference:
+    """What the data say of a small map, by the closed form."""
+    lab = laboratory(seed, noise=noise, spectra=7, points=61)
+    fit = ff.fit(lab.by_closed_form(fmu), METHOD, starts=3)
+    return ff.profile(fit, list(lab.couplings))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_of_noise_nothing_is_said(fmu: ff.Fmu, seed: int) -> None:
+    """Three times the largest amplitude: profiles had cut an interval of a per cent, elsewhere."""
+    found = told(fmu, seed, 3.0)
+    assert str(found["lambda12"].verdict) == "no verdict"
+    assert found.inferred.status.value != "converged"
+    knowledge = found.inferred.knowledge
+    assert knowledge is not None
+    said = "No line stands out of the noise. Without one the curves are described nearly as well."
+    assert knowledge.sentences[0].startswith(said)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_in_noise_that_is_most_of_the_variance_are_described(fmu: ff.Fmu, seed: int) -> None:
+    """A fifth of the largest amplitude hides no line; it is half of what the map varies by."""
+    found = told(fmu, seed, 0.2)
+    assert found.inferred.message.startswith("Converged and describes the data")
+    assert found.inferred.status.value == "converged"
+
+
+@pytest.mark.parametrize("probability", [1e-3, 1e-12])
+def test_chances_are_those_of_chi_square_and_f(probability: float) -> None:
+    rows, unknowns = 200, 12
+    left = default_rng(1).standard_normal(rows)
+    square = float(left @ left)
+    known = chi2.isf(probability, unknowns)
+    flat = left * np.sqrt(1.0 + known / square)
+    assert chance(flat, left, np.ones(rows), unknowns) == pytest.approx(probability, rel=1e-6)
+    ratio = f.isf(probability, unknowns, rows - unknowns) * unknowns / (rows - unknowns)
+    flat = left * np.sqrt(1.0 + ratio)
+    assert chance(flat, left, np.zeros(rows), unknowns) == pytest.approx(probability, rel=1e-6)
+
+
+def test_as_many_unknowns_as_rows_tell_nothing() -> None:
+    assert chance(np.ones(5), np.ones(5), np.zeros(5), 5) == 0.0 <= SURELY
