@@ -1,16 +1,7 @@
-"""Do curves show the model's response at all? In noise alone a fit finds something, and holds it.
+"""Curves that do not show the model's response: nothing that a fit finds there is said.
 
-Without the response a constant describes a curve, or what is declared beside it. With it the
-squares are less by
-
-    gain = sum (flat^2 - left^2)/sigma^2        P(chi^2_k > gain)        the noise is stated
-    F    = (gain/k)/(sum left^2/(m - k))        P(F_{k, m-k} > F)        it is that of the rest
-
-k counts what is fitted, scales too. A response is looked for at very many places, at one of which
-noise makes it best: so the bar is far below a per cent. Where the response does not pass it, what a
-profile says is said of that place alone, and the truth may be at any other.
-
-Source: E. Gross and O. Vitells, Eur. Phys. J. C 70 (2010) 525, for searches at many places.
+Where the response does not stand out of the noise (`fitting.signal.presence`), what a profile says
+is said of one place alone, and the truth may be at any other.
 """
 
 from __future__ import annotations
@@ -18,15 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import fdtrc, gammaincc
 
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.measurement import Measurement
-from fitting.text.arrays import FloatArray
-
-#: Probability by noise alone below which a response is there.
-SURELY = 1e-9
+from fitting.signal.presence import SURELY, chance
 
 
 def unseen(solution: Solution) -> Adequacy | None:
@@ -52,25 +39,6 @@ def unseen(solution: Solution) -> Adequacy | None:
         describes=False,
         absent=_words(fitted),
     )
-
-
-def chance(flat: FloatArray, left: FloatArray, sigma: FloatArray, unknowns: int) -> float:
-    """Probability with which noise alone lets a response at one place take as much of curves.
-
-    Args:
-        flat: rows without the response, shape (m,).
-        left: rows that the fit leaves, shape (m,).
-        sigma: standard deviations, (m,); 0: not known.
-        unknowns: of the response, k. As many as there are rows tell nothing.
-    """
-    if np.all(sigma > 0.0):
-        gain = float(np.sum((flat / sigma) ** 2 - (left / sigma) ** 2))
-        return float(gammaincc(0.5 * unknowns, 0.5 * max(gain, 0.0)))
-    freedom, rest = flat.size - unknowns, float(left @ left)
-    if freedom <= 0 or not rest > 0.0:
-        return 0.0
-    ratio = max(float(flat @ flat) - rest, 0.0) / unknowns / (rest / freedom)
-    return float(fdtrc(unknowns, freedom, ratio))
 
 
 def _words(fitted: list[Measurement]) -> str:

@@ -27,6 +27,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.plan import Plan
+from fitting.signal.presence import leaves_noise
 from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
@@ -34,6 +35,8 @@ from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
+#: Unknowns of a response beside what is solved inside: those of one mode, and of another one.
+SHAPE = 8
 #: Predicted or measured values (n,), real or complex.
 Values = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 
@@ -540,6 +543,11 @@ class MeasurementKind:
     def rows_without_response(self) -> FloatArray:
         """None: that is not asked of it."""
         return np.empty(0)
+
+    def _leaves_noise(self, residuals: FloatArray, sigma: FloatArray) -> bool:
+        """Whether a response takes all but noise of the rows of a curve."""
+        unknowns = self.solved_inside + SHAPE
+        return leaves_noise(self.rows_without_response, residuals, sigma, unknowns)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Nothing is told from the residuals alone."""

@@ -405,12 +405,19 @@ class Sweep(MeasurementKind):
         return np.asarray(shape - beside @ np.linalg.lstsq(beside, shape, rcond=None)[0])
 
     def unexplained(self, residuals: FloatArray) -> str:
-        """A fitted sweep of whose variance less than half is explained is not described."""
+        """A fitted sweep of whose variance less than half is explained is not described.
+
+        One with so much noise that it is most of its variance may be.
+
+        Args:
+            residuals: rows (rows,).
+        """
         if not residuals.size:
             return ""
         shape = self.amplitude_v / self.maximum_v
         spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
-        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+        far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
+        if far and not self._leaves_noise(residuals, self.sigma):
             return "the simulated sweep does not follow the measured one"
         return ""
 

@@ -15,13 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri, gammaincc, ndtri
-
-from fitting.text.arrays import FloatArray
-
-#: Probability of a chi square below which noise does not explain it.
-RARELY = 1e-4
 
 
 def tail(square: float, freedom: float, noise_freedom: float = math.inf) -> float:
@@ -35,18 +29,6 @@ def tail(square: float, freedom: float, noise_freedom: float = math.inf) -> floa
     if math.isinf(noise_freedom):
         return float(gammaincc(0.5 * freedom, 0.5 * square))
     return float(fdtrc(freedom, noise_freedom, square / freedom))
-
-
-def explains(sigma: FloatArray, residuals: FloatArray) -> bool:
-    """Whether noise that is known leaves residuals as large as these, one time in 1e4 at least.
-
-    Args:
-        sigma: standard deviations, (m,); 0: not known.
-        residuals: shape (m,).
-    """
-    if not residuals.size or not np.all(sigma > 0.0):
-        return False
-    return tail(float(np.sum((residuals / sigma) ** 2)), residuals.size) > RARELY
 
 
 def largest(probability: float, freedom: float, noise_freedom: float = math.inf) -> float:

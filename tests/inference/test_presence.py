@@ -8,7 +8,7 @@ from numpy.random import default_rng
 from scipy.stats import chi2, f
 
 import fitting as ff
-from fitting.inference.presence import SURELY, chance
+from fitting.signal.presence import SURELY, chance
 from tests.bench.bench_crossing import METHOD
 from tests.support.virtual.crossing import laboratory
 
@@ -60,3 +60,30 @@ def test_chances_are_those_of_chi_square_and_f(probability: float) -> None:
 
 def test_as_many_unknowns_as_rows_tell_nothing() -> None:
     assert chance(np.ones(5), np.ones(5), np.zeros(5), 5) == 0.0 <= SURELY
+
+
+@pytest.mark.parametrize(("noise", "said"), [(1e-5, True), (5e-4, True), (5e-3, False)])
+def test_a_weak_line_is_described_and_noise_is_not(noise: float, said: bool) -> None:
+    """A line of 1 mV in both quadratures whose noise nobody stated, half of it and five times."""
+    rng = default_rng(7)
+    u = np.linspace(6.9995e6, 7.0005e6, 301)
+    line = 0.5e-3 * 1j * 60.0 / (7e6 - u + 30.0j)
+    seen = line + noise * (rng.standard_normal(301) + 1j * rng.standard_normal(301))
+    setup = ff.Setup(
+        ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)),
+        "q1_hybrid",
+        start_values={"periodic_start": True, "A2": 0.0},
+        steady_start=True,
+    )
+    unknowns = [
+        ff.Parameter("eta_plus", 7e6, bounds=(6.9996e6, 7.0004e6), unit="Hz"),
+        ff.Parameter("d2", 60.0, bounds=(3.0, 1200.0), unit="Hz"),
+    ]
+    problem = ff.Problem(
+        ff.Fmu("CoupledOscillator", workers=1),
+        unknowns,
+        ff.ComplexSweep(setup, ff.ComplexCurve(u, seen)),
+    )
+    found = ff.profile(ff.fit(problem, ff.Tikhonov(misfit="squares"), starts=1), ["eta_plus"])
+    assert (found.inferred.status.value == "converged") is said
+    assert (str(found["eta_plus"].verdict) == "determined") is said

@@ -38,7 +38,6 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
-from fitting.signal.chi_square import explains
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
@@ -441,7 +440,7 @@ class ComplexSweeps(MeasurementKind):
         y = np.concatenate([c.rows_of(c.y - np.mean(c.y)) for c in self.curves])
         spread, left = float(y @ y), float(residuals @ residuals)
         far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
-        if far and not explains(self.sigma, residuals):
+        if far and not self._leaves_noise(residuals, self.sigma):
             return "the simulated complex sweep does not follow the measured one"
         return ""
 

@@ -43,7 +43,7 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
-from fitting.signal.chi_square import explains, joined_freedom
+from fitting.signal.chi_square import joined_freedom
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
@@ -392,7 +392,7 @@ class ControlSweep(MeasurementKind):
         shape = np.log(self.measured) if self.logarithmic else self.measured / self.sizes
         spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
         far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
-        if far and not explains(self.sigma, residuals):
+        if far and not self._leaves_noise(residuals, self.sigma):
             return "the simulated spectra do not follow the measured ones"
         return ""
 
