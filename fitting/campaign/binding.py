@@ -105,6 +105,10 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         drift=Drift(drift.ends, {name: variables[name].unit or "1" for name in drift.ends}),
         noise=noise,
         measurements=further,
+        taken={
+            name: binder.real(name, f"{top}: [fmu] taken", SETTABLE, "set").unit or "1"
+            for name in file.fmu.taken
+        },
     )
     bound = with_offsets(bound, binder, drift_priors(campaign, binder, drift))
     check_conflicts(bound, places)

@@ -94,7 +94,8 @@ class BoundCampaign:
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
-    the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables.
+    the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables;
+    ``taken`` are start values that nobody measured, with their units.
     """
 
     title: str
@@ -113,6 +114,7 @@ class BoundCampaign:
     drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)
     measurements: Mapping[str, BoundMeasurement] = field(default_factory=dict)
+    taken: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def offsets(self) -> tuple[Parameter, ...]:

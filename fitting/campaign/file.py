@@ -74,10 +74,15 @@ class WrittenFmu(Keys):
     """Longest simulation run, then the FMU counts as failed, s."""
     start: Mapping[str, Value] = field(default_factory=dict)
     """Start value of any FMU variable that can be set."""
+    taken: Texts = ()
+    """Start values that nobody measured: a result says which values hold under them alone."""
 
     def __post_init__(self) -> None:
         if (self.model is None) == (self.file is None):
             raise Refused("wanted either 'model' or 'file'")
+        for name in self.taken:
+            if name not in self.start:
+                raise Refused(f"'{name}' has no start value in [fmu.start], wanted one", "taken")
 
 
 @dataclass(frozen=True, kw_only=True)

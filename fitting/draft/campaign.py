@@ -64,6 +64,7 @@ class Choices:
         residual: what the line leaves of the sweep, relative; 0: unknown.
         level: of the drive, where tones of the FMU drive.
         start_words: why each start value is what it is.
+        taken: start values that the files do not tell.
     """
 
     title: str
@@ -82,6 +83,7 @@ class Choices:
     residual: float = 0.0
     level: float = 1.0
     start_words: Mapping[str, str] = field(default_factory=dict)
+    taken: tuple[str, ...] = ()
 
 
 def campaign_text(
@@ -207,6 +209,9 @@ def _fmu(choices: Choices, folder: Path | None, remarks: Remarks) -> dict[str, A
         remarks["fmu", "model"] = "shipped with fmu-fit and built on demand"
     else:
         made = {"file": relative_path(Path(choices.fmu), folder)}
+    if choices.taken:
+        made["taken"] = list(choices.taken)
+        remarks["fmu", "taken"] = "nobody measured these: leave out what you know to be so"
     if choices.start:
         made["start"] = dict(choices.start)
     for name in choices.start:

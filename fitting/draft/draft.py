@@ -44,10 +44,12 @@ TAKEN = {
 }
 #: The same of two modes of which the first is driven and seen, and moves the second.
 COUPLING = "lambda12"
-THROUGH_COUPLING = {
+THROUGH_COUPLING: dict[str, tuple[float, str]] = {
     "readout2": (0.0, "the detector sees mode 1"),
     STRENGTH: (0.0, "the drive moves mode 1, and the coupling mode 2"),
 }
+#: Values of the FMU that are taken, where they are not fitted.
+TAKEN_VALUES = (STRENGTH, "readout2", COUPLING)
 #: Parameters that a line determines: where it is and how wide.
 PER_LINE = 2
 #: Forms of amplitudes with what a campaign cannot put beside an FMU's, and what would help.
@@ -296,6 +298,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         boxes[fitted.index(STRENGTH)] = _strength(files, offer, seen)
     boxes = [_in_box(box) for box in boxes]
     chosen = Choices(
+        taken=tuple(n for n in TAKEN_VALUES if n in start) if pair else (),
         title=", ".join(sweep.path.stem for sweep in files.sweeps)
         or (str(files.table) if files.table else offer.description.model_name),
         fmu=source.name,

@@ -22,6 +22,7 @@ from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
 from fitting.inference.budget import BUDGET
 from fitting.inference.closer_form import closer_form
+from fitting.inference.conditions import condition_sentences
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import ABSENT, MISFIT, Ending, ending_of, extent_of
@@ -173,6 +174,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         ending=ending,
         warnings=(
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
+            *warned(Kind.CONDITION, _conditions(fit, parameters) if describes else ()),
             *warned(Kind.ESTIMATOR, estimator_sentences(fit.options, named)),
             *warned(
                 Kind.SIMULATION, doubt_sentences(solution.final.promised, sweeps.scale_off, named)
@@ -212,6 +214,14 @@ def _scale_off(solution: Solution, sweeps: SweepFindings) -> float:
         if np.any(mine) and doubt > float(np.median(sigma[mine])):
             beyond.append(math.exp(doubt))
     return max(beyond, default=math.nan)
+
+
+def _conditions(fit: Fit, parameters: Mapping[str, ParameterResult]) -> list[str]:
+    """Under what values hold that the data do not tell; nothing where the model fails nearby."""
+    try:
+        return condition_sentences(fit, parameters)
+    except (FmuFailure, np.linalg.LinAlgError):
+        return []
 
 
 def _withdrawn(derived: DerivedResult) -> DerivedResult:

@@ -62,6 +62,7 @@ class Kind(Enum):
     """What a warning is about."""
 
     VERDICT = "how far the data determine a value"
+    CONDITION = "what the campaign takes for true, which the data do not tell"
     ESTIMATOR = "whose values are reported"
     EXCHANGE = "equal fits elsewhere"
     AGREEMENT = "campaigns that contradict each other"

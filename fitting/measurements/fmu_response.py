@@ -39,6 +39,18 @@ class FmuResponse:
     models: Mapping[str, DrivenModel]
     derived: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def with_settings(self, settings: Mapping[str, Scalar]) -> FmuResponse:
+        """The same response of the FMU with other start values.
+
+        Args:
+            settings: start values, by name.
+        """
+        models = {
+            series: replace(model, alternative={**model.alternative, **settings})
+            for series, model in self.models.items()
+        }
+        return replace(self, models=models)
+
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
         """Predictions of every measurement for every parameter vector, in one batch.
 

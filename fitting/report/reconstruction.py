@@ -119,6 +119,7 @@ def answer_block(answer: Answer) -> tuple[Line, ...]:
     nothing = "" if values else answer.known_words
     lines = [
         Line("Known", values=values, words=nothing),
+        *([Line("Given", words=answer.condition)] if answer.condition else []),
         Line("Not known", words=answer.open_words),
     ]
     if answer.advice or answer.command:

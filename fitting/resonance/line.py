@@ -11,6 +11,7 @@ import numpy as np
 
 from fitting.campaign.instruments import own_estimates
 from fitting.measurements.complex.curve import WIDTHS_FOR_DELAY
+from fitting.resonance.clipped import Clipped, without_clipped
 from fitting.resonance.complaints import (
     check_one,
     check_overlap,
@@ -157,6 +158,7 @@ class Line:
         further_hz: where points outside of the chosen range show another line, Hz.
         instrument: the instrument's own estimates, "frequency_hz" and "q", as far as it says.
         spikes: single points far off their neighbours, which were left out.
+        clipped: a top that the instrument cut off, which was left out; None where none was.
         turned: whether the file counts phases the other way, as Re[value exp(-i 2 pi f t)].
         said: how the file was read, in sentences.
         points: what was measured and fitted.
@@ -201,6 +203,7 @@ class Line:
     turned: bool
     said: tuple[str, ...]
     points: LinePoints = field(repr=False)
+    clipped: Clipped | None = None
 
     @property
     def ratio95(self) -> float:
@@ -230,7 +233,8 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
         raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
     spikes = spikes_in(trace)
     try:
-        return _line_of(_turned(without_spikes(trace, spikes)), wiring, spikes)
+        rest, clipped = without_clipped(without_spikes(trace, spikes))
+        return replace(_line_of(_turned(rest), wiring, spikes), clipped=clipped)
     except BadInput as error:
         if trace.read:
             error.args = tuple(f"{text} (read: {trace.read})" for text in error.args)

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
+from fitting.inference.conditions import is_condition, taken_of
 from fitting.inference.mistakes import FAR_OFF, SLIPPED
 from fitting.inference.sampled_twins import SAMPLED
 from fitting.inference.sweep_line import SweepLine, depends_on_background
@@ -66,13 +67,15 @@ class Known:
 class Answer:
     """What is known, best first; what is not, with its range; what would settle it.
 
-    `command` is what to type for it, empty where there is no such command.
+    `command` is what to type for it, empty where there is no such command. `condition` is what the
+    known values hold under, which the data do not tell; mostly empty.
     """
 
     known: tuple[Known, ...]
     open: tuple[str, ...]
     advice: str
     command: str = ""
+    condition: str = ""
 
     @property
     def known_words(self) -> str:
@@ -117,7 +120,8 @@ def answer_of(result: Result) -> Answer:
     names = {k.name for k in best}
     left = {name: found for name, found in every.items() if name not in names}
     advice, command = _next(result, left)
-    return Answer(tuple(best), _ranges(left), advice, command)
+    condition = next(filter(is_condition, result.warnings), "")
+    return Answer(tuple(best), _ranges(left), advice, command, condition)
 
 
 def answer_lines(answer: Answer) -> list[str]:
@@ -128,6 +132,7 @@ def answer_lines(answer: Answer) -> list[str]:
     """
     known = ", ".join(_whole(f"{k.named} {k.shown}") for k in answer.known) or answer.known_words
     lines = wrapped(f"known:     {known}", LEAD)
+    lines += wrapped(f"given:     {answer.condition}", LEAD) if answer.condition else []
     lines += wrapped(f"not known: {answer.open_words}", LEAD)
     lines += wrapped(f"next:      {answer.advice}", LEAD) if answer.advice else []
     if answer.command:  # in one line: it is to be copied
@@ -266,8 +271,21 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
         return _otherwise(result), ""
     if result.knowledge is None:
         return _profiles(result)
+    return _measurement(result, left)
+
+
+def _measurement(result: Result, left: dict[str, Found]) -> tuple[str, str]:
+    """What to measure next, of a fit that is as good as it can be."""
+    assert result.knowledge is not None  # noqa: S101 - asked by the caller
     if any(said.startswith(SAMPLED) for said in result.knowledge.sentences):
         return "a box that holds one of the values that the samples leave, or faster samples", ""
+    condition = next(filter(is_condition, result.warnings), "")
+    if condition:
+        return (
+            f"what tells {taken_of(condition)}: the same sample driven or read elsewhere, or at "
+            "several values of what moves one mode alone (a map); less noise would not",
+            "",
+        )
     target = _target(result, left)
     if not target:
         return "", ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from fitting.inference.conditions import is_condition
 from fitting.inference.ending import UNTESTED, Ending
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
@@ -49,7 +50,7 @@ def further_warnings(result: Result) -> tuple[str, ...]:
         result: of a reconstruction.
     """
     told = verdict_sentences({**result.parameters, **result.derived})
-    return tuple(said for said in result.warnings if said not in told)
+    return tuple(said for said in result.warnings if said not in told and not is_condition(said))
 
 
 def result_lines(result: Result) -> list[str]:

@@ -1,0 +1,239 @@
+"""What a campaign takes for true, and whether its data could tell: else values hold under it alone.
+
+A start value may be one that nobody measured, as which modes a drive reaches. Let t be such values,
+and T = V^-1/2 dr/dt beside the whitened derivatives W of the fit: with t free the covariance is
+
+    C' = ([W T]^T [W T] + P)^-1,     P the prior of the parameters alone
+
+Where C'_ii is about C_ii the data tell t so well that a wrong one would be seen. Where it is much
+larger they fit as well with another t, beside other values: nothing in chi square speaks of it, and
+the values are known under t alone. Where t acts by its square (a coupling of zero) so does T.
+
+Source: C. R. Rao, Linear Statistical Inference and Its Applications (partitioned normal equations).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.campaign.parameters import prior_sigmas
+from fitting.fit.fit import Fit
+from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.solution import Solution
+from fitting.inference.values import ParameterResult
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.notation import listed, number
+
+#: What the sentence says, by which it is found again.
+CONDITION = "hold only if"
+#: How much wider an error is with the condition free, from which the value rests on it: a wrong
+#: condition then fits as well, with a value one standard error off.
+RESTS = 1.5
+#: Steps of a value that is taken, as shares of its size, or of one where it is zero.
+STEPS = tuple(10.0**k for k in range(-5, 9))
+#: Length of what a step changes, in standard deviations of the rows, that is seen well.
+SEEN = 0.3
+#: Share of a column that is left by others, below which they leave nothing of it.
+UNTOLD = 0.05
+#: Rise of chi square up to which a fit is as good.
+AS_GOOD = 1.0
+#: Share of a column's square that keeps columns apart that the data do not.
+RIDGE = 1e-12
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A start value that nobody measured, in the FMU's unit."""
+
+    name: str
+    value: float
+    unit: str
+
+    def at(self, value: float) -> str:
+        """Name and value, as a sentence says them."""
+        return f"{self.name} = {number(value, 2)} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class _Column:
+    """What a step of a taken value changes of the whitened rows (m,); it goes with step^power."""
+
+    taken: Taken
+    step: float
+    power: int
+    change: FloatArray
+
+
+def condition_sentences(fit: Fit, values: Mapping[str, ParameterResult]) -> list[str]:
+    """Under what conditions values hold that the data do not tell; empty where there are none.
+
+    Args:
+        fit: a solved problem.
+        values: of the parameters, as they are reported.
+
+    Raises:
+        FmuFailure: the model failed at the solution.
+    """
+    taken = _taken(fit)
+    solution, known = fit.solution, _known(values)
+    if not (taken and known and isinstance(solution.objective.response, FmuResponse)):
+        return []
+    whitened = solution.noise.covariance.whitened
+    columns = [_column(solution, one) for one in taken]
+    moving = [c for c in columns if c is not None]
+    if not moving:
+        return []
+    prior = prior_sigmas(solution.parameters, solution.nu)
+    fixed = np.vstack([whitened(solution.seen), np.diag(1.0 / prior)])
+    rows = np.column_stack([c.change for c in moving])
+    added = np.vstack([rows, np.zeros((prior.size, len(moving)))])
+    places = {p.name: i for i, p in enumerate(solution.parameters)}
+    rest = _rest(fixed, added)
+    resting = [name for name in known if rest[places[name]]]
+    if not resting:
+        return []
+    said = listed(c.taken.at(c.taken.value) for c in moving)
+    hold = CONDITION if len(resting) > 1 else CONDITION.replace("hold", "holds")
+    return [
+        f"{listed(resting)} {hold} {said}, which nobody measured and these data do not tell: "
+        f"{_example(solution, moving, fixed, added, {n: known[n] for n in resting})}."
+    ]
+
+
+def is_condition(sentence: str) -> bool:
+    """Whether a sentence is one of `condition_sentences`.
+
+    Args:
+        sentence: of the warnings of a result.
+    """
+    return CONDITION in sentence or CONDITION.replace("hold", "holds") in sentence
+
+
+def taken_of(sentence: str) -> str:
+    """What is taken, of one of `condition_sentences`: "g2 and readout2".
+
+    Args:
+        sentence: of the warnings of a result.
+    """
+    said = sentence.split(" only if ", 1)[-1].split(", which nobody", 1)[0]
+    return re.sub(r" = .*?(?=, | and |$)", "", said)
+
+
+def _taken(fit: Fit) -> list[Taken]:
+    """What all campaigns take, each once."""
+    found = {}
+    for bound in fit.problem.campaigns.values():
+        for name, unit in bound.taken.items():
+            value = float(bound.setup.start_values[name])
+            found[name] = Taken(name, value, "" if unit == "1" else unit)
+    return list(found.values())
+
+
+def _known(values: Mapping[str, ParameterResult]) -> dict[str, ParameterResult]:
+    """Parameters of the campaign that have a value and an error."""
+    return {
+        name: value
+        for name, value in values.items()
+        if value.asked and value.identifiable.has_value and value.std > 0.0
+    }
+
+
+def _column(solution: Solution, taken: Taken) -> _Column | None:
+    """What the smallest step of a taken value that is seen well changes; None where none is."""
+    whitened, here = solution.noise.covariance.whitened, solution.final.residuals
+
+    def change(step: float) -> FloatArray:
+        moved = _with(solution.objective, {taken.name: taken.value + step})
+        [point] = evaluate_many(moved, [solution.final.x])
+        return whitened(point.residuals - here)
+
+    size = abs(taken.value) or 1.0
+    try:
+        for share in STEPS:
+            found = change(share * size)
+            if np.linalg.norm(found) > SEEN:
+                half = float(np.linalg.norm(change(0.5 * share * size)))
+                power = 2 if np.linalg.norm(found) > 3.0 * half else 1
+                return _Column(taken, share * size, power, found)
+    except (FmuFailure, BadInput):  # the FMU does not have such a value
+        return None
+    return None
+
+
+def _with(objective: Objective, settings: Mapping[str, float]) -> Objective:
+    """The objective of an FMU with other start values."""
+    response = objective.response
+    assert isinstance(response, FmuResponse)  # noqa: S101 - asked by the caller
+    return Objective(
+        response=response.with_settings(settings),
+        parameters=objective.parameters,
+        data=objective.data,
+        steps=objective.steps,
+    )
+
+
+def _rest(fixed: FloatArray, added: FloatArray) -> BoolArray:
+    """Which values rest on what is added, (n,): a wrong one would not be seen.
+
+    All of them where nothing tells a direction of it: what moves none to first order, as a drive of
+    mode 2 against a read-out of it, moves them further off.
+    """
+    n = fixed.shape[1]
+    both = np.column_stack([fixed, added])
+    untold = any(
+        np.linalg.norm(_left(np.delete(both, n + k, axis=1), added[:, k])[0])
+        < UNTOLD * np.linalg.norm(added[:, k])
+        for k in range(added.shape[1])
+    )
+    return np.asarray((np.sqrt(_variances(both)[:n] / _variances(fixed)) > RESTS) | untold)
+
+
+def _left(matrix: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What a matrix leaves of a column, (m,), and the step that it takes for it, (n,)."""
+    size = np.linalg.norm(matrix, axis=0)
+    follow = -np.linalg.lstsq(matrix / size, column, rcond=1e-9)[0] / size
+    return column + matrix @ follow, follow
+
+
+def _variances(matrix: FloatArray) -> FloatArray:
+    """Variances of a linear problem, (n,), finite where columns are alike."""
+    size = np.linalg.norm(matrix, axis=0)
+    scaled = matrix / size
+    normal = scaled.T @ scaled + RIDGE * np.eye(size.size)
+    return np.asarray(np.diag(np.linalg.inv(normal)) / size**2)
+
+
+def _example(
+    solution: Solution,
+    columns: Sequence[_Column],
+    fixed: FloatArray,
+    added: FloatArray,
+    values: Mapping[str, ParameterResult],
+) -> str:
+    """How little of a condition moves which value by its standard error, where the fit allows."""
+    places = {p.name: i for i, p in enumerate(solution.parameters)}
+    found: list[tuple[float, str, float, _Column]] = []
+    for k, column in enumerate(columns):
+        left, follow = _left(fixed, added[:, k])
+        for name, value in values.items():
+            move = follow[places[name]] * solution.parameters[places[name]].scale / value.std
+            if abs(move) > 0.0:
+                # of the column, what moves the value by its error
+                found.append((float(left @ left) / move**2, name, move, column))
+    good = [each for each in found if each[0] <= AS_GOOD]
+    if not good:
+        return "others fit as well"
+    _, name, move, column = min(good, key=lambda each: each[0])
+    step = column.step * abs(1.0 / move) ** (1.0 / column.power)
+    more = f"{number(step, 2)} {column.taken.unit}".rstrip()
+    way = "above" if move > 0.0 else "below"
+    return (
+        f"with {column.taken.name} {more} higher, say, the fit is as good, and {name} one standard "
+        f"error {way} what is told"
+    )

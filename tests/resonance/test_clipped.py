@@ -1,0 +1,84 @@
+"""A top that the instrument cut off: numbers of the other points, against the line that was cut."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitting.report.words.line import sentences, text
+from fitting.resonance.line import Line, line_of
+from fitting.resonance.trace import trace_of
+from fitting.text.arrays import FloatArray
+from tests.support.lines import mode
+
+ETA, WIDTH, HEIGHT = 50_003.7, 21.0, 1e-3
+F = 50_000.0 + np.linspace(-100.0, 100.0, 101)
+SIGMA = 0.005
+
+
+def sweep(seed: int, limit: float, beside: float = 0.0, sigma: float = SIGMA) -> FloatArray:
+    """Amplitudes with noise of one size, cut off at a limit; all over the height of the line."""
+    seen = np.abs(mode(F, ETA, WIDTH)) + beside
+    rough = sigma * np.random.default_rng(seed).standard_normal(F.size)
+    return np.asarray(HEIGHT * np.minimum(seen + rough, limit))
+
+
+def pulls(line: Line) -> list[float]:
+    """How far frequency, width and amplitude are off, over half of their 95 % intervals."""
+    found = (
+        (line.frequency_hz, line.frequency_std_hz, ETA),
+        (line.width_hz, line.width_std_hz, WIDTH),
+        (line.amplitude, line.amplitude_std, HEIGHT),
+    )
+    return [(value - truth) / (std * line.ratio95) for value, std, truth in found]
+
+
+@pytest.mark.parametrize(("limit", "beside"), [(0.9, 0.0), (1.0, 0.2)])
+def test_a_clipped_line_is_the_one_that_was_cut(limit: float, beside: float) -> None:
+    """Blindly the width was 2.6 of its standard errors off, beside a constant 7.6."""
+    lines = [line_of(trace_of(F, sweep(k, limit, beside), "V")) for k in range(24)]
+    off = np.array([pulls(line) for line in lines])
+    # 95 of 100 hold the truth: that 4 or more of 24 do not happens to one set in thirty
+    assert np.all(np.sum(np.abs(off) > 1.0, axis=0) <= 4)
+    assert np.all(np.abs(np.mean(off, axis=0)) < 0.5)
+    assert all(line.clipped is not None and line.amplitude_std < 0.03 * HEIGHT for line in lines)
+
+
+def test_the_sentence_says_how_many_points_were_left_out_and_why() -> None:
+    line = line_of(trace_of(F, sweep(1, 0.9), "V"))
+    count = int(np.sum(sweep(1, 0.9) == 0.9 * HEIGHT))
+    [said] = [each for each in sentences(line) if each.startswith("Left out: ")]
+    assert said.startswith(f"Left out: the {count} largest points, between 50")
+    assert "They are equal, 900 µV: the top is clipped" in said
+    assert not line.faults
+    assert text(line).count("clipped") == 1
+
+
+def test_a_top_is_cut_however_little_the_others_tell_of_it() -> None:
+    """Noise of 3 % leaves the height open by more than is missing: 21 of 150 were not told."""
+    rough = [line_of(trace_of(F, sweep(k, 0.7, sigma=0.03), "V")) for k in range(16)]
+    assert all(line.clipped is not None for line in rough)
+    off = np.array([pulls(line) for line in rough])
+    assert np.all(np.sum(np.abs(off) > 1.0, axis=0) <= 3)
+
+
+def test_points_that_noise_decides_on_are_left_out_too() -> None:
+    """Points whose line is within three standard deviations of the limit, high or low."""
+    sigma, limit = 0.02, 0.75
+    line = line_of(trace_of(F, sweep(3, limit, sigma=sigma), "V"))
+    exact = np.abs(mode(F, ETA, WIDTH))
+    # by the fitted line, not quite by this one
+    sure, far = exact > limit - 2.0 * sigma, exact < limit - 4.0 * sigma
+    kept = np.isin(F, line.points.frequency_hz)
+    assert not np.any(kept & sure)
+    assert np.all(kept[far])
+    assert line.clipped is not None
+    assert line.clipped.count + line.clipped.beside == F.size - int(np.sum(kept))
+    assert f"and {line.clipped.beside} beside them" in " ".join(line.said)
+
+
+def test_three_equal_points_at_the_top_of_a_coarse_scale_stay() -> None:
+    """A display of 5 % of the height shows a top of equal points, which are not cut off."""
+    rounded = 0.05 * HEIGHT * np.round(sweep(2, 9.0) / (0.05 * HEIGHT))
+    assert int(np.sum(rounded == np.max(rounded))) >= 3
+    assert line_of(trace_of(F, rounded, "V")).clipped is None
