@@ -121,7 +121,7 @@ def answer_of(result: Result) -> Answer:
     left = {name: found for name, found in every.items() if name not in names}
     advice, command = _next(result, left)
     condition = next(filter(is_condition, result.warnings), "")
-    return Answer(tuple(best), _ranges(left), advice, command, condition)
+    return Answer(tuple(best), _ranges(left, _why_not(result)), advice, command, condition)
 
 
 def answer_lines(answer: Answer) -> list[str]:
@@ -201,21 +201,28 @@ def _share(value: float, std: float) -> float:
     return std / abs(value) if value and math.isfinite(std) else math.inf
 
 
-def _ranges(left: dict[str, Found]) -> tuple[str, ...]:
+def _why_not(result: Result) -> str:
+    """Why no verdict is given where the model does not describe the data."""
+    if result.knowledge is None:
+        return "the model does not describe the data"
+    return result.knowledge.adequacy.why_not
+
+
+def _ranges(left: dict[str, Found], why_not: str) -> tuple[str, ...]:
     """What is not known, those of one range together: "d1 and d2 (1 Hz to 1 kHz)"."""
     groups: dict[str, list[str]] = {}
     for name, found in left.items():
-        groups.setdefault(_open_words(found), []).append(name)
+        groups.setdefault(_open_words(found, why_not), []).append(name)
     return tuple(f"{listed(names)} ({words})" for words, names in groups.items())
 
 
-def _open_words(found: Found) -> str:
+def _open_words(found: Found, why_not: str) -> str:
     if found.identifiable is Verdict.OPEN:
         return _range(*found.ci95, found.unit)
     if found.identifiable is Verdict.LINEARISED:
         return f"{reported_words(found)} by its linearised error alone: no profile was walked"
     if found.identifiable is Verdict.WITHDRAWN:
-        return found.reason or "the model does not describe the data"
+        return why_not
     return found.reason or str(found.identifiable)
 
 
