@@ -46,7 +46,7 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
 
 
 def test_spectra_of_the_other_loop_find_what_all_components_say(swift_fmu: Path) -> None:
-    """Same window, drive and capacitances: C, L and R are good to some per cent, k to half of it."""
+    """Same window, drive and capacitances: parts are good to some per cent, k to half of it."""
     fit = ff.fit(ff.Problem.of(SPECTRA.with_name("spectra_c2.toml"), ff.Fmu(swift_fmu)))
     assert fit.success
     values = fit.result.parameters
