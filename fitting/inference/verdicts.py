@@ -98,7 +98,7 @@ class _Found:
 
     `others` are values of separate minima outside the interval around the optimum, `exchange` the
     value of another alternative and what leads there; `held` names parameters at a limit of their
-    room.
+    room; `seen` are the least and the largest value of all points in hand that fit.
     """
 
     interval: Interval
@@ -106,6 +106,7 @@ class _Found:
     others: Sequence[float]
     exchange: tuple[float, str] | None
     held: Sequence[str]
+    seen: Interval
 
 
 def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
@@ -183,7 +184,9 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     fits, ends = _ends_of(branches, range_ends, goes_round)
     fits, ends = _beyond_the_simulation(quantity, branches, fits, ends)
     ends = _of_the_data(explored.optimum, branches, ends)
-    ends = _over_the_box(subject, branches, ends)
+    periods = explored.optimum.likelihood.periods
+    seen = [subject.shown(quantity.of(point, periods)) for point in explored.fitting]
+    ends = _over_the_box(subject, branches, ends, seen)
     if quantity.round and "bound" in ends:  # half a period up and down is one and the same system
         ends = (
             "bound" if ends[0] == "lost" else ends[0],
@@ -204,6 +207,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
         others=others,
         exchange=exchange,
         held=[explored.optimum.likelihood.parameters[i].name for b in branches for i in b.held],
+        seen=(min(seen, default=math.nan), max(seen, default=math.nan)),
     )
     verdict, reason = _verdict(subject, found, basis)
     shrinkage = 1.0 - min(1.0, (wide[1] - wide[0]) / (subject.box[1] - subject.box[0])) ** 2
@@ -278,11 +282,14 @@ def _of_the_data(optimum: Optimum, branches: Branches, ends: tuple[str, str]) ->
     return words[0], words[1]
 
 
-def _over_the_box(subject: _Subject, branches: Branches, ends: tuple[str, str]) -> tuple[str, str]:
+def _over_the_box(
+    subject: _Subject, branches: Branches, ends: tuple[str, str], seen: Sequence[float]
+) -> tuple[str, str]:
     """The same; a walk that ended beyond the box, or close to its end, all of which fits, is whole.
 
     Models end there often: laws have no value beyond, an output is the largest that it can be. Not
-    where the data end the other side: they might end this one beyond.
+    where the data end the other side: they might end this one beyond. What other walks `seen` there
+    that fits says the same of a walk that was cut before: it could have come by no less.
     """
     if "crossed" in ends:
         return ends
@@ -294,6 +301,7 @@ def _over_the_box(subject: _Subject, branches: Branches, ends: tuple[str, str]) 
     for side, branch in enumerate(branches):
         values = [subject.shown(point.value) for point in branch.points]
         fits = all(point.root <= ROOT_95 for point in branch.points)
+        values += seen
         if words[side] not in CUT or not values or not fits:
             continue
         if (min(values) <= low + near[0]) if side == 0 else (max(values) >= high - near[1]):
@@ -390,6 +398,8 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
         return Verdict.OPEN, "every value around its period fits"
     said = [_end_words(end, found.held) for end in found.ends]
     if any(end in CUT for end in found.ends):
+        if _is_nearly_all(subject, found.seen, subject.box):  # no walk makes that narrower
+            return Verdict.OPEN, "values close to both ends of its range fit"
         return Verdict.UNKNOWN, _both(said)
     cut = [end == "crossed" for end in found.ends]
     if not any(cut):
@@ -400,7 +410,7 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
         return Verdict.OPEN, "its interval is that of its prior"
     if found.exchange is not None or found.others:
         return (Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN), _elsewhere_words(subject, found)
-    if _is_nearly_all(subject, found.interval):
+    if _is_nearly_all(subject, found.interval, (subject.quantity.low, subject.quantity.high)):
         return Verdict.OPEN, "nearly all of its range fits"
     if not all(cut):
         return (
@@ -413,7 +423,7 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
     return _by_width(subject, found)
 
 
-def _is_nearly_all(subject: _Subject, wide: Interval) -> bool:
+def _is_nearly_all(subject: _Subject, wide: Interval, room: Interval) -> bool:
     """Whether an output's interval is what the model can have: what the data cut off says little.
 
     An eigenfrequency of two coupled modes lies between those of the lines, whatever was measured.
@@ -421,10 +431,11 @@ def _is_nearly_all(subject: _Subject, wide: Interval) -> bool:
     """
     if subject.parameter is not None:
         return False
-    low, high = subject.quantity.low, subject.quantity.high
-    if spans_decades(low, high) and wide[0] > 0.0:
-        return math.log(wide[1] / wide[0]) > NEARLY_ALL * math.log(high / low)
-    return wide[1] - wide[0] > NEARLY_ALL * (high - low)
+    low, high = room
+    begin, end = max(wide[0], low), min(wide[1], high)
+    if spans_decades(low, high) and 0.0 < begin < end:
+        return math.log(end / begin) > NEARLY_ALL * math.log(high / low)
+    return end - begin > NEARLY_ALL * (high - low)
 
 
 def _by_width(subject: _Subject, found: _Found) -> tuple[Verdict, str]:

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 import fitting as ff
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.tables import read_table
+from tests.bench import coupled_rlc
 
 WAVES = Path(__file__).parents[1] / "campaign/files/coupled-rlc-circuits/every_fifth"
 SPECTRA = Path(__file__).parents[2] / "data" / "coupled_rlc" / "spectra.toml"
@@ -42,6 +43,30 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
     low, high = (coupling[-1] + z * 1.96 * derived.stds[-1] for z in (-1.0, 1.0))
     assert f"{low:.4g}"[:4] in table.text_content()
     assert f"{high:.4g}"[:4] in table.text_content()
+
+
+def test_spectra_of_the_other_loop_find_what_all_components_say(swift_fmu: Path) -> None:
+    """Same window, drive and capacitances: parts are good to some per cent, k to half of it."""
+    fit = ff.fit(ff.Problem.of(SPECTRA.with_name("spectra_c2.toml"), ff.Fmu(swift_fmu)))
+    assert fit.success
+    values = fit.result.parameters
+    assert values["k"].value == pytest.approx(COMPONENTS, rel=0.03)
+    assert abs(values["k"].value - COMPONENTS) < 2.0 * values["k"].std < 0.03 * COMPONENTS
+    assert values["eta_plus"].value == pytest.approx(COMPONENTS / np.sqrt(1e-7), rel=0.03)
+    assert values["d1"].value == pytest.approx(1700.0 / (2.0 * np.pi), rel=0.05)
+    derived = fit.result.derived["lambda"]
+    apart = np.array(derived.values) - COMPONENTS / np.sqrt(1e-9 * C3_NF)
+    assert np.all(np.abs(apart) < 1.96 * np.array(derived.stds))
+
+
+def test_losses_of_the_spectra_by_closed_form() -> None:
+    """As wide over C1 in both loops as 5.7 kohm per henry, over C2 as the 1.7 kohm of the parts."""
+    (k1, _, width1), (k2, _, width2) = (
+        coupled_rlc.fitted(seen, "one resistance", weighed=True)[0][:3] for seen in ("C1", "C2")
+    )
+    assert width2 == pytest.approx(1700.0 / (2.0 * np.pi), rel=0.05)
+    assert width1 > 3.0 * width2
+    assert [k1, k2] == pytest.approx([COMPONENTS] * 2, rel=0.05)
 
 
 def test_every_spectrum_has_a_coupling_of_its_own(swift_fmu: Path, tmp_path: Path) -> None:

@@ -314,7 +314,7 @@ def sentences(
     ]
     said += [f"Another minimum: {other.sentence}." for other in others]
     for end, why in (("cost", "were cut for their cost"), ("lost", "lost their way")):
-        names = [name for name, profile in profiles.items() if end in profile.ends]
+        names = [n for n, p in profiles.items() if end in p.ends and p.verdict is not Verdict.OPEN]
         if names:
             said.append(
                 f"The profiles of {', '.join(names)} {why}; their intervals go to the ends of the "

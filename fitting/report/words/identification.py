@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.inference.likelihood.knowledge import Identification, Knowledge, PartAlone
+from fitting.inference.likelihood.knowledge import Identification, Knowledge, PartAlone, Profile
 from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table, part_table
@@ -61,13 +61,19 @@ def _open_sentences(part: PartAlone) -> list[str]:
     """Why the rest is not determined by a part alone: what fits, or what was not searched."""
     profiles = part.knowledge.profiles
     free = [n for n, p in profiles.items() if p.ends == ("bound", "bound")]
-    cut = [n for n, p in profiles.items() if "cost" in p.ends]
-    lost = [n for n, p in profiles.items() if "lost" in p.ends and n not in cut]
+    near = [n for n, p in profiles.items() if p.verdict is Verdict.OPEN and _is_cut(p)]
+    cut = [n for n, p in profiles.items() if "cost" in p.ends and n not in near]
+    lost = [n for n, p in profiles.items() if "lost" in p.ends and n not in (*cut, *near)]
     said = []
     if free:
         said.append(
             f"Both ends of the range of {listed(free)} fit there, with the others adapted: these "
             "places alone do not see them."
+        )
+    if near:
+        said.append(
+            f"Values close to both ends of the range of {listed(near)} fit there, with the others "
+            "adapted: these places alone do not see them."
         )
     if cut:
         said.append(
@@ -76,3 +82,7 @@ def _open_sentences(part: PartAlone) -> list[str]:
     if lost:
         said.append(f"For {listed(lost)} the search lost its way: nothing is said of them.")
     return said
+
+
+def _is_cut(profile: Profile) -> bool:
+    return "cost" in profile.ends or "lost" in profile.ends
