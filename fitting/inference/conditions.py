@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -170,12 +170,7 @@ def _with(objective: Objective, settings: Mapping[str, float]) -> Objective:
     """The objective of an FMU with other start values."""
     response = objective.response
     assert isinstance(response, FmuResponse)  # noqa: S101 - asked by the caller
-    return Objective(
-        response=response.with_settings(settings),
-        parameters=objective.parameters,
-        data=objective.data,
-        steps=objective.steps,
-    )
+    return replace(objective, response=response.with_settings(settings))
 
 
 def _rest(fixed: FloatArray, added: FloatArray) -> BoolArray:

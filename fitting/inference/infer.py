@@ -332,7 +332,7 @@ def _knowledge(
             only=request.only or everything,
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
-            closer=unseen(solution) or closer_form(solution),
+            closer=_refuted(solution),
             scale_off=_scale_off(solution, sweeps),
             models=_other_models(fit),
             progress=request.progress,
@@ -346,6 +346,11 @@ def _knowledge(
         why = f"The FMU failed while profiles were walked ({failure})"
     said = f"{why}: errors are those of the linearised problem, and no verdict is given."
     return None, (said,)
+
+
+def _refuted(solution: Solution) -> Adequacy | None:
+    """What speaks against the model of curves where chi square does not; None: nothing."""
+    return unseen(solution) or closer_form(solution)
 
 
 def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | None) -> list[str]:
@@ -375,8 +380,9 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
         optimum = let_out(evaluator, most_likely(evaluator, begins))
     except (FmuFailure, KeyboardInterrupt):
         return stood
-    closer = unseen(solution) or closer_form(solution)
-    adequacy = adequacy_of(optimum, solution.structure, closer, _scale_off(solution, sweeps))
+    adequacy = adequacy_of(
+        optimum, solution.structure, _refuted(solution), _scale_off(solution, sweeps)
+    )
     best = to_model(solution.parameters, optimum.expansion.x)
     return _Reading(best, adequacy, optimum.likelihood.inflation)
 

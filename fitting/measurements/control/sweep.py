@@ -378,8 +378,13 @@ class ControlSweep(MeasurementKind):
     @property
     def rows_without_response(self) -> FloatArray:
         """Distances (rows,) from the mean of each spectrum."""
-        shape = np.log(self.measured) if self.logarithmic else self.measured / self.sizes
+        shape = self._shape
         return np.concatenate([shape[mine] - np.mean(shape[mine]) for mine in self.slices])
+
+    @property
+    def _shape(self) -> FloatArray:
+        """Measured amplitudes as the rows see them, (rows,): logarithms, or shares."""
+        return np.log(self.measured) if self.logarithmic else self.measured / self.sizes
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra of whose variance less than half is explained are not described.
@@ -389,7 +394,7 @@ class ControlSweep(MeasurementKind):
         Args:
             residuals: rows (rows,).
         """
-        shape = np.log(self.measured) if self.logarithmic else self.measured / self.sizes
+        shape = self._shape
         spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
         far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
         if far and not self._leaves_noise(residuals, self.sigma):
