@@ -16,7 +16,7 @@ import numpy as np
 
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import noise_of, shared
-from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.objective import Objective, evaluate_many, weights
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import SAME, Minimum, Search, search_box
 from fitting.fit.search.twins import Twin, find_twins
@@ -31,7 +31,7 @@ from fitting.fit.solver.continuation import (
     own_start,
     polished,
 )
-from fitting.fit.solver.evaluator import Counts, Evaluator
+from fitting.fit.solver.evaluator import Counts, Evaluator, total
 from fitting.text.arrays import FloatArray
 
 _log = logging.getLogger(__name__)
@@ -41,6 +41,9 @@ BUDGET_SHARE = 12.0
 #: J of a minimum, in units of the least, from which lowering it at the last nu is in vain; and the
 #: share of the noise that a descent may leave.
 HOPELESS, LEFT = 2.0, 0.1
+#: Places in a box over decades that are tried beside where J came to rest; the share of J by which
+#: it may rise there; and from what distance along an edge a place is another one.
+PLACES, FLAT, ANOTHER = (0.25, 0.5, 0.75), 1e-3, 0.1
 #: Minima that are lowered, at most, for each further start: some end in a minimum that is known.
 TRIED = 2
 
@@ -112,6 +115,8 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
                 outcome = _with_start(course, outcome, x, begun)
                 if sum(chain.joined is None for chain in outcome.chains) == schedule.starts:
                     break
+            for x in _flat_places(course, outcome):
+                outcome = _lower_or_joined(_with_start(course, outcome, x, x), outcome.best)
     except KeyboardInterrupt:
         return replace(outcome, interrupted=True)
     return outcome
@@ -251,6 +256,47 @@ def _promising(course: Course, outcome: Outcome) -> list[tuple[FloatArray, Float
         for minimum, point in zip(kept, points, strict=True)
         if point.j_fit <= enough or any(minimum is low for low in as_low)
     ]
+
+
+def _flat_places(course: Course, outcome: Outcome) -> list[FloatArray]:
+    """Places far along an edge of the box where J is as low as at its least, but for a thousandth.
+
+    Along what the data leave open a sum of absolute values is flat but for cusps, and which of them
+    is the lowest is seen from nearby alone. Twins are gone through as well: from each of them
+    another parameter is the open one.
+    """
+    best, settings = outcome.best, course.settings
+    if best is None or settings.misfit == "squares":
+        return []
+    objective, x = course.objective, np.array(best.steps[-1].x)
+    box, nu = Box(objective.parameters), weights(objective, best.nu, settings.misfit)
+    places: list[FloatArray] = []
+    for image in [x, *_images(objective, outcome, x)]:
+        cube = box.to_cube(image)
+        places += [
+            box.moved(image, edge, place)
+            for edge in box.open_ratios
+            for place in PLACES
+            if abs(cube[edge] - place) >= ANOTHER
+        ]
+    points = evaluate_many(objective, places) if places else []
+    enough = (1.0 + FLAT) * best.steps[-1].j
+    flat: list[FloatArray] = []
+    for place, point in zip(places, points, strict=True):
+        images = [place, *_images(objective, outcome, place)]
+        known = any(box.apart(image, other) < ANOTHER / 2 for image in images for other in flat)
+        if total(point, nu, settings.misfit) <= enough and not known:
+            flat.append(place)
+    return flat
+
+
+def _lower_or_joined(outcome: Outcome, best: Chain | None) -> Outcome:
+    """The outcome whose last chain is joined to what was best before it, unless it is lower."""
+    *others, last = outcome.chains
+    if best is None or last.joined is not None or is_lower(last.steps[-1].j, best.steps[-1].j):
+        return outcome
+    said = f"no lower than start {best.start + 1} along what leaves J flat"
+    return replace(outcome, chains=(*others, replace(last, joined=best.start, ended=said)))
 
 
 def _images(objective: Objective, outcome: Outcome, x: FloatArray) -> list[FloatArray]:

@@ -80,8 +80,7 @@ def _valued(objective: Objective, chains: Sequence[Chain]) -> list[bool]:
 def _with_values(objective: Objective, outcome: Outcome) -> Outcome:
     """The outcome whose best chain has, among those of equal J, a value for every output.
 
-    Where no chain that was followed has, its twins are looked at: the data do not tell them from
-    it.
+    Its twins come first, whose J is the same, then the others from the lowest on.
     """
     best = outcome.best
     if best is None or _complete(objective, outcome):
@@ -94,7 +93,8 @@ def _with_values(objective: Objective, outcome: Outcome) -> Outcome:
         and chain.nu == best.nu
         and equal_j(chain.steps[-1].j, best.steps[-1].j)
     ]
-    candidates = [*equal, *_twins(objective, outcome, best)]
+    equal.sort(key=lambda chain: chain.steps[-1].j)
+    candidates = [*_twins(objective, outcome, best), *equal]
     for chain, whole in zip(candidates, _valued(objective, candidates), strict=True):
         if whole:
             return replace(outcome, reported=chain)

@@ -117,6 +117,36 @@ def test_further_starts_join_what_is_known_or_are_chains_of_their_own() -> None:
     assert more.best is more.chains[2]
 
 
+def flat(depth: float) -> Objective:
+    """Two rows whose sum is the same all along q = 1 to 10^4; a third has a dip at q = 10^3.2.
+
+    Chi square is least at the start, 10^0.8, and rises to nearly twice that: a search of the box
+    finds nothing else. J there is 2.1 sigmas, in the dip 2.1 - 0.1 depth but for the
+    bowl that holds the start; without a dip there is none.
+    """
+
+    def rows(p: FloatArray) -> FloatArray:
+        u = np.log10(p[0]) / 4.0
+        bowl = 1.0 + 0.1 * (u - 0.2) ** 2 if depth else 1.0
+        return np.array(
+            [1.2 + u, 0.8 - u, 0.1 * (bowl - depth * np.exp(-0.5 * ((u - 0.8) / 0.05) ** 2))]
+        )
+
+    start = 10.0**0.8
+    return whitened(rows, parameter("q", 1.0, 1e4, start=start, reference=start, scale=1e3))
+
+
+@pytest.mark.parametrize(("depth", "found"), [(0.9, 10.0**3.2), (0.0, 10.0**0.8)])
+def test_a_dip_far_along_what_leaves_j_flat_is_looked_for(depth: float, found: float) -> None:
+    schedule = Schedule(nu_start=1e-12, levels=1)
+    outcome = run_alternative(Course(objective=flat(depth), schedule=schedule, settings=SETTINGS))
+    assert outcome.best is not None
+    assert outcome.best.steps[-1].parameters[0] == pytest.approx(found, rel=0.02)
+    # the others came to nothing lower, and are not told as minima of their own
+    alone = [chain for chain in outcome.chains if chain.joined is None]
+    assert len(alone) == (2 if depth > 0.0 else 1)
+
+
 def test_an_interruption_ends_with_what_is_done() -> None:
     def entering(*key: int) -> None:
         if key[1] == 1:

@@ -86,7 +86,7 @@ def test_among_equal_chains_one_with_every_value_is_reported() -> None:
     assert reported(Outcome((Chain(0, (1.0,)),))) == ([None], 0)
 
 
-def test_a_twin_of_the_fit_does_where_no_chain_has_every_value() -> None:
+def test_a_twin_of_the_fit_does_where_its_own_end_has_not_every_value() -> None:
     twin = Twin(np.array([0]), np.array([-1.0]), np.array([0.0]))
     outcome = Outcome((chain(0, 2.0, 0.5),), twins=(twin,))
     [found], _ = chosen([objective_of()], [outcome])
@@ -97,6 +97,10 @@ def test_a_twin_of_the_fit_does_where_no_chain_has_every_value() -> None:
     spent = step.iterations, step.evaluations, step.jacobians, step.runs, step.seconds
     assert spent == (0, 0, 0, 0, 0.0)
     assert len(found.best.steps) == 2
+    # it comes before chains that are but as good as equal, and of these the lowest before others
+    higher, lower = chain(1, -1.0, 0.5002), chain(2, -1.5, 0.5001)
+    assert reported(Outcome((chain(0, 2.0, 0.5), higher, lower), twins=(twin,))) == ([-2.0], 0)
+    assert reported(Outcome((chain(0, 2.0, 0.5), higher, lower))) == ([-1.5], 0)
     # an image outside of the box is none
     shifted = Twin(np.array([0]), np.array([-1.0]), np.array([-4.0]))
     assert reported(Outcome((chain(0, 2.0, 0.5),), twins=(shifted,))) == ([2.0], 0)
