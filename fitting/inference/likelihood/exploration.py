@@ -32,7 +32,7 @@ from fitting.inference.likelihood.profiles import (
     trace_branch,
 )
 from fitting.inference.likelihood.ranges import OutputRange
-from fitting.inference.likelihood.ways import walked_to_ends
+from fitting.inference.likelihood.ways import turned, walked_to_ends
 from fitting.signal.student import ROOT_95, reach
 from fitting.text.arrays import BoolArray, FloatArray
 
@@ -262,8 +262,17 @@ def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Explora
     """The same with what fits on the ways of the parameters to the ends of their room."""
     optimum = explored.optimum
     walks = walked_to_ends(evaluator, optimum, explored.parameters, explored.fitting)
-    points = possible(evaluator, optimum, [p for walk in walks for p in walk])
-    return replace(explored, known=(*explored.known, *(p for p in points if p is not None)))
+    explored = _knowing(evaluator, explored, [p for walk in walks for p in walk])
+    beside = turned(evaluator, optimum, explored.parameters, explored.fitting)
+    return _knowing(evaluator, explored, beside)
+
+
+def _knowing(
+    evaluator: LikelihoodEvaluator, explored: Exploration, points: Sequence[ProfilePoint]
+) -> Exploration:
+    """The same with further points, those at which no output is missing."""
+    there = possible(evaluator, explored.optimum, points)
+    return replace(explored, known=(*explored.known, *(p for p in there if p is not None)))
 
 
 def extended(

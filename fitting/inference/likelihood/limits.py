@@ -22,7 +22,7 @@ from fitting.fit.likelihood.descent import (
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
 from fitting.inference.likelihood.inverses import Branches
-from fitting.inference.likelihood.profiles import ProfileBranch, Quantity
+from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity
 from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
 
@@ -107,7 +107,7 @@ def _fits_beyond(optimum: Optimum, quantity: Quantity, branch: ProfileBranch) ->
     room = optimum.likelihood
     target = _farther(optimum, quantity, branch)
     constraint = quantity.constraint(target, target - branch.at_95)
-    x = next(point for point in branch.points if point.root > ROOT_95).x
+    x = _beyond(branch).x
 
     def least(limits: Likelihood, begin: FloatArray, kept: Constraint) -> Task[Expansion | None]:
         here = yield from expansion_at(limits, begin, constraint.output >= 0)
@@ -130,6 +130,12 @@ def _fits_beyond(optimum: Optimum, quantity: Quantity, branch: ProfileBranch) ->
     except Exhausted:
         return True
     return fits(found)
+
+
+def _beyond(branch: ProfileBranch) -> ProfilePoint:
+    """The point beyond a crossing; a branch that was gone on with has crossed more than once."""
+    excluded = [point for point in branch.points if point.root > ROOT_95]
+    return min(excluded, key=lambda point: abs(point.value - branch.at_95))
 
 
 def _at_limits(likelihood: Likelihood, x: FloatArray, held: Sequence[int]) -> FloatArray:

@@ -15,11 +15,13 @@ import numpy as np
 from fitting.fit.likelihood.descent import AT_LIMIT, Optimum
 from fitting.fit.likelihood.few_places import FewPlaces, of_few_places, own_gain
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.lockstep import Task, run_in_lockstep
+from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, fit_at_end
 from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
 
+#: Turns of an angle, in periods.
+TURNS = tuple(sign * turn for sign in (-1.0, 1.0) for turn in (3e-4, 6e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 6e-3, 1e-2))
 #: Strides of a parameter to the end of its room, each from where the last one ended: valleys are
 #: curved.
 STRIDES = 4
@@ -52,6 +54,46 @@ def walked_to_ends(
     first = _gone(evaluator, wide, _from_nearest(parameters, wide, known))
     known += [p for walk in first for p in walk if p.delta <= ROOT_95**2]
     return first + _gone(evaluator, wide, _from_limits(parameters, wide, known))
+
+
+def turned(
+    evaluator: LikelihoodEvaluator,
+    wide: Optimum,
+    parameters: Sequence[Quantity],
+    fitting: Sequence[ProfilePoint],
+) -> list[ProfilePoint]:
+    """Points that fit beside those at the ends of rooms, an angle turned a little.
+
+    Where modes stand apart no output changes with their angle to first order, and no search along
+    slopes leaves that place; where one is damped without end, a little of it is much to an output.
+
+    Args:
+        evaluator: of the likelihood of `wide`; counts what is evaluated.
+        wide: the optimum with the room.
+        parameters: that have been brought to the ends of it.
+        fitting: points in hand that fit.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    begins = _at_limits(parameters, wide, fitting)
+    xs = []
+    for i in np.flatnonzero(np.isfinite(wide.likelihood.periods)):
+        step = np.zeros(wide.expansion.x.size)
+        step[i] = wide.likelihood.periods[i]
+        xs += [begin + turn * step for begin in begins for turn in TURNS]
+    if not xs:
+        return []
+
+    def looked_at() -> Task[list[ProfilePoint]]:
+        samples = yield Request(tuple(xs))
+        return [
+            ProfilePoint(value=math.nan, delta=delta, x=sample.x, outputs=sample.outputs)
+            for sample in samples
+            if (delta := wide.delta(float(sample.rows @ sample.rows))) <= ROOT_95**2
+        ]
+
+    return run_in_lockstep([looked_at()], evaluator)[0] or []
 
 
 @dataclass(frozen=True)
@@ -131,17 +173,24 @@ def _from_limits(
     parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
 ) -> list[_Way]:
     """Ways to every open end, from the best point in hand at each limit of any parameter."""
-    best = []
-    for other, limit in _ends(parameters, wide):
-        there = [p for p in known if _is_at(wide, p, other, limit)]
-        if there:
-            best.append(min(there, key=lambda p: p.delta))
-    begins = {id(point): point.x for point in best}.values()
+    begins = _at_limits(parameters, wide, known)
     return [
         _Way(quantity, begin, end)
         for quantity, end in _open_ends(parameters, wide, known)
         for begin in begins
     ]
+
+
+def _at_limits(
+    parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
+) -> list[FloatArray]:
+    """The best point in hand at each limit of any parameter, in x."""
+    best = []
+    for other, limit in _ends(parameters, wide):
+        there = [p for p in known if _is_at(wide, p, other, limit)]
+        if there:
+            best.append(min(there, key=lambda p: p.delta))
+    return list({id(point): point.x for point in best}.values())
 
 
 def _walk(
