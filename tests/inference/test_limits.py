@@ -49,13 +49,21 @@ def at_doubling(k: int) -> float:
 class Scene:
     """p goes down (side 0) or up (side 1) as q goes to its lower (way -1) or upper limit."""
 
-    def __init__(self, beyond: Beyond, side: int = 1, way: float = 1.0, box: float = LIMIT) -> None:
+    def __init__(
+        self,
+        beyond: Beyond,
+        side: int = 1,
+        way: float = 1.0,
+        *,
+        box: float = LIMIT,
+        least: float = -math.inf,
+    ) -> None:
         self.side = side
         out = 1.0 if side else -1.0
 
         def rows(x: FloatArray) -> FloatArray:
             q = way * float(x[1])
-            height = q if q <= LIMIT else LIMIT + beyond(q)
+            height = max(q, least) if q <= LIMIT else LIMIT + beyond(q)
             return np.full(3, (x[0] - 1.0 - out * height) / (S * math.sqrt(3.0)))
 
         p = parameter("p", -50.0, 50.0, start=1.0, reference=0.0)
@@ -147,6 +155,15 @@ def test_where_q_leads_on_beyond_its_limit_that_limit_ended_it(
 ) -> None:
     scene = Scene(lambda q: q - LIMIT, side, way)
     assert scene.after(output=output) is scene.held
+
+
+def test_a_branch_that_was_gone_on_with_is_released_at_its_last_crossing() -> None:
+    """The first lies where q is at its lower limit, where h is flat: nothing leads on."""
+    scene = Scene(lambda q: q - LIMIT, least=-1.0)
+    first = replace(scene.held.points[1], value=2.0, x=np.array([2.0, -LIMIT]))
+    fitting, crossed = scene.held.points
+    scene.held = replace(scene.held, points=(first, fitting, crossed))
+    assert scene.after() is scene.held
 
 
 @pytest.mark.parametrize(("root", "fits"), [(1.95, True), (1.97, False)])

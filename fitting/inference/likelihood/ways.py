@@ -20,8 +20,8 @@ from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, fit_at
 from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
 
-#: Turns of an angle, in periods.
-TURNS = tuple(sign * turn for sign in (-1.0, 1.0) for turn in (3e-4, 6e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 6e-3, 1e-2))
+#: Turns of an angle to either side, in periods.
+TURNS = (3e-4, 6e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 6e-3, 1e-2)
 #: Strides of a parameter to the end of its room, each from where the last one ended: valleys are
 #: curved.
 STRIDES = 4
@@ -81,7 +81,7 @@ def turned(
     for i in np.flatnonzero(np.isfinite(wide.likelihood.periods)):
         step = np.zeros(wide.expansion.x.size)
         step[i] = wide.likelihood.periods[i]
-        xs += [begin + turn * step for begin in begins for turn in TURNS]
+        xs += [begin + way * turn * step for begin in begins for turn in TURNS for way in (-1, 1)]
     if not xs:
         return []
 
