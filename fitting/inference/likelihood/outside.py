@@ -23,7 +23,7 @@ from fitting.inference.likelihood.exploration import (
 )
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
-from fitting.inference.likelihood.ways import value_at, walked_to_ends
+from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
 from fitting.signal.student import ROOT_95
 from fitting.text.notation import as_known, number
 
@@ -82,7 +82,8 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outsi
     """Points beyond the box that fit as well, where a value leaves the interval that data cut.
 
     From points in hand every parameter is brought to the ends of its wider box, the rest following;
-    from where that fits, every value is brought half as far again as its interval goes.
+    from where that fits, every value is brought half as far again as its interval goes, and angles are
+    turned a little.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
@@ -105,6 +106,7 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outsi
         ends = sorted((walk[-1] for walk in fitting if walk), key=lambda p: p.delta)[:BEGINNINGS]
         tasks = [value_at(wide, q, target, p.x) for q, target in sides for p in ends]
         found = [*reached, *(p for p in run_in_lockstep(tasks, evaluator) if p is not None)]
+        found += turned(evaluator, wide, explored.parameters, reached)
         points = possible(evaluator, wide, found)
         return tuple(Outside(p) for p in points if p is not None and _fits(p))
     except Exhausted:
