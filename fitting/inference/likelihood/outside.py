@@ -82,8 +82,8 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outsi
     """Points beyond the box that fit as well, where a value leaves the interval that data cut.
 
     From points in hand every parameter is brought to the ends of its wider box, the rest following;
-    from where that fits, every value is brought half as far again as its interval goes, and angles are
-    turned a little.
+    from where that fits, every value is brought half as far again as its interval goes, and
+    angles are turned a little.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
