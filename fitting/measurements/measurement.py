@@ -37,6 +37,9 @@ from fitting.text.errors import BadInput
 
 #: Unknowns of a response beside what is solved inside: those of one mode, and of another one.
 SHAPE = 8
+#: Share of the variance of a curve that may be left where the model still counts as following it;
+#: and residuals, as a share of its maximum, below which it does so however flat it is.
+VARIANCE_LEFT, SMALLEST_MISFIT = 0.5, 1e-3
 #: Predicted or measured values (n,), real or complex.
 Values = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 
@@ -543,6 +546,12 @@ class MeasurementKind:
     def rows_without_response(self) -> FloatArray:
         """None: that is not asked of it."""
         return np.empty(0)
+
+    @staticmethod
+    def _leaves_most(deviations: FloatArray, residuals: FloatArray) -> bool:
+        """Whether less than half of the variance of a curve, rows about its mean, is explained."""
+        spread, left = float(deviations @ deviations), float(residuals @ residuals)
+        return left > VARIANCE_LEFT * spread and left > SMALLEST_MISFIT**2 * residuals.size
 
     def _leaves_noise(self, residuals: FloatArray, sigma: FloatArray) -> bool:
         """Whether a response takes all but noise of the rows of a curve."""

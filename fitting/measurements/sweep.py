@@ -30,7 +30,6 @@ from fitting.measurements.measurement import (
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, both
-from fitting.measurements.tones import PLATEAU
 from fitting.signal.peaks import ADDED, OFFSET, SLOPE, Resonance, along, fit_resonance
 from fitting.signal.scale import (
     FINE_POINTS,
@@ -67,8 +66,6 @@ SPACINGS = (0.5, 0.25, 0.12)
 SEARCH_ROUNDS = 12
 #: Share of the scale without a constant beside the amplitudes below which the other never falls.
 LEAST_SHARE = 1e-3
-#: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
-SMALLEST_MISFIT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -415,8 +412,7 @@ class Sweep(MeasurementKind):
         if not residuals.size:
             return ""
         shape = self.amplitude_v / self.maximum_v
-        spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
-        far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
+        far = self._leaves_most(shape - np.mean(shape), residuals)
         if far and not self._leaves_noise(residuals, self.sigma):
             return "the simulated sweep does not follow the measured one"
         return ""

@@ -75,7 +75,7 @@ class Box:
         low, high = self._ends[edge]
         p = to_model(self.parameters, x)
         p[edge] = low * (high / low) ** place if self._log[edge] else low + place * (high - low)
-        moved = np.array(x, dtype=float)
+        moved = x.copy()
         moved[edge] = to_search(self.parameters, p)[edge]
         return np.clip(moved, self.lower, self.upper)
 

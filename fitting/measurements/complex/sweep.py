@@ -47,8 +47,6 @@ from fitting.text.errors import BadInput
 DELAY = "delay"
 #: Half the box of a delay, in 1/span: a turn more or less over the sweep is no better fit.
 DELAY_REACH = 2.0
-#: Residuals below this share of the largest value are no misfit.
-SMALLEST_MISFIT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -438,9 +436,7 @@ class ComplexSweeps(MeasurementKind):
             residuals: rows (rows,).
         """
         y = np.concatenate([c.rows_of(c.y - np.mean(c.y)) for c in self.curves])
-        spread, left = float(y @ y), float(residuals @ residuals)
-        far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
-        if far and not self._leaves_noise(residuals, self.sigma):
+        if self._leaves_most(y, residuals) and not self._leaves_noise(residuals, self.sigma):
             return "the simulated complex sweep does not follow the measured one"
         return ""
 

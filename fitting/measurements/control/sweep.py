@@ -42,7 +42,6 @@ from fitting.measurements.measurement import (
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
-from fitting.measurements.tones import PLATEAU
 from fitting.signal.chi_square import joined_freedom
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.roughness import roughness_freedom
@@ -51,9 +50,6 @@ from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
-
-#: Residuals below this share of the maximum are no misfit.
-SMALLEST_MISFIT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -395,8 +391,7 @@ class ControlSweep(MeasurementKind):
             residuals: rows (rows,).
         """
         shape = self._shape
-        spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
-        far = left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size
+        far = self._leaves_most(shape - np.mean(shape), residuals)
         if far and not self._leaves_noise(residuals, self.sigma):
             return "the simulated spectra do not follow the measured ones"
         return ""

@@ -25,11 +25,10 @@ from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
-from fitting.measurements.tones import PLATEAU
 from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
-from fitting.measurements.traces.traces import SMALLEST_MISFIT, SolvedTraces
+from fitting.measurements.traces.traces import SolvedTraces
 from fitting.signal.rotating import line_columns, rotating_responses
 from fitting.simulate.batch import Batch
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -192,8 +191,7 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
     def unexplained(self, residuals: FloatArray) -> str:
         """Traces of whose variance less than half is explained are not described."""
         y = np.concatenate([x.rows_of(x.y - np.mean(x.y)) for x in self.traces])
-        spread, left = float(y @ y), float(residuals @ residuals)
-        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+        if self._leaves_most(y, residuals):
             return "the simulated decay does not follow the measured one"
         return ""
 

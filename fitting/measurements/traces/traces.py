@@ -22,7 +22,6 @@ from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
-from fitting.measurements.tones import PLATEAU
 from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.figure import trace_figure
 from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
@@ -30,9 +29,6 @@ from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
 from fitting.simulate.batch import Batch
 from fitting.text.arrays import FloatArray
-
-#: Residuals below this share of the largest value are no misfit.
-SMALLEST_MISFIT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,8 +222,7 @@ class Traces(TracesTogether[TraceRecord]):
     def unexplained(self, residuals: FloatArray) -> str:
         """Traces of whose variance less than half is explained are not described."""
         y = np.concatenate([(x.y - np.mean(x.y)) / x.largest for x in self.traces])
-        spread, left = float(y @ y), float(residuals @ residuals)
-        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+        if self._leaves_most(y, residuals):
             return "the simulated trace does not follow the measured one"
         return ""
 
