@@ -117,6 +117,30 @@ def test_a_thermal_spectrum_without_noise_gives_back_what_made_it(fmu: ff.Fmu) -
     assert heat.value == pytest.approx(300.0, rel=1e-6)
 
 
+#: A force that falls with the square of the frequency: it moves a wide line.
+BROWNIAN = 7.0 * (U / 90.0) ** -2
+
+
+@pytest.mark.parametrize("window", ["none", "hann"])
+def test_a_coloured_force_is_taken_off_the_answer(fmu: ff.Fmu, window: str) -> None:
+    """Noise without scatter; under a window it is the expected periodogram, of long segments."""
+    clean = LABORATORY.density(U) * (U / 90.0) ** -2
+    if window == "hann":  # as a shared sixth on either side
+        clean = np.convolve(np.pad(clean, 1, mode="edge"), [1 / 6, 2 / 3, 1 / 6], "valid")
+    seen = clean + 1e-3 * np.max(clean)
+    kept = slice(1, -1)  # a neighbour is missing at either end
+    coloured, white = (
+        ff.NoiseSpectrum(
+            U[kept], seen[kept], averages=100, window=window, unit="m", setup=SETUP, **more
+        )
+        for more in ({"force": "coloured", "force_density": BROWNIAN[kept]}, {"force": "white"})
+    )
+    true = [LABORATORY.f_hz, LABORATORY.width_hz]
+    close = 1e-6 if window == "none" else 1e-4
+    assert fitted(fmu, coloured).x == pytest.approx(true, rel=close)
+    assert fitted(fmu, white).x != pytest.approx(true, rel=1e-3)
+
+
 def test_volts_are_told_in_metres_by_temperature_and_spring_constant(fmu: ff.Fmu) -> None:
     """<x^2> = k_B T/k; 2 MV per m."""
     k = LABORATORY.mass_kg * (2.0 * np.pi * LABORATORY.f_hz) ** 2
@@ -265,6 +289,23 @@ def test_a_campaign_file_tells_of_noise(oscillator_fmu: Path, tmp_path: Path) ->
     assert (tmp_path / "out" / "figures" / "1_noise.svg").is_file()
 
 
+def test_a_campaign_file_tells_of_a_coloured_force(oscillator_fmu: Path, tmp_path: Path) -> None:
+    """The density of the force stands in a column of its own, in any unit."""
+    seen = LABORATORY.density(U) * BROWNIAN * np.random.default_rng(6).gamma(100.0, 0.01, U.size)
+    columns = zip(U, 1e20 * seen, BROWNIAN, strict=True)
+    table = [",".join(repr(float(v)) for v in row) for row in columns]
+    rows = "\n".join(["frequency (Hz),density (mV2/Hz),shaker (V2/Hz)", *table])
+    new = 'columns.force = "shaker"\nforce = "coloured"'
+    old = 'force = "thermal"\ntemperature = "300 K"\nmass = "1 ng"'
+    fit = ff.fit(ff.Problem.of(ff.read_campaign(written(tmp_path, oscillator_fmu, old, new, rows))))
+    for name, true in (("eta_plus", LABORATORY.f_hz), ("d1", LABORATORY.width_hz)):
+        assert abs(fit[name].value - true) < 4.0 * fit[name].std < 0.1 * true
+    with pytest.raises(BadInput, match="no column 'force'"):
+        ff.read_campaign(written(tmp_path, oscillator_fmu, old, 'force = "coloured"', rows))
+    with pytest.raises(BadInput, match=r"columns\.force has a meaning"):
+        ff.read_campaign(written(tmp_path, oscillator_fmu, old, 'columns.force = "shaker"', rows))
+
+
 def test_kinds_of_noise_that_are_no_noise_of_the_model_are_told(fmu: ff.Fmu) -> None:
     """A flat spectrum with another line does not follow."""
     other = replace(LABORATORY, f_hz=72.0, width_hz=1.0).density(U) + EXACT[0]
@@ -332,6 +373,22 @@ SOME = np.linspace(1.0, 2.0, 20)
             {"force": "thermal", "temperature_k": -1.0},
             "temperature_k: found -1, wanted more than zero",
             id="temperature",
+        ),
+        pytest.param(SOME, SOME, {"force": "coloured"}, "wanted both, or neither", id="no force"),
+        pytest.param(SOME, SOME, {"force_density": SOME}, "wanted both, or neither", id="white"),
+        pytest.param(
+            SOME,
+            SOME,
+            {"force": "coloured", "force_density": SOME[1:]},
+            "(19,) densities of the force and (20,) of the answer",
+            id="force's shape",
+        ),
+        pytest.param(
+            SOME,
+            SOME,
+            {"force": "coloured", "force_density": 1.5 - SOME},
+            "of the force at 1.52631579 Hz; wanted densities above zero",
+            id="force in dB",
         ),
     ],
 )

@@ -15,7 +15,7 @@ from fitting.measurements.noise.averages import averages_seen
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
-WHITE, THERMAL = FORCES = ("white", "thermal")
+WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
 TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
 WINDOWS = ("none", *TAPERS)
 #: Points of a spectrum, at least.
@@ -42,7 +42,10 @@ class NoiseRecord:
         averages: Number of independent periodograms that were averaged, 1 or more; None: not
             known, and the scatter of the points tells it and the errors.
         force: "white": a force of constant density, whose level is solved for; "thermal": the one
-            that the damping asks for at a temperature.
+            that the damping asks for at a temperature; "coloured": one whose density is known but
+            for a factor, which is solved for.
+        force_density: (coloured) density of the force at the frequencies, shape (n,), in any unit,
+            above zero; it is taken as exact.
         temperature_k: Of the resonator, K; 0: not known, and solved for.
         mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
         spring_constant: Instead of the mass, N/m; 0: not told.
@@ -65,6 +68,7 @@ class NoiseRecord:
     _: KW_ONLY
     averages: float | None = None
     force: str = WHITE
+    force_density: npt.ArrayLike | None = None
     temperature_k: float = 0.0
     mass_kg: float = 0.0
     spring_constant: float = 0.0
@@ -76,6 +80,7 @@ class NoiseRecord:
     unit: str = "V"
     source: str = "noise spectrum"
     u_hz: FloatArray = field(init=False)
+    pushed: FloatArray = field(init=False)
     seen_hz: FloatArray = field(init=False)
     y: FloatArray = field(init=False)
 
@@ -103,10 +108,34 @@ class NoiseRecord:
                 "as they are, not in dB"
             )
         object.__setattr__(self, "u_hz", u)
+        object.__setattr__(self, "pushed", self._pushed(first))
         every = 1 if self.window == "none" else EVERY
         object.__setattr__(self, "seen_hz", u[::every])
         object.__setattr__(self, "y", y[::every])
         self._check_numbers()
+
+    def _pushed(self, first: int) -> FloatArray:
+        """Density of the force (n,), its mean one, without what lies below the first point."""
+        if (self.force == COLOURED) != (self.force_density is not None):
+            raise BadInput(
+                f'{self.source}: the density of a force goes with force = "{COLOURED}"; wanted '
+                "both, or neither"
+            )
+        if self.force_density is None:
+            return np.ones(self.u_hz.size)
+        density = np.asarray(self.force_density, dtype=float)
+        if density.shape != np.shape(self.density):
+            raise BadInput(
+                f"{self.source}: {density.shape} densities of the force and "
+                f"{np.shape(self.density)} of the answer; wanted as many"
+            )
+        density = density[first:]
+        for k in np.flatnonzero(~((density > 0.0) & np.isfinite(density)))[:1]:
+            raise BadInput(
+                f"{self.source}: density {density[k]:g} of the force at {self.u_hz[k]:.9g} Hz; "
+                "wanted densities above zero, as they are, not in dB"
+            )
+        return np.asarray(density / np.mean(density))
 
     def _check_numbers(self) -> None:
         if self.averages is not None and not 1.0 <= self.averages < np.inf:
@@ -120,7 +149,7 @@ class NoiseRecord:
             value = getattr(self, name)
             if not 0.0 <= value < np.inf:
                 raise BadInput(f"{self.source}: {name}: found {value:g}, wanted more than zero")
-            if value and self.force == WHITE:
+            if value and self.force != THERMAL:
                 raise BadInput(f'{self.source}: {name} has a meaning with force = "thermal" only')
         steps = np.diff(self.u_hz)
         if self.window != "none" and np.ptp(steps) > EVEN * float(np.median(steps)):
@@ -188,10 +217,12 @@ class NoiseRecord:
         """Density N (n,) of a unit level.
 
             white      |H|^2                        level: that of the force
+            coloured   |H|^2 F                      level: that of the force on average
             thermal    -4 Im H/(2 pi u m)           level: k_B T (times the square of a read-out)
 
-        The second is the fluctuation-dissipation theorem: the output has to be the coordinate
-        that the drive pushes. Source: H. Callen and T. Welton, Phys. Rev. 83 (1951) 34.
+        F is the density of the force over its mean. The thermal one is the fluctuation-dissipation
+        theorem: the output has to be the coordinate that the drive pushes. Source: H. Callen and
+        T. Welton, Phys. Rev. 83 (1951) 34.
 
         Args:
             response: H, (n,), output over drive.
@@ -199,8 +230,8 @@ class NoiseRecord:
         Raises:
             BadInput: a response that gives energy back.
         """
-        if self.force == WHITE:
-            return np.asarray(np.abs(response) ** 2)
+        if self.force != THERMAL:
+            return np.asarray(np.abs(response) ** 2 * self.pushed)
         w = 2.0 * np.pi * self.u_hz
         top = int(np.argmax(np.abs(response)))
         if response[top].imag >= 0.0:

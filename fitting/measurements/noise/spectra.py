@@ -2,9 +2,10 @@
 
     S = a N + b        r = sign(S - P) sqrt(2 M (P/S - 1 - ln(P/S)))        P measured
 
-N is |H|^2 for a white force, and -4 Im H/(2 pi u m) for a thermal one; H is the FMU's response to
-single tones. The squares of the rows add up to the deviance of the Whittle likelihood: their least
-sum is its maximum. Level a and floor b are solved inside (`noise.levels`).
+N is |H|^2 for a white force, |H|^2 F for one of known density F, and -4 Im H/(2 pi u m) for a
+thermal one; H is the FMU's response to single tones. The squares of the rows add up to the deviance
+of the Whittle likelihood: their least sum is its maximum. Level a and floor b are solved inside
+(`noise.levels`).
 """
 
 from __future__ import annotations
@@ -63,7 +64,10 @@ class NoiseSpectrum(NoiseRecord, AtOnePlace):
         averages: Number of independent periodograms that were averaged, 1 or more; None: not
             known, and the scatter of the points tells it and the errors.
         force: "white": a force of constant density, whose level is solved for; "thermal": the one
-            that the damping asks for at a temperature.
+            that the damping asks for at a temperature; "coloured": one whose density is known but
+            for a factor, which is solved for.
+        force_density: (coloured) density of the force at the frequencies, shape (n,), in any unit,
+            above zero; it is taken as exact.
         temperature_k: Of the resonator, K; 0: not known, and solved for.
         mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
         spring_constant: Instead of the mass, N/m; 0: not told.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
@@ -14,7 +14,14 @@ from fitting.campaign.instruments import unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.labels import labels_of
-from fitting.measurements.noise.record import FORCES, THERMAL, WHITE, WINDOWS, NoiseRecord
+from fitting.measurements.noise.record import (
+    COLOURED,
+    FORCES,
+    THERMAL,
+    WHITE,
+    WINDOWS,
+    NoiseRecord,
+)
 from fitting.measurements.noise.spectra import NoiseSpectra
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, gathered
@@ -45,6 +52,8 @@ class WrittenNoiseColumns(Keys):
     """Column of frequencies; without it "frequency"."""
     density: Text = ""
     """Column of the power spectral density; without it "density"."""
+    force: Text = ""
+    """(coloured) column of the force's density, in any unit; without it "force"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +75,8 @@ class NoiseSpectrumTable(MeasurementTable):
     output: Text | None = None
     """The FMU output that is seen; without it that of [observe]."""
     force: Annotated[Text, OneOf(FORCES)] = WHITE
-    """"white": a force of constant density; "thermal": the one that the damping asks for."""
+    """"white": a force of constant density; "thermal": the one that the damping asks for;
+    "coloured": one whose density stands in a column."""
     temperature: Value | None = None
     """(thermal) of the resonator, as "300 K"; without it, it is solved for from a displacement."""
     mass: Value | None = None
@@ -106,8 +116,17 @@ class NoiseSpectrumTable(MeasurementTable):
         to_hz = convert(1.0, hertz, "Hz", where=where)
         unit = unit_of(table, density, "density (V2/Hz)")
         seen, factor = _seen_unit(unit, f"{self.file}: column '{density.name}'")
+        force = None
+        if self.force == COLOURED:
+            force = table.numbers(table.column(names.force or "force"))
+        elif names.force:
+            raise BadInput(f'{self.file}: columns.force has a meaning with force = "{COLOURED}"')
         return ReadNoise(
-            self, to_hz * table.numbers(frequency), factor * table.numbers(density), seen
+            self,
+            to_hz * table.numbers(frequency),
+            factor * table.numbers(density),
+            unit=seen,
+            force=force,
         )
 
     @classmethod
@@ -131,12 +150,17 @@ def _seen_unit(unit: str, where: str) -> tuple[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class ReadNoise:
-    """The columns of one table [[noise_spectrum]], (n,), and the unit of what is seen."""
+    """The columns of one table [[noise_spectrum]], (n,), and the unit of what is seen.
+
+    `force` is the density of the force, None where no column has it.
+    """
 
     table: NoiseSpectrumTable
     frequency_hz: FloatArray
     density: FloatArray
+    _: KW_ONLY
     unit: str
+    force: FloatArray | None = None
 
     def record(self, binder: Binder, setup: Setup, label: str) -> NoiseRecord:
         """The spectrum in the names and units of the FMU.
@@ -161,6 +185,7 @@ class ReadNoise:
             self.density,
             averages=table.averages,
             force=table.force,
+            force_density=self.force,
             temperature_k=numbers["temperature"],
             mass_kg=numbers["mass"],
             spring_constant=numbers["spring_constant"],
