@@ -100,6 +100,10 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
         # d1 is far above the lower end of its box, though within a thousandth of its width
         ("pairs", 70000, "f1", "determined"),
         ("crossing", 2002, "lambda", "determined"),
+        # theta near 0 adds to the width what no slope shows, the more the wider the box of d2 is
+        ("readings", 70000, "width_plus", "bounded below"),
+        # the coupling does not exist where d1 comes to the end of its box, but a little beside it
+        ("readings", 77013, "d1", "not determined"),
     ],
 )
 def test_a_verdict_is_the_same_in_boxes_ten_times_as_wide(

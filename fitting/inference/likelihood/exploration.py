@@ -262,8 +262,11 @@ def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Explora
     """The same with what fits on the ways of the parameters to the ends of their room."""
     optimum = explored.optimum
     walks = walked_to_ends(evaluator, optimum, explored.parameters, explored.fitting)
-    explored = _knowing(evaluator, explored, [p for walk in walks for p in walk])
-    beside = turned(evaluator, optimum, explored.parameters, explored.fitting)
+    found = [p for walk in walks for p in walk]
+    explored = _knowing(evaluator, explored, found)
+    # also beside those at which an output is missing: on the other side it may have a value
+    fitting = [*explored.fitting, *(p for p in found if p.delta <= ROOT_95**2)]
+    beside = turned(evaluator, optimum, explored.parameters, fitting)
     return _knowing(evaluator, explored, beside)
 
 
