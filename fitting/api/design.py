@@ -401,7 +401,7 @@ def _kept(
     own = read_design_table(bound.path)
     if isinstance(given, Limits):
         check_names(given, problem.fmu.variables, bound.setup.laws.controls)
-        if own.said or given.sweeps is None:
+        if own.said or (given.sweeps is None and given.traces is None):
             known = _limits(problem, bound, own)
             refuse_wider(given, known, own, lambda key: f"limits: {key}", bound.amplitude_unit)
         return given, own

@@ -14,8 +14,10 @@ from typing import Any
 from fitting.campaign import BoundCampaign, Drive, SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.continued import continued_of
+from fitting.design.recordings import traces_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, fill_in, sweeps_csv
+from fitting.design.trace_campaign import edit_for_traces, recording_files
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_text
@@ -48,6 +50,8 @@ def campaign_files(
     if limits.sweeps is not None:
         written = tomllib.loads(text)
         return {CAMPAIGN_NAME: text, SWEEPS_NAME: sweeps_csv(design, bound, written, command)}
+    if limits.traces is not None:
+        return {CAMPAIGN_NAME: text, **recording_files(design, bound, command)}
     files: dict[str, str | bytes] = {
         CAMPAIGN_NAME: text,
         EXPERIMENTS_NAME: _experiments(design, bound, limits, command),
@@ -71,12 +75,15 @@ def _campaign(
         if "file" in tables["fmu"]:
             named = bound.path.parent / str(tables["fmu"]["file"])
             tables["fmu"]["file"] = Path(os.path.relpath(named, folder)).as_posix()
-        kept = "" if limits.sweeps is None else continued_of(bound).table
+        kept = _kept_table(bound, limits)
         for name in bound.measurements:
             if name != kept:
                 tables.pop(name, None)  # other data, which are not measured again
         if limits.sweeps is not None:
             edit_for_sweeps(tables, design, bound, limits)
+            return
+        if limits.traces is not None:
+            edit_for_traces(tables, design, bound, limits)
             return
         if bound.sweep is not None:
             name = _sweep_name(bound.sweep)
@@ -98,7 +105,16 @@ def _campaign(
     ]
     if limits.sweeps is not None:
         head = [f"Next sweeps, to be made. {fill_in(bound)} of {SWEEPS_NAME}."]
+    if limits.traces is not None:
+        head = ["Next recordings, to be made: put each in the place of its file."]
     return rewritten(read_text(bound.path), edit, [*head, f"Proposed by: {command}"])
+
+
+def _kept_table(bound: BoundCampaign, limits: Limits) -> str:
+    """The table of a kind of its own whose measurements are continued; none: empty."""
+    if limits.traces is not None:
+        return traces_of(bound).table
+    return "" if limits.sweeps is None else continued_of(bound).table
 
 
 def _edit_drive(drive: Tables, design: Design, source: Drive, limits: Limits) -> None:
