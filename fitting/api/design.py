@@ -390,7 +390,8 @@ def _bound(problem: Problem) -> list[BoundCampaign]:
 
 
 def _limits(problem: Problem, bound: BoundCampaign, table: DesignTable) -> Limits:
-    lines = problem.campaigns[0].file.driven.lines
+    drive = problem.campaigns[0].file.drive
+    lines = () if drive is None else drive.lines
     return limits_of(bound, problem.fmu.variables, table, lines)
 
 

@@ -236,6 +236,11 @@ def limits_of(
     if said.sweeps is not None:
         asked = SweepTable(said=said, keys=table.said, where=table.where)
         return timed(sweep_limits(bound, variables, asked), said)
+    if bound.setup.drive.kind == "none":
+        raise BadInput(
+            f"{bound.path}: has no [drive], wanted one: tones are proposed where [design] asks for "
+            "neither sweeps nor traces"
+        )
     centres = _centres(bound, variables, table)
     own = _own_grid(bound, centres)
     found = Limits(

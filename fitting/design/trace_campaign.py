@@ -11,7 +11,8 @@ from fitting.design.recordings import TracesSoFar, traces_of
 from fitting.design.result import Design, Proposal, ProposedRecording
 from fitting.design.sweep_campaign import MEASURED_BEFORE
 from fitting.measurements.demodulated.record import DemodulatedRecord
-from fitting.text.notation import number, prefixed
+from fitting.measurements.traces.waveform import Recorded
+from fitting.text.notation import prefixed
 from fitting.text.toml import Tables, inline, put
 
 #: Keys of a table that tell of the file so far.
@@ -99,6 +100,7 @@ def _file(p: Proposal, design: Design, so_far: TracesSoFar, command: str) -> str
         heads += [f"X ({record.unit})", f"Y ({record.unit})"]
     else:
         heads.append(f"{p.output} ({record.unit})")
+        heads += [name for name, w in record.waveforms.items() if isinstance(w, Recorded)]
     lines = [
         f"# {_what(p, design)}",
         "# To be replaced by what the recorder writes, with these columns.",
@@ -115,7 +117,7 @@ def _what(p: Proposal, design: Design) -> str:
     like = f"as trace '{asked.trace}'" if asked.trace else "as the trace so far"
     said = (
         f"next{p.rank}: {p.output} {like}, {asked.samples} samples every {asked.spacing_s:.9g} s "
-        f"over {asked.length_s:.9g} s; expected {number(p.peaks_v[0] / factor, 3)} {unit} at most; "
-        f"sigma({design.target}) is then {number(p.expected.mean, 3)} {design.unit} on average"
+        f"over {asked.length_s:.9g} s; expected {p.peaks_v[0] / factor:.3g} {unit} at most; "
+        f"sigma({design.target}) is then {p.expected.mean:.3g} {design.unit} on average"
     )
-    return said.replace("\u00a0", " ").replace("\u00b5", "u")
+    return said.replace("\u00b5", "u")
