@@ -210,7 +210,10 @@ def recording_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice
 
 @dataclass(frozen=True)
 class RecordingRows:
-    """Recordings at one place: largest values (c,), and Jacobians (rows, n) of each."""
+    """Recordings at one place: largest values (c,), and Jacobians (rows, n) of each.
+
+    The largest value is 0 of one that a fit would refuse, as one that is shorter than a period.
+    """
 
     largest: FloatArray
     slopes: tuple[FloatArray, ...]
@@ -280,14 +283,19 @@ class RecordingsToSimulate:
         record = self._longest(choices)
         old = self.so_far.record(_recording(choices[0]).trace)
         values = self._expected(old, self._so_far(old, place), record, place)
-        seen = replace(record, values=values)
+        seen = [_beginning(record, values, count) for count in counts]
+        longest = max((each for each in seen if each is not None), key=_samples, default=None)
+        if longest is None:
+            return [(0.0, np.zeros((0, place.x.size)))] * len(choices)
         around = central(place.x, self.steps, *search_bounds(parameters))
         table = np.array([to_model(parameters, x) for x in around.nodes])
-        nodes = self._predicted(seen, place, table)
+        nodes = self._predicted(longest, place, table)
         found = []
-        for count in counts:
-            rows = [_left(node, values, count) for node in nodes]
-            found.append((float(np.max(np.abs(values[:count]))), around.quotients(rows)))
+        for each in seen:
+            count = 0 if each is None else _samples(each)
+            rows = [_left(node, longest.y, count) for node in nodes]
+            largest = float(np.max(np.abs(values[:count]), initial=0.0))
+            found.append((largest, around.quotients(rows)))
         return found
 
     def _longest(self, choices: Sequence[DriveChoice]) -> TraceRecord | DemodulatedRecord:
@@ -366,6 +374,20 @@ class RecordingsToSimulate:
         return np.asarray(new.values + more)
 
 
+def _samples(record: TraceRecord | DemodulatedRecord) -> int:
+    return int(record.y.size)
+
+
+def _beginning(
+    record: TraceRecord | DemodulatedRecord, values: Values, count: int
+) -> TraceRecord | DemodulatedRecord | None:
+    """The first samples of a recording with their values; None where a fit would refuse them."""
+    try:
+        return replace(record, time_s=record.t[:count], values=values[:count])
+    except BadInput:
+        return None
+
+
 def _recording(choice: DriveChoice) -> Recording:
     if choice.recording is None:
         raise TypeError(f"no recording: {choice!r}")
@@ -410,7 +432,7 @@ def _left(node: SolvedTraces, values: Values, count: int) -> FloatArray:
     rows, size = _stacked((node.values - values)[:count]), len(values)
     design = _design(node)
     parts = [design[first : first + count] for first in range(0, len(design), size)]
-    if not design.shape[1]:
+    if not rows.size or not design.shape[1]:
         return rows
     axes, sizes, _ = np.linalg.svd(np.concatenate(parts), full_matrices=False)
     along = axes[:, sizes > ALIKE * sizes[0]]

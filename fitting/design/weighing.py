@@ -545,6 +545,7 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known, own: IntArray) 
         raise BadInput(
             f"none of {len(setups)} setups can be measured: every peak is below "
             f"{LEAST_SIGNAL:g} standard deviations of the noise or above the largest amplitude"
+            + ("" if limits.traces is None else ", or the recording is shorter than a period")
         )
     stacked = np.stack(
         [np.concatenate([g for _, k, g in gains if k == rank]) for rank in range(len(known.places))]
