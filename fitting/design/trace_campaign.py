@@ -11,6 +11,7 @@ from fitting.design.recordings import TracesSoFar, traces_of
 from fitting.design.result import Design, Proposal, ProposedRecording
 from fitting.design.sweep_campaign import MEASURED_BEFORE
 from fitting.measurements.demodulated.record import DemodulatedRecord
+from fitting.measurements.traces.record import FOUND
 from fitting.measurements.traces.waveform import Recorded
 from fitting.text.notation import prefixed
 from fitting.text.toml import Tables, inline, put
@@ -103,6 +104,7 @@ def _file(p: Proposal, design: Design, so_far: TracesSoFar, command: str) -> str
         heads += [name for name, w in record.waveforms.items() if isinstance(w, Recorded)]
     lines = [
         f"# {_what(p, design)}",
+        *(["# Counted from where the free decay begins."] if record.begin == FOUND else []),
         "# To be replaced by what the recorder writes, with these columns.",
         f"# Proposed by: {command}",
         ",".join(heads),
