@@ -27,6 +27,8 @@ SMALLEST_RESIDUAL = 1e-6
 LAGS = 10
 #: Power of the size of a residual that is close to normal, and regressors per point, at most.
 NORMAL_POWER, REGRESSORS = 2.0 / 3.0, 0.2
+#: Numbers in all products of slopes, at most: 240 MB. Slopes of many records have far more.
+MOST_PRODUCTS = 30_000_000
 #: Leverage that a residual is taken to have at most: of one that the fit hits exactly none is left.
 MOST_LEVERAGE = 1.0 - 1e-6
 #: Length of a unit slope, what is solved for projected out, below which it is one of these.
@@ -289,8 +291,8 @@ def one_size_p(
 
     |r_i|^(2/3)/(1 - h_i)^(1/3), which is close to normal for normal noise, is regressed on the
     leverages h_i = sum_k U_ik^2, and on all products U_ik U_il if they are fewer than a fifth of
-    the points; F tests, twice the smaller probability (Bonferroni). These are the sizes that a
-    standard error notices. 1 for less than 10 points.
+    the points and not too many to be kept (`MOST_PRODUCTS`); F tests, twice the smaller probability
+    (Bonferroni). These are the sizes that a standard error notices. 1 for less than 10 points.
 
     Args:
         residuals: that follow no pattern, shape (m,), any unit.
@@ -305,10 +307,9 @@ def one_size_p(
     leverage = _leverage(basis) if leverage is None else leverage
     sizes = (np.abs(residuals) / np.sqrt(1.0 - leverage)) ** NORMAL_POWER
     one, two = np.tril_indices(basis.shape[1])
-    products = np.asarray(basis[:, one] * basis[:, two])
     tests = [leverage[:, None]]
-    if products.shape[1] < REGRESSORS * residuals.size:
-        tests.append(products)
+    if one.size < REGRESSORS * residuals.size and one.size * residuals.size <= MOST_PRODUCTS:
+        tests.append(np.asarray(basis[:, one] * basis[:, two]))
     return min(1.0, len(tests) * min(_regression_p(sizes, columns) for columns in tests))
 
 

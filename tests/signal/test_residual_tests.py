@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,6 +111,23 @@ def test_the_p_value_of_one_size_is_one(points: int, columns: int) -> None:
         assert 0.3 * level < np.mean(p < level) < 2.0 * level
     growing = [one_size_p(away @ (e * np.exp(-(x**2))), basis) for e in noise[:100]]
     assert np.mean(np.array(growing) < 0.01) > (0.5 if points == 20 else 0.99)
+
+
+def test_many_records_are_looked_at_within_their_own_memory() -> None:
+    """Thirty records of 2000 samples, two slopes each: all products would be 880 MB."""
+    records, samples = 30, 2000
+    rng = np.random.default_rng(43)
+    one, _ = np.linalg.qr(rng.standard_normal((samples, 2)))
+    basis = block_diag(*[one] * records)
+    noise = rng.standard_normal(records * samples)
+    tracemalloc.start()
+    even = one_size_p(noise, basis)
+    [_, peak] = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 4 * basis.nbytes
+    assert even > 0.01
+    grown = noise * (1.0 + 300.0 * np.sum(basis**2, axis=1))
+    assert one_size_p(grown, basis) < 0.01
 
 
 def test_unequal_sizes_that_do_not_touch_the_slopes_change_nothing() -> None:
