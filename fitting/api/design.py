@@ -123,7 +123,8 @@ class NextMeasurements:
         campaign = folder / CAMPAIGN_FOLDER
         command = design.provenance["command"]
         bound = _bound(self.problem)[0]
-        files = campaign_files(design, bound, self.limits, campaign, command)
+        variables = self.problem.fmu.variables
+        files = campaign_files(design, bound, variables, self.limits, campaign, command)
         with results_folder(folder, "design", DESIGN_FILES):
             written = [write_design(design, folder), folder / TABLE_NAME, campaign / CAMPAIGN_NAME]
             write_whole(folder / TABLE_NAME, design_csv(design))

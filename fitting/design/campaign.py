@@ -17,7 +17,9 @@ from fitting.design.continued import continued_of
 from fitting.design.recordings import traces_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, fill_in, sweeps_csv
+from fitting.design.times import written_times
 from fitting.design.trace_campaign import edit_for_traces, recording_files
+from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_text
@@ -33,7 +35,12 @@ _MEGA = 1e6
 
 
 def campaign_files(
-    design: Design, bound: BoundCampaign, limits: Limits, folder: Path, command: str
+    design: Design,
+    bound: BoundCampaign,
+    variables: Mapping[str, VariableLike],
+    limits: Limits,
+    folder: Path,
+    command: str,
 ) -> dict[str, str | bytes]:
     """Contents by file name of the folder that the laboratory takes along.
 
@@ -42,6 +49,7 @@ def campaign_files(
     Args:
         design: the proposed next measurement.
         bound: campaign, bound to its FMU.
+        variables: of the FMU, by name.
         limits: what the design may use.
         folder: where the files go.
         command: command line that made it, for the record.
@@ -51,7 +59,7 @@ def campaign_files(
         written = tomllib.loads(text)
         return {CAMPAIGN_NAME: text, SWEEPS_NAME: sweeps_csv(design, bound, written, command)}
     if limits.traces is not None:
-        return {CAMPAIGN_NAME: text, **recording_files(design, bound, command)}
+        return {CAMPAIGN_NAME: text, **recording_files(design, bound, command, variables)}
     files: dict[str, str | bytes] = {
         CAMPAIGN_NAME: text,
         EXPERIMENTS_NAME: _experiments(design, bound, limits, command),
@@ -187,6 +195,7 @@ def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[
         "phases": limits.phases,
         "largest": f"{limits.largest_v!r} {unit}",
         "number": limits.number,
+        **written_times(limits),
         "averaged": [p.repeats for p in design.proposals],
     }
     if limits.noise_floor_v == 0.0:

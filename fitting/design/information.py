@@ -22,10 +22,8 @@ from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import (
     UNIFORM_WIDTH,
     Parameter,
-    bounds,
-    references,
+    planning_points,
     search_bounds,
-    starts,
 )
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.differences import central
@@ -102,7 +100,7 @@ class Series:
     def _refine(self) -> None:
         """Plan few runs for every curve whose response is measured to be rational."""
         parameters = self.bound.parameters
-        points = [starts(parameters), np.clip(references(parameters), *bounds(parameters))]
+        points = planning_points(parameters)
         for measurement in self.data.measurements:
             model = self.model(self.bound.alternatives[0])
             self.plan = measurement.refined(model, points, self.workers)

@@ -18,7 +18,7 @@ rest on the same runs.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import groupby
@@ -27,7 +27,7 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from fitting.campaign import BoundCampaign
-from fitting.campaign.parameters import bounds, references, search_bounds, starts, to_model
+from fitting.campaign.parameters import planning_points, search_bounds, to_model
 from fitting.design.candidates import DriveChoice, Limits, Recording
 from fitting.design.information import Place, Series
 from fitting.fit.differences import central
@@ -40,7 +40,7 @@ from fitting.measurements.traces.grid import LEAST_SAMPLES, ROUNDED
 from fitting.measurements.traces.record import TraceRecord
 from fitting.measurements.traces.traces import SolvedTraces, Traces
 from fitting.measurements.traces.waveform import Recorded
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch, Workers, answered
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput
 
@@ -118,30 +118,42 @@ def traces_of(bound: BoundCampaign) -> TracesSoFar:
         bound: the campaign.
 
     Raises:
-        BadInput: it has neither, or amplitudes without phases alone.
+        BadInput: it has neither.
     """
-    where = f"{bound.path}: [design] traces"
     found = bound.measurements.get("trace")
     if isinstance(found, Traces):
-        for record in found.traces:
-            if record.has_unknown_start and record.driven is not None:
-                raise BadInput(
-                    f"{where}: trace '{record.label}' is driven from an unknown start, of which "
-                    "nothing is known in a new recording; wanted ringdowns, or traces from rest"
-                )
         return TracesSoFar("trace", found)
     demodulated = bound.measurements.get("demodulated_trace")
     if isinstance(demodulated, DemodulatedTraces):
-        if any(record.is_amplitude for record in demodulated.traces):
-            raise BadInput(
-                f"{where}: proposes recordings of X and Y, and [[demodulated_trace]] has "
-                "amplitudes alone; wanted a record with phases"
-            )
         return TracesSoFar("demodulated_trace", demodulated)
     raise BadInput(
-        f"{where}: has no table [[trace]] or [[demodulated_trace]], whose start or drive could be "
-        "repeated; wanted one, or no traces"
+        f"{bound.path}: [design] traces: has no table [[trace]] or [[demodulated_trace]], whose "
+        "start or drive could be repeated; wanted one, or no traces"
     )
+
+
+def refuse_unknown(record: TraceRecord | DemodulatedRecord, where: str) -> None:
+    """Complain of a trace whose repetition nothing is known of.
+
+    Args:
+        record: a trace so far.
+        where: what complaints name.
+
+    Raises:
+        BadInput: driven from an unknown start, or amplitudes without phases.
+    """
+    name = f"trace '{record.label}'" if record.label else "the trace"
+    if isinstance(record, DemodulatedRecord):
+        if record.is_amplitude:
+            raise BadInput(
+                f"{where}: {name} has amplitudes without phases, and recordings of X and Y are "
+                "proposed; wanted records with phases, by their names in 'of'"
+            )
+    elif record.has_unknown_start and record.driven is not None:
+        raise BadInput(
+            f"{where}: {name} is driven from an unknown start, of which nothing is known in a new "
+            "recording; wanted ringdowns, or traces from rest, by their names in 'of'"
+        )
 
 
 def longest_s(record: TraceRecord | DemodulatedRecord) -> float:
@@ -174,10 +186,10 @@ def recording_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice
         record = so_far.record(label)
         least = max(LEAST_SAMPLES, OF_EACH * record.solved_inside)
         for spacing_s in wanted.spacings_s[label]:
-            for length_s in wanted.lengths_s:
-                samples = math.floor(length_s / spacing_s + WHOLE) + 1
-                too_long = length_s > longest_s(record) * (1.0 + WHOLE)
-                if too_long or not least <= samples <= wanted.samples:
+            lengths_s = [s for s in wanted.lengths_s if s <= longest_s(record) * (1.0 + WHOLE)]
+            counts = {math.floor(length_s / spacing_s + WHOLE) + 1 for length_s in lengths_s}
+            for samples in sorted(counts):
+                if not least <= samples <= wanted.samples:
                     continue
                 found.append(
                     DriveChoice(
@@ -210,13 +222,13 @@ def recording_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice
 
 @dataclass(frozen=True)
 class RecordingRows:
-    """Recordings at one place: largest values (c,), and Jacobians (rows, n) of each.
+    """Recordings at one place: largest values (c,), and J^T J (c, n, n) of their rows.
 
     The largest value is 0 of one that a fit would refuse, as one that is shorter than a period.
     """
 
     largest: FloatArray
-    slopes: tuple[FloatArray, ...]
+    squares: FloatArray
 
     def information(self, sigmas: FloatArray, kept: Sequence[int]) -> FloatArray:
         """Information (kept, n + 1, n + 1) of recordings with white noise; none of the scale.
@@ -226,10 +238,10 @@ class RecordingRows:
                 shape (c,), in the unit of the values.
             kept: recordings.
         """
-        noise = np.maximum(sigmas, SMALLEST_SIGMA * self.largest)
-        found = [self.slopes[k].T @ self.slopes[k] / noise[k] ** 2 for k in kept]
-        n = self.slopes[0].shape[1]
-        return np.pad(np.array(found).reshape(-1, n, n), ((0, 0), (0, 1), (0, 1)))
+        index = list(kept)
+        noise = np.maximum(sigmas, SMALLEST_SIGMA * self.largest)[index]
+        found = self.squares[index] / noise[:, np.newaxis, np.newaxis] ** 2
+        return np.pad(found, ((0, 0), (0, 1), (0, 1)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,14 +262,15 @@ class RecordingsToSimulate:
         """
         return [self._rows(place) for place in places]
 
-    def noise(self, place: Place) -> dict[str, float]:
+    def noise(self, place: Place, labels: Iterable[str]) -> dict[str, float]:
         """Standard deviation of a sample by trace: as it is stated, else what a fit leaves there.
 
         Args:
             place: where the parameters are.
+            labels: names of the traces.
         """
         free, found = place.x.size, {}
-        for record in self.so_far.records:
+        for record in map(self.so_far.record, labels):
             if record.sigma > 0.0:
                 found[record.label] = record.sigma
                 continue
@@ -267,17 +280,17 @@ class RecordingsToSimulate:
         return found
 
     def _rows(self, place: Place) -> RecordingRows:
-        largest, slopes = [], []
-        for mine in _of_one_spacing(self.choices):
-            made = self._of_one_spacing(mine, place)
-            largest += [each[0] for each in made]
-            slopes += [each[1] for each in made]
-        return RecordingRows(np.array(largest), tuple(slopes))
+        made = [
+            each
+            for mine in _of_one_spacing(self.choices)
+            for each in self._of_one_spacing(mine, place)
+        ]
+        return RecordingRows(np.array([m[0] for m in made]), np.stack([m[1] for m in made]))
 
     def _of_one_spacing(
         self, choices: Sequence[DriveChoice], place: Place
     ) -> list[tuple[float, FloatArray]]:
-        """Largest value and Jacobian of each; the longest is simulated."""
+        """Largest value and J^T J (n, n) of each; the longest is simulated."""
         parameters = self.series.bound.parameters
         counts = [_recording(choice).samples for choice in choices]
         record = self._longest(choices)
@@ -286,7 +299,7 @@ class RecordingsToSimulate:
         seen = [_beginning(record, values, count) for count in counts]
         longest = max((each for each in seen if each is not None), key=_samples, default=None)
         if longest is None:
-            return [(0.0, np.zeros((0, place.x.size)))] * len(choices)
+            return [(0.0, np.zeros((place.x.size, place.x.size)))] * len(choices)
         around = central(place.x, self.steps, *search_bounds(parameters))
         table = np.array([to_model(parameters, x) for x in around.nodes])
         nodes = self._predicted(longest, place, table)
@@ -295,7 +308,8 @@ class RecordingsToSimulate:
             count = 0 if each is None else _samples(each)
             rows = [_left(node, longest.y, count) for node in nodes]
             largest = float(np.max(np.abs(values[:count]), initial=0.0))
-            found.append((largest, around.quotients(rows)))
+            slopes = around.quotients(rows)
+            found.append((largest, np.asarray(slopes.T @ slopes)))
         return found
 
     def _longest(self, choices: Sequence[DriveChoice]) -> TraceRecord | DemodulatedRecord:
@@ -329,8 +343,7 @@ class RecordingsToSimulate:
         """The FMU with the communication step of a recording, which is found once."""
         series = self.series
         if record.label not in self.planned:
-            parameters = series.bound.parameters
-            points = [starts(parameters), np.clip(references(parameters), *bounds(parameters))]
+            points = planning_points(series.bound.parameters)
             model = series.model(series.bound.alternatives[0])
             plan = self.so_far.of(record).refined(model, points, series.workers)
             self.planned[record.label] = replace(model, plan=plan)
@@ -405,13 +418,8 @@ def _prediction(
 ) -> list[SolvedTraces]:
     """A measurement at parameter vectors (k, n)."""
     batch = Batch()
-    task = kind.predict(model, table, batch)
-    while True:
-        try:
-            next(task)
-        except StopIteration as ended:
-            return list(ended.value)
-        batch.simulate(workers)
+    found = answered(kind.predict(model, table, batch), batch, workers)
+    return [one for one in found if isinstance(one, SolvedTraces)]
 
 
 def _stacked(values: Values) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -207,15 +209,16 @@ def _recordings_csv(design: Design) -> str:
     head += [f"largest ({volts})", f"sigma ({volts})"]
     head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
     before = design.before
-    first = ["0", *[""] * 7, *map(_number, (before.at, before.mean, before.worst))]
-    lines = [",".join(head), ",".join(first)]
+    rows = [head, ["0", *[""] * 7, *map(_number, (before.at, before.mean, before.worst))]]
     for p in design.proposals:
         if p.recording is not None:
             r, e = p.recording, p.expected
             cells = [str(p.rank), r.trace, p.output, repr(r.length_s), repr(r.spacing_s)]
             cells += [str(r.samples), *map(repr, (*p.peaks_v, *p.sigmas_v))]
-            lines.append(",".join([*cells, *map(_number, (e.at, e.mean, e.worst))]))
-    return "\n".join(lines) + "\n"
+            rows.append([*cells, *map(_number, (e.at, e.mean, e.worst))])
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _number(value: float) -> str:

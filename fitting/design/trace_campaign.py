@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import io
+from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
@@ -10,6 +13,8 @@ from fitting.design.candidates import Limits
 from fitting.design.recordings import TracesSoFar, traces_of
 from fitting.design.result import Design, Proposal, ProposedRecording
 from fitting.design.sweep_campaign import MEASURED_BEFORE
+from fitting.design.times import written_times
+from fitting.fmu.variables import VariableLike
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.traces.record import FOUND
 from fitting.measurements.traces.waveform import Recorded
@@ -67,6 +72,7 @@ def _design_table(design: Design, limits: Limits) -> dict[str, Any]:
         "criterion": design.criterion,
         "largest": f"{limits.largest_v!r} {design.amplitude_unit}",
         "number": limits.number,
+        **written_times(limits),
     }
     if limits.noise_floor_v > 0.0:
         table["noise_floor"] = f"{limits.noise_floor_v!r} {design.amplitude_unit}"
@@ -82,34 +88,43 @@ def _design_table(design: Design, limits: Limits) -> dict[str, Any]:
     return table
 
 
-def recording_files(design: Design, bound: BoundCampaign, command: str) -> dict[str, str | bytes]:
+def recording_files(
+    design: Design, bound: BoundCampaign, command: str, variables: Mapping[str, VariableLike]
+) -> dict[str, str | bytes]:
     """A file for each proposed recording, with the heads of its columns and what to do.
 
     Args:
         design: the proposed recordings.
         bound: campaign, bound to its FMU.
         command: command line that made it, for the record.
+        variables: of the FMU, by name: inputs that are recorded have their units.
     """
     so_far = traces_of(bound)
-    return {recorded_as(p): _file(p, design, so_far, command) for p in design.proposals}
+    files: dict[str, str | bytes] = {}
+    for p in design.proposals:
+        head = [
+            f"# {_what(p, design)}",
+            "# To be replaced by what the recorder writes, with these columns.",
+            f"# Proposed by: {command}",
+        ]
+        if so_far.record(_recording(p).trace).begin == FOUND:
+            head.insert(1, "# Counted from where the free decay begins.")
+        columns = io.StringIO()
+        csv.writer(columns, lineterminator="\n").writerow(_columns(p, so_far, variables))
+        files[recorded_as(p)] = "\n".join([*head, columns.getvalue()])
+    return files
 
 
-def _file(p: Proposal, design: Design, so_far: TracesSoFar, command: str) -> str:
+def _columns(p: Proposal, so_far: TracesSoFar, variables: Mapping[str, VariableLike]) -> list[str]:
     record = so_far.record(_recording(p).trace)
     heads = ["time (s)"]
     if isinstance(record, DemodulatedRecord):
         heads += [f"X ({record.unit})", f"Y ({record.unit})"]
     else:
         heads.append(f"{p.output} ({record.unit})")
-        heads += [name for name, w in record.waveforms.items() if isinstance(w, Recorded)]
-    lines = [
-        f"# {_what(p, design)}",
-        *(["# Counted from where the free decay begins."] if record.begin == FOUND else []),
-        "# To be replaced by what the recorder writes, with these columns.",
-        f"# Proposed by: {command}",
-        ",".join(heads),
-    ]
-    return "\n".join(lines) + "\n"
+        inputs = [name for name, w in record.waveforms.items() if isinstance(w, Recorded)]
+        heads += [f"{name} ({variables[name].unit or '1'})" for name in inputs]
+    return heads
 
 
 def _what(p: Proposal, design: Design) -> str:

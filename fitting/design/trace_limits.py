@@ -10,15 +10,18 @@ import numpy as np
 from fitting.campaign import BoundCampaign
 from fitting.campaign.file import WrittenDesign, WrittenTraces
 from fitting.design.candidates import MOST_SAMPLES, Limits, TraceLimits
-from fitting.design.recordings import TracesSoFar, longest_s, traces_of
+from fitting.design.recordings import TracesSoFar, longest_s, refuse_unknown, traces_of
 from fitting.design.sweep_limits import HEADROOM, OF_TONES, SweepTable
 from fitting.design.times import most_of
 from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.text.errors import BadInput
+from fitting.text.notation import listed
 from fitting.text.written import positive_in
 
 #: Keys of [design] that have no meaning beside traces.
 OF_OTHERS = (*OF_TONES, "centres", "relative_noise")
+#: Tables of traces.
+OF_TRACES = {"trace", "demodulated_trace"}
 #: Lengths that are tried where nothing is said, in units of the longest trace.
 LENGTHS = (0.25, 0.5, 1.0, 2.0)
 
@@ -36,11 +39,7 @@ def traces_asked_of(bound: BoundCampaign, said: WrittenDesign, keys: frozenset[s
     others = bound.experiments or bound.sweep is not None or said.sweeps is not None
     if others or keys & {*OF_TONES, "centres"}:
         return False
-    try:
-        traces_of(bound)
-    except BadInput:
-        return False
-    return True
+    return bool(bound.measurements) and set(bound.measurements) <= OF_TRACES
 
 
 def trace_limits(bound: BoundCampaign, table: SweepTable) -> Limits:
@@ -51,8 +50,8 @@ def trace_limits(bound: BoundCampaign, table: SweepTable) -> Limits:
         table: [design], as it was read.
 
     Raises:
-        BadInput: no traces, an unknown name, a value of the wrong unit, traces of several units
-            beside one noise, a key that has no meaning beside traces.
+        BadInput: no traces, or some whose repetition nothing is known of, an unknown name, a value
+            of the wrong unit, traces of several units, a key that has no meaning beside traces.
     """
     so_far, said = traces_of(bound), table.said
     asked = said.traces or WrittenTraces()
@@ -70,13 +69,14 @@ def trace_limits(bound: BoundCampaign, table: SweepTable) -> Limits:
         )
     of = _names(so_far, asked, table)
     records = [so_far.record(label) for label in of]
-    units = {record.unit for record in records}
-    if len(units) > 1 and (said.noise_floor is not None or said.largest is not None):
+    for record in records:
+        refuse_unknown(record, table.where("traces"))
+    unit, *others = dict.fromkeys(record.unit for record in records)
+    if others:
         raise BadInput(
-            f"{table.where('noise_floor')}: the traces have values in {', '.join(sorted(units))}; "
-            "wanted traces of one unit beside it"
+            f"{table.where('traces')}: the traces have values in {listed([unit, *others])}; wanted "
+            "traces of one unit, by their names in 'of'"
         )
-    unit, *_ = units
     floor = 0.0 if said.noise_floor is None else positive_in(said.noise_floor, unit)
     seen = max(float(np.max(np.abs(record.y))) for record in records)
     return Limits(

@@ -483,9 +483,12 @@ def _recording_candidates(
     """Candidates that are recordings over time, and their information."""
     choices, so_far = recording_choices(data.bound, limits), traces_of(data.bound)
     asked = RecordingsToSimulate(series=data, so_far=so_far, choices=choices, steps=steps)
-    noise = asked.noise(known.places[0])
-    floor = limits.noise_floor_v
-    sigmas = np.array([floor or noise[c.recording.trace] for c in choices if c.recording])
+    labels = [c.recording.trace for c in choices if c.recording is not None]
+    if limits.noise_floor_v > 0.0:
+        sigmas = np.full(len(labels), limits.noise_floor_v)
+    else:
+        noise = asked.noise(known.places[0], dict.fromkeys(labels))
+        sigmas = np.array([noise[label] for label in labels])
     rows = asked.rows(known.places)
 
     def information_at(rank: int, count: int, kept: Sequence[int]) -> FloatArray:
@@ -542,10 +545,12 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known, own: IntArray) 
         repeats += [count] * len(kept)
         setup_of += kept
     if not setup_of:
+        recorded = limits.traces is not None
         raise BadInput(
             f"none of {len(setups)} setups can be measured: every peak is below "
             f"{LEAST_SIGNAL:g} standard deviations of the noise or above the largest amplitude"
-            + ("" if limits.traces is None else ", or the recording is shorter than a period")
+            + ", or a fit would refuse it, as a decay of less than a period"
+            * recorded
         )
     stacked = np.stack(
         [np.concatenate([g for _, k, g in gains if k == rank]) for rank in range(len(known.places))]

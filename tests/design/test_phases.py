@@ -153,7 +153,7 @@ def test_the_proposed_campaign_asks_for_both_quadratures(swift_fmu: Path, tmp_pa
     design, limits = designed(2)
     bound = ff.Problem.of(tmp_path / "old" / "campaign.toml", ff.Fmu(swift_fmu)).record.together
     folder = tmp_path / "next"
-    files = campaign_files(design, bound, replace(limits, phases=True), folder, "a test")
+    files = campaign_files(design, bound, {}, replace(limits, phases=True), folder, "a test")
     experiments = tomllib.loads(str(files["campaign.toml"]))["experiments"]
     assert experiments["x"] == ["X_1", "X_2"]
     assert experiments["unknown"] == "phase"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
 import json
+import math
+import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -243,6 +246,9 @@ def test_a_time_is_spent_on_the_recordings_that_it_allows(beam: ff.Fmu, tmp_path
     lengths = [p.recording.length_s for p in found.proposals if p.recording is not None]
     assert sum(lengths) + 0.01 * len(lengths) <= 0.2 * (1 + 1e-9)
     assert max(lengths) == pytest.approx(0.04)
+    proposed(beam, tmp_path / "x/campaign.toml").write(tmp_path / "out", report=False)
+    kept = tomllib.loads((tmp_path / "out/campaign/campaign.toml").read_text())["design"]
+    assert (kept["time"], kept["change_time"]) == ("0.2 s", "0.01 s")
     fours = expected(OLD_T, *[times(0.04, 1e-4)] * 4)[0]
     assert found.proposals[-1].expected.at <= 1.03 * fours
 
@@ -468,7 +474,45 @@ def test_a_recorded_input_is_repeated_no_longer_than_it_was(tmp_path: Path) -> N
         path.write_text(path.read_text().replace("1.5 s", "0.5 s"))
         made = ff.design(ff.Problem.of(ff.read_campaign(path), fmu))
         made.write(tmp_path / "out", report=False)
-    assert (tmp_path / "out/campaign/next1.csv").read_text().endswith("time (s),y (V),u\n")
+        file = tmp_path / "out/campaign/next1.csv"
+        assert file.read_text().endswith("time (s),y (V),u (V)\n")
+        rows = [f"{a!r},{-2.0 * math.expm1(-a / 0.3)!r},1.0" for a in times(0.5, 0.01).tolist()]
+        file.write_text("\n".join([file.read_text().strip(), *rows]))
+        again = ff.Problem.of(ff.read_campaign(file.with_name("campaign.toml")), fmu)
+        assert np.max(np.abs(again.residuals(np.array([0.3])))) < 1e-6
+
+
+def two_traces(folder: Path, fmu: ff.Fmu, second: str, design: str = "") -> Path:
+    """The ringdown, and another one with further keys."""
+    path = written(folder, fmu, ring(OLD_T), design=design)
+    one, two = '[[trace]]\nlabel = "a, b"', f'[[trace]]\nlabel = "b"\n{second}'
+    text = path.read_text()
+    begin, end = text.index("[[trace]]"), text.index("[[parameters]]")
+    table = text[begin:end]
+    both = table.replace("[[trace]]", one) + table.replace("[[trace]]", two)
+    path.write_text(text[:begin] + both + text[end:])
+    return path
+
+
+def test_a_name_with_a_comma_is_one_cell_of_the_table(beam: ff.Fmu, tmp_path: Path) -> None:
+    design = '[design]\nnumber = 2\ntarget = "damping"\ntraces = { of = ["a, b"] }\n'
+    path = two_traces(tmp_path / "x", beam, "", design)
+    proposed(beam, path).write(tmp_path / "out", report=False)
+    with (tmp_path / "out/design.csv").open(newline="") as file:
+        head, _, first, _ = csv.reader(file)
+    assert len(head) == len(first) == 11
+    assert first[1] == "a, b"
+
+
+def test_lengths_of_as_many_samples_are_one_recording(beam: ff.Fmu, tmp_path: Path) -> None:
+    path = written(tmp_path / "x", beam, ring(OLD_T))
+    bound = ff.Problem.of(ff.read_campaign(path), beam).record.together
+    problem = ff.Problem.of(ff.read_campaign(path), beam)
+    wanted = TraceLimits(
+        of=("",), lengths_s=(0.02, 0.02004, 0.03), spacings_s={"": (STEP_S,)}, samples=4000
+    )
+    found = recording_choices(bound, replace(ff.limits(problem), traces=wanted))
+    assert [c.recording.samples for c in found if c.recording is not None] == [201, 301]
 
 
 # --- complaints -----------------------------------------------------------------------------
@@ -479,7 +523,7 @@ def test_a_recorded_input_is_repeated_no_longer_than_it_was(tmp_path: Path) -> N
     [
         ('traces = { of = ["x"] }', "'x' is no trace of .*wanted some of a single one"),
         ('traces = { lengths = ["0.4 ms"] }', "no recording lies within the limits"),
-        ('traces = { lengths = ["1 ms"] }', "none of 1 setups .* shorter than a period"),
+        ('traces = { lengths = ["1 ms"] }', "none of 1 setups .* a decay of less than a period"),
         ("traces = { samples = 500000 }", "500000 samples, wanted 8 to 200000"),
         ("traces = {}\nlevels = [1, 2]", "levels: has no meaning beside traces"),
         (
@@ -498,3 +542,45 @@ def test_what_cannot_be_proposed_is_told_in_a_sentence(
     path = written(tmp_path / "x", beam, ring(OLD_T), design=f"[design]\n{design}\n")
     with pytest.raises(ff.BadInput, match=complaint):
         proposed(beam, path)
+
+
+def test_traces_that_nothing_repeats_are_told_and_the_others_are_named(
+    beam: ff.Fmu, tmp_path: Path
+) -> None:
+    """Values of two units, or a drive from an unknown start: `of` names the others."""
+    driven = 'signal = { kind = "step", level = "1 mN", at = "5 ms" }\n'
+    cases = {
+        'gain = "fit"\n' + driven: "'b' is driven from an unknown start",
+        'columns = { output = "seen" }': "values in m and V; wanted traces of one unit",
+    }
+    for k, (more, complaint) in enumerate(cases.items()):
+        path = two_traces(tmp_path / str(k), beam, more)
+        text = path.read_text()
+        path.write_text(text.replace(STATED, "", 1) if "seen" not in more else text)
+        if "seen" in more:
+            other = path.read_text().replace("ring.csv", "seen.csv").replace(STATED, "")
+            path.write_text(other)
+            lines = (path.parent / "ring.csv").read_text().splitlines()
+            values = [f"{line},{line.split(',')[1]}" for line in lines[1:]]
+            head = "time (s),displacement (m),seen (V)"
+            (path.parent / "seen.csv").write_text("\n".join([head, *values]))
+        with pytest.raises(ff.BadInput, match=complaint):
+            proposed(beam, path)
+        path.write_text(path.read_text() + '\n[design]\ntraces = { of = ["a, b"] }\n')
+        assert ff.limits(ff.Problem.of(ff.read_campaign(path), beam)).outputs == ("displacement",)
+
+
+def test_amplitudes_alone_are_told_without_a_table(swift_fmu: Path, tmp_path: Path) -> None:
+    rows = [f"{0.02 * k!r},{math.exp(-0.05 * k)!r}" for k in range(60)]
+    (tmp_path / "ring.csv").write_text("\n".join(["time (s),amplitude (m)", *rows]))
+    path = tmp_path / "campaign.toml"
+    path.write_text(
+        f'title = "One"\n[fmu]\nfile = "{swift_fmu}"\n[fmu.start]\nA1 = 0.0\nA2 = 0.0\n'
+        '[observe]\noutput = "q1"\n[[demodulated_trace]]\nfile = "ring.csv"\n'
+        'frequency = "1 MHz"\ninput = "b"\n'
+        '[[parameters]]\nname = "d1"\nlower = "0.1 Hz"\nupper = "10 Hz"\nstart = "1 Hz"\n'
+    )
+    with ff.Fmu(swift_fmu, workers=1) as fmu:
+        problem = ff.Problem.of(ff.read_campaign(path), fmu)
+        with pytest.raises(ff.BadInput, match="has amplitudes without phases"):
+            ff.limits(problem)

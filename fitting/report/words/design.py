@@ -36,8 +36,9 @@ def candidates_sentence(design: Design) -> str:
     if design.is_of_traces:
         return (
             f"{design.candidates} candidates (of {design.setups} traces, spacings and lengths; "
-            "recordings whose largest value could not be seen or would overload the detector left "
-            f"out), chosen by criterion {design.criterion}, greedy with exchanges."
+            "decays of less than a period left out, and recordings whose largest value could not "
+            f"be seen or would overload the detector), chosen by criterion {design.criterion}, "
+            "greedy with exchanges."
         )
     return (
         f"{design.candidates} candidates ({design.setups} settings of drive and output, and "
