@@ -6,6 +6,9 @@ import math
 
 from fitting.inference.cost import Expected, Range
 
+#: What a fit takes of memory, at most, over what its plan and one Jacobian take: measured for
+#: 10^4 to 10^6 samples, in one record and in a hundred (`tests/bench/bench_memory.py`).
+FURTHER = 2.0
 #: Times up to so many seconds are told in a unit of so many.
 UNITS = ((120.0, "s", 1.0), (7200.0, "min", 60.0), (math.inf, "h", 3600.0))
 
@@ -43,14 +46,17 @@ def measured_lines(
         planning: runs and seconds of the plan.
         each: runs and seconds of an evaluation.
         workers: processes.
-        memory_bytes: of all processes, NaN where it is not known.
+        memory_bytes: that all processes held at most, NaN where it is not known.
     """
     lines = [
         f"measured: the plan took {planning[0]} runs in {planning[1]:.2g} s; an evaluation "
         f"{each[0]:.3g} runs in {1e3 * each[1]:.3g} ms with {_number(workers, 'worker')}"
     ]
     if math.isfinite(memory_bytes):
-        lines.append(f"memory: {memory_bytes / 1e6:.0f} MB, all processes together")
+        lines.append(
+            f"memory: {memory_bytes / 1e6:.0f} MB until here, all processes together; up to "
+            f"{FURTHER * memory_bytes / 1e6:.0f} MB for the fit"
+        )
     return [
         *lines,
         "why a range: how many iterations a level and how many steps a profile takes depends on "
