@@ -43,6 +43,7 @@ from fitting.measurements.traces.waveform import Recorded
 from fitting.simulate.batch import Batch, Workers, answered
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput
+from fitting.text.notation import listed
 
 #: Candidates at most.
 MOST_RECORDINGS = 1000
@@ -132,16 +133,40 @@ def traces_of(bound: BoundCampaign) -> TracesSoFar:
     )
 
 
-def refuse_unknown(record: TraceRecord | DemodulatedRecord, where: str) -> None:
-    """Complain of a trace whose repetition nothing is known of.
+def repeated(
+    so_far: TracesSoFar, labels: Sequence[str], where: str
+) -> list[TraceRecord | DemodulatedRecord]:
+    """The traces of these names, of one unit, each of a kind that can be repeated.
 
     Args:
-        record: a trace so far.
+        so_far: all traces.
+        labels: names, one at least.
         where: what complaints name.
 
     Raises:
-        BadInput: driven from an unknown start, or amplitudes without phases.
+        BadInput: an unknown name, several units, a drive from an unknown start, amplitudes without
+            phases.
     """
+    for name in labels:
+        if name not in so_far.labels:
+            known = ", ".join(filter(None, so_far.labels)) or "a single one without a name"
+            raise BadInput(
+                f"{where}: '{name}' is no trace of [[{so_far.table}]]; wanted some of {known}"
+            )
+    records = [so_far.record(label) for label in labels]
+    for record in records:
+        _refuse_unknown(record, where)
+    units = list(dict.fromkeys(record.unit for record in records))
+    if len(units) > 1:
+        raise BadInput(
+            f"{where}: the traces have values in {listed(units)}; wanted traces of one unit, by "
+            "their names in 'of'"
+        )
+    return records
+
+
+def _refuse_unknown(record: TraceRecord | DemodulatedRecord, where: str) -> None:
+    """Complain of a trace whose repetition nothing is known of."""
     name = f"trace '{record.label}'" if record.label else "the trace"
     if isinstance(record, DemodulatedRecord):
         if record.is_amplitude:
@@ -182,8 +207,7 @@ def recording_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice
     if wanted is None:
         return ()
     found = []
-    for label in wanted.of:
-        record = so_far.record(label)
+    for label, record in zip(wanted.of, repeated(so_far, wanted.of, "limits: traces"), strict=True):
         least = max(LEAST_SAMPLES, OF_EACH * record.solved_inside)
         for spacing_s in wanted.spacings_s[label]:
             lengths_s = [s for s in wanted.lengths_s if s <= longest_s(record) * (1.0 + WHOLE)]

@@ -10,12 +10,11 @@ import numpy as np
 from fitting.campaign import BoundCampaign
 from fitting.campaign.file import WrittenDesign, WrittenTraces
 from fitting.design.candidates import MOST_SAMPLES, Limits, TraceLimits
-from fitting.design.recordings import TracesSoFar, longest_s, refuse_unknown, traces_of
+from fitting.design.recordings import TracesSoFar, longest_s, repeated, traces_of
 from fitting.design.sweep_limits import HEADROOM, OF_TONES, SweepTable
 from fitting.design.times import most_of
 from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.text.errors import BadInput
-from fitting.text.notation import listed
 from fitting.text.written import positive_in
 
 #: Keys of [design] that have no meaning beside traces.
@@ -67,16 +66,9 @@ def trace_limits(bound: BoundCampaign, table: SweepTable) -> Limits:
             f"{table.where('traces')}: '{own}' is fitted to single traces, and nothing is known of "
             "it in a new one; wanted parameters that all traces share"
         )
-    of = _names(so_far, asked, table)
-    records = [so_far.record(label) for label in of]
-    for record in records:
-        refuse_unknown(record, table.where("traces"))
-    unit, *others = dict.fromkeys(record.unit for record in records)
-    if others:
-        raise BadInput(
-            f"{table.where('traces')}: the traces have values in {listed([unit, *others])}; wanted "
-            "traces of one unit, by their names in 'of'"
-        )
+    of = tuple(dict.fromkeys(asked.of or so_far.labels))
+    records = repeated(so_far, of, table.where("traces"))
+    unit = records[0].unit
     floor = 0.0 if said.noise_floor is None else positive_in(said.noise_floor, unit)
     seen = max(float(np.max(np.abs(record.y))) for record in records)
     return Limits(
@@ -100,17 +92,6 @@ def trace_limits(bound: BoundCampaign, table: SweepTable) -> Limits:
             samples=_samples(so_far, asked, table),
         ),
     )
-
-
-def _names(so_far: TracesSoFar, asked: WrittenTraces, table: SweepTable) -> tuple[str, ...]:
-    for name in asked.of or ():
-        if name not in so_far.labels:
-            known = ", ".join(filter(None, so_far.labels)) or "a single one without a name"
-            raise BadInput(
-                f"{table.where('traces')}: '{name}' is no trace of [[{so_far.table}]]; wanted some "
-                f"of {known}"
-            )
-    return tuple(dict.fromkeys(asked.of or so_far.labels))
 
 
 def _lengths(so_far: TracesSoFar, of: tuple[str, ...], asked: WrittenTraces) -> tuple[float, ...]:

@@ -513,6 +513,9 @@ def test_lengths_of_as_many_samples_are_one_recording(beam: ff.Fmu, tmp_path: Pa
     )
     found = recording_choices(bound, replace(ff.limits(problem), traces=wanted))
     assert [c.recording.samples for c in found if c.recording is not None] == [201, 301]
+    unknown = replace(wanted, of=("x",), spacings_s={"x": (STEP_S,)})
+    with pytest.raises(ff.BadInput, match="limits: traces: 'x' is no trace of"):
+        ff.design(problem, limits=replace(ff.limits(problem), traces=unknown))
 
 
 # --- complaints -----------------------------------------------------------------------------
