@@ -28,7 +28,7 @@ class Cost:
     least and most of the whole. The plan took ``planning_runs`` and ``planning_s``; an evaluation
     takes ``runs_each`` runs and ``seconds_each`` with this many ``workers``, as measured over a
     Jacobian at the start. ``memory_bytes`` is the most that all processes held until then (NaN: not
-    known here); it grows with the samples, and a fit takes up to twice as much.
+    known here); a fit takes more.
     """
 
     expected: Expected

@@ -6,9 +6,6 @@ import math
 
 from fitting.inference.cost import Expected, Range
 
-#: What a fit takes of memory, at most, over what its plan and one Jacobian take: measured for
-#: 10^4 to 10^6 samples, in one record and in a hundred (`tests/bench/bench_memory.py`).
-FURTHER = 2.0
 #: Times up to so many seconds are told in a unit of so many.
 UNITS = ((120.0, "s", 1.0), (7200.0, "min", 60.0), (math.inf, "h", 3600.0))
 
@@ -54,8 +51,8 @@ def measured_lines(
     ]
     if math.isfinite(memory_bytes):
         lines.append(
-            f"memory: {memory_bytes / 1e6:.0f} MB until here, all processes together; up to "
-            f"{FURTHER * memory_bytes / 1e6:.0f} MB for the fit"
+            f"memory: {memory_bytes / 1e6:.0f} MB until here, all processes together; a fit takes "
+            "more, about twice as much of one long record, several times as much of many"
         )
     return [
         *lines,
