@@ -27,7 +27,8 @@ class Cost:
     ``expected`` holds the evaluations of its parts; ``evaluations``, ``runs`` and ``seconds`` are
     least and most of the whole. The plan took ``planning_runs`` and ``planning_s``; an evaluation
     takes ``runs_each`` runs and ``seconds_each`` with this many ``workers``, as measured over a
-    Jacobian at the start. ``memory_bytes`` is what all processes hold then (NaN: not known here).
+    Jacobian at the start. ``memory_bytes`` is the most that all processes held until then (NaN: not
+    known here); a fit takes more.
     """
 
     expected: Expected
@@ -118,16 +119,16 @@ def expected_of(
 
 
 def _memory_bytes(pids: Iterable[int]) -> float:
-    """What this process and some others hold, bytes; NaN where the system does not tell."""
+    """The most that this process and some others have held; NaN where the system does not tell."""
     if sys.platform != "linux":
         return math.nan
     try:
-        return float(sum(map(_resident_bytes, ("self", *map(str, pids)))))
+        return float(sum(map(_peak_bytes, ("self", *map(str, pids)))))
     except (OSError, ValueError):
         return math.nan
 
 
-def _resident_bytes(pid: str) -> int:
+def _peak_bytes(pid: str) -> int:
     text = Path(f"/proc/{pid}/status").read_text("ascii", "replace")
-    [line] = [line for line in text.splitlines() if line.startswith("VmRSS:")]
+    [line] = [line for line in text.splitlines() if line.startswith("VmHWM:")]
     return 1024 * int(line.split()[1])

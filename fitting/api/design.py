@@ -123,7 +123,8 @@ class NextMeasurements:
         campaign = folder / CAMPAIGN_FOLDER
         command = design.provenance["command"]
         bound = _bound(self.problem)[0]
-        files = campaign_files(design, bound, self.limits, campaign, command)
+        variables = self.problem.fmu.variables
+        files = campaign_files(design, bound, variables, self.limits, campaign, command)
         with results_folder(folder, "design", DESIGN_FILES):
             written = [write_design(design, folder), folder / TABLE_NAME, campaign / CAMPAIGN_NAME]
             write_whole(folder / TABLE_NAME, design_csv(design))
@@ -390,7 +391,8 @@ def _bound(problem: Problem) -> list[BoundCampaign]:
 
 
 def _limits(problem: Problem, bound: BoundCampaign, table: DesignTable) -> Limits:
-    lines = problem.campaigns[0].file.driven.lines
+    drive = problem.campaigns[0].file.drive
+    lines = () if drive is None else drive.lines
     return limits_of(bound, problem.fmu.variables, table, lines)
 
 
@@ -401,7 +403,7 @@ def _kept(
     own = read_design_table(bound.path)
     if isinstance(given, Limits):
         check_names(given, problem.fmu.variables, bound.setup.laws.controls)
-        if own.said or given.sweeps is None:
+        if own.said or (given.sweeps is None and given.traces is None):
             known = _limits(problem, bound, own)
             refuse_wider(given, known, own, lambda key: f"limits: {key}", bound.amplitude_unit)
         return given, own

@@ -26,6 +26,7 @@ DESIGN_FILES = (
     "design.csv",
     "report.html",
     *(f"campaign/{name}" for name in ("campaign.toml", "experiments.csv", "sweep.*", "sweeps.csv")),
+    "campaign/next[0-9]*.csv",
     "figures/[0-9]*_*.*",
 )
 WAYS_FILES = ("ways.json",)

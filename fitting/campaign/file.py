@@ -43,6 +43,7 @@ from fitting.text.keys import (
     Switch,
     Text,
     Texts,
+    Times,
     Usually,
     Value,
     Values,
@@ -609,6 +610,21 @@ class WrittenSweeps(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WrittenTraces(Keys):
+    """Recordings over time as next measurements, begun or driven as traces of the campaign."""
+
+    of: Texts | None = None
+    """Names of the traces whose start or drive is repeated; without it all of them."""
+    lengths: Times | None = None
+    """From the first to the last sample; without it a quarter, a half, once and twice the longest
+    trace."""
+    spacings: Times | None = None
+    """Spacings of the samples; without it that of each trace."""
+    samples: Count | None = None
+    """That the recorder keeps, at most; without it twice as many as the longest trace has."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class WrittenDesign(Keys):
     """Limits of the instrument for the next measurements; frequencies in Hz.
 
@@ -634,8 +650,8 @@ class WrittenDesign(Keys):
     repeats: Positives | None = None
     """Numbers of spectra averaged with their phases to try."""
     noise_floor: Value | None = None
-    """Of a peak in one spectrum, of a point of a sweep or of each of its quadratures, as "0.18 uV";
-    without it the campaign's own."""
+    """Of a peak in one spectrum, of a point of a sweep or a sample of a trace, or of each of their
+    quadratures, as "0.18 uV"; without it the campaign's own."""
     relative_noise: Annotated[Number | None, Usually(0.01)] = None
     """Noise of a peak as a share of it, which averaging does not lower."""
     phases: Switch | None = None
@@ -667,6 +683,13 @@ class WrittenDesign(Keys):
     sweeps: WrittenSweeps | None = None
     """Propose whole sweeps of the campaign's [control_sweep], else of its [complex_control_sweep],
     in place of tones."""
+    traces: WrittenTraces | None = None
+    """Propose recordings over time, like the campaign's [[trace]], else its [[demodulated_trace]],
+    in place of tones."""
+
+    def __post_init__(self) -> None:
+        if self.sweeps is not None and self.traces is not None:
+            raise Refused("stands beside 'sweeps'; wanted one of them", "traces")
 
 
 @dataclass(frozen=True, kw_only=True)

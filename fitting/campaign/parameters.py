@@ -176,6 +176,15 @@ def references(parameters: Sequence[Parameter]) -> FloatArray:
     return _column(parameters, "reference")
 
 
+def planning_points(parameters: Sequence[Parameter]) -> list[FloatArray]:
+    """Values (n,) at which runs are planned: the starts, and the references within the bounds.
+
+    Args:
+        parameters: the fitted parameters.
+    """
+    return [starts(parameters), np.clip(references(parameters), *bounds(parameters))]
+
+
 def scales(parameters: Sequence[Parameter]) -> FloatArray:
     """Scales (n,), each in its parameter's unit.
 

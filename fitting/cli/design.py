@@ -107,10 +107,11 @@ def _design(
     written = found.write(_out(args), report=not args.no_report)
     hand_over(args, found.design)
     what = "every point of its sweeps" if found.design.is_of_sweeps else "peaks"
+    to_do = "its recordings to be made" if found.design.is_of_traces else f"{what} to be filled in"
     return [
         *design_lines(found.design),
         f"\nwritten: {', '.join(map(str, written[:2]))}",
-        f"for the laboratory: {written[2]}, {what} to be filled in",
+        f"for the laboratory: {written[2]}, {to_do}",
         *(f"report: {page}" for page in written[3:]),
     ]
 

@@ -14,8 +14,12 @@ from typing import Any
 from fitting.campaign import BoundCampaign, Drive, SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.continued import continued_of
+from fitting.design.recordings import traces_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, fill_in, sweeps_csv
+from fitting.design.times import written_times
+from fitting.design.trace_campaign import edit_for_traces, recording_files
+from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_text
@@ -31,7 +35,12 @@ _MEGA = 1e6
 
 
 def campaign_files(
-    design: Design, bound: BoundCampaign, limits: Limits, folder: Path, command: str
+    design: Design,
+    bound: BoundCampaign,
+    variables: Mapping[str, VariableLike],
+    limits: Limits,
+    folder: Path,
+    command: str,
 ) -> dict[str, str | bytes]:
     """Contents by file name of the folder that the laboratory takes along.
 
@@ -40,6 +49,7 @@ def campaign_files(
     Args:
         design: the proposed next measurement.
         bound: campaign, bound to its FMU.
+        variables: of the FMU, by name.
         limits: what the design may use.
         folder: where the files go.
         command: command line that made it, for the record.
@@ -48,6 +58,8 @@ def campaign_files(
     if limits.sweeps is not None:
         written = tomllib.loads(text)
         return {CAMPAIGN_NAME: text, SWEEPS_NAME: sweeps_csv(design, bound, written, command)}
+    if limits.traces is not None:
+        return {CAMPAIGN_NAME: text, **recording_files(design, bound, command, variables)}
     files: dict[str, str | bytes] = {
         CAMPAIGN_NAME: text,
         EXPERIMENTS_NAME: _experiments(design, bound, limits, command),
@@ -71,12 +83,15 @@ def _campaign(
         if "file" in tables["fmu"]:
             named = bound.path.parent / str(tables["fmu"]["file"])
             tables["fmu"]["file"] = Path(os.path.relpath(named, folder)).as_posix()
-        kept = "" if limits.sweeps is None else continued_of(bound).table
+        kept = _kept_table(bound, limits)
         for name in bound.measurements:
             if name != kept:
                 tables.pop(name, None)  # other data, which are not measured again
         if limits.sweeps is not None:
             edit_for_sweeps(tables, design, bound, limits)
+            return
+        if limits.traces is not None:
+            edit_for_traces(tables, design, bound, limits)
             return
         if bound.sweep is not None:
             name = _sweep_name(bound.sweep)
@@ -98,7 +113,16 @@ def _campaign(
     ]
     if limits.sweeps is not None:
         head = [f"Next sweeps, to be made. {fill_in(bound)} of {SWEEPS_NAME}."]
+    if limits.traces is not None:
+        head = ["Next recordings, to be made: put each in the place of its file."]
     return rewritten(read_text(bound.path), edit, [*head, f"Proposed by: {command}"])
+
+
+def _kept_table(bound: BoundCampaign, limits: Limits) -> str:
+    """The table of a kind of its own whose measurements are continued; none: empty."""
+    if limits.traces is not None:
+        return traces_of(bound).table
+    return "" if limits.sweeps is None else continued_of(bound).table
 
 
 def _edit_drive(drive: Tables, design: Design, source: Drive, limits: Limits) -> None:
@@ -171,6 +195,7 @@ def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[
         "phases": limits.phases,
         "largest": f"{limits.largest_v!r} {unit}",
         "number": limits.number,
+        **written_times(limits),
         "averaged": [p.repeats for p in design.proposals],
     }
     if limits.noise_floor_v == 0.0:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, Phases
 from fitting.campaign.control_table import LEAST_POINTS
+from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.signal.combinations import Combination
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -21,6 +22,8 @@ from fitting.text.units import convert
 MOST_OFFSETS = 24
 #: Measurements, at most, that are proposed.
 MOST_NUMBER = 50
+#: Samples of a recording, at most: a design simulates it many times.
+MOST_SAMPLES = 200_000
 #: Setups, at most, that are simulated.
 MOST_SETUPS = 20_000
 
@@ -56,6 +59,40 @@ class SweepLimits:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TraceLimits:
+    """Recordings over time as candidates: each repeats a trace of the campaign.
+
+    Args:
+        of: Names of the traces whose start or drive is repeated.
+        lengths_s: From the first to the last sample, s.
+        spacings_s: Spacings of the samples, s, by the name of the trace.
+        samples: That the recorder keeps, at most.
+
+    Raises:
+        BadInput: nothing to try, times that are not positive, fewer than 8 samples, or more than
+            a design looks at.
+    """
+
+    of: tuple[str, ...]
+    lengths_s: tuple[float, ...]
+    spacings_s: Mapping[str, tuple[float, ...]]
+    samples: int
+
+    def __post_init__(self) -> None:
+        if not self.of or set(self.spacings_s) != set(self.of):
+            raise BadInput("limits: traces: wanted one trace at least, and spacings of each")
+        for values in (self.lengths_s, *self.spacings_s.values()):
+            if not values or not all(0.0 < v < math.inf for v in values):
+                raise BadInput(
+                    f"limits: traces: found times {values!r}, wanted positive ones, one at least"
+                )
+        if not LEAST_SAMPLES <= self.samples <= MOST_SAMPLES:
+            raise BadInput(
+                f"limits: traces: {self.samples} samples, wanted {LEAST_SAMPLES} to {MOST_SAMPLES}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Limits:
     """What the instrument can do.
 
@@ -83,6 +120,8 @@ class Limits:
         lines: Read at combinations of the tones; empty: at the tones.
         phases: The detector tells phases as well, against a reference phase that is unknown.
         sweeps: Whole sweeps are measured instead of tones, around the only one of the centres.
+        traces: Recordings over time are made instead of tones, which have a noise of
+            ``noise_floor_v``, 0 for that of the traces so far; what places tones is not used.
         time_s: Of the laboratory for all next measurements, s; None: their number alone counts.
         spectrum_s: What a spectrum takes, s.
         point_s: What a point of a sweep takes, s.
@@ -110,6 +149,7 @@ class Limits:
     lines: tuple[Combination, ...] = ()
     phases: bool = False
     sweeps: SweepLimits | None = None
+    traces: TraceLimits | None = None
     time_s: float | None = None
     spectrum_s: float = 1.0
     point_s: float = 1.0
@@ -135,6 +175,7 @@ class Limits:
             self._check("number", self.number >= 2, f"2 to {MOST_NUMBER} sweeps")
             self._check("centres_hz", len(self.centres_hz) == 1, "one, the middle of the sweeps")
             self._check("noise_floor_v", self.sigma(1.0, 1) > 0.0, "noise of the sweeps' points")
+            self._check("sweeps", self.traces is None, "sweeps or traces, not both")
         for name in ("levels", "repeats"):
             object.__setattr__(self, name, tuple(sorted(set(getattr(self, name)))))
 
@@ -162,14 +203,31 @@ class Limits:
         floor = self.noise_floor_v / math.sqrt(repeats)
         return np.asarray(np.hypot(floor, self.relative_noise * amplitudes_v))
 
-    def takes_s(self, points: int, repeats: int) -> float:
+    def takes_s(self, choice: DriveChoice, repeats: int) -> float:
         """What a measurement takes of the laboratory, s.
 
         Args:
-            points: of a sweep; 0: tones.
+            choice: what is measured.
             repeats: number of spectra averaged.
         """
+        if choice.recording is not None:
+            return self.change_s + choice.recording.length_s
+        points = choice.points
         return self.change_s + (points * self.point_s if points else repeats * self.spectrum_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """A recording over time that begins, or is driven, as the ``trace`` of that name was."""
+
+    trace: str
+    spacing_s: float
+    samples: int
+
+    @property
+    def length_s(self) -> float:
+        """From the first sample to the last, s."""
+        return (self.samples - 1) * self.spacing_s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +236,7 @@ class DriveChoice:
 
     `tones_hz` around the resonance `centre_hz`, `level` a factor on the campaign's drive,
     `settings` of further FMU parameters or controls. With `points` it is a sweep of that many
-    frequencies from the first to the second of `tones_hz`.
+    frequencies from the first to the second of `tones_hz`; a `recording` has no tones.
     """
 
     centre_hz: float
@@ -187,6 +245,7 @@ class DriveChoice:
     level: float
     settings: Mapping[str, Scalar]
     points: int = 0
+    recording: Recording | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,11 +22,10 @@ from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import (
     UNIFORM_WIDTH,
     Parameter,
-    bounds,
-    references,
+    planning_points,
     search_bounds,
-    starts,
 )
+from fitting.fit.covariance import RowCovariance
 from fitting.fit.differences import central
 from fitting.fit.linearisation import information, row_sigmas
 from fitting.fit.objective import (
@@ -101,7 +100,7 @@ class Series:
     def _refine(self) -> None:
         """Plan few runs for every curve whose response is measured to be rational."""
         parameters = self.bound.parameters
-        points = [starts(parameters), np.clip(references(parameters), *bounds(parameters))]
+        points = planning_points(parameters)
         for measurement in self.data.measurements:
             model = self.model(self.bound.alternatives[0])
             self.plan = measurement.refined(model, points, self.workers)
@@ -354,7 +353,7 @@ def _with_scale(by_x: FloatArray) -> FloatArray:
 
 def information_of_data(
     series: Series, rows: Rows, setting_sigmas: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, RowCovariance, FloatArray]:
     """Information (n + 1, n + 1) of what was measured, and V and J of its rows.
 
     Settings that the campaign fits an offset to carry no error of their own here.
@@ -367,20 +366,26 @@ def information_of_data(
     count = rows.amplitude_v.size
     fitted = {name for parameter in series.bound.offsets for name in parameter.adds_to}
     errors = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
-    index = _experiments_of_rows(series)
     residuals = np.concatenate([rows.residuals, rows.further_residuals])
     given = series.data.sigma
     sigmas = np.concatenate(
         [row_sigmas(given[part], residuals[part]) for part in (slice(count), slice(count, None))]
     )
-    same = np.equal.outer(index, index).astype(float)
     by_setting = np.concatenate([rows.by_setting, rows.further_by_setting])
-    covariance = noise_covariance(sigmas, by_setting, errors, same)
+    covariance = _of_rows(sigmas, by_setting * errors, _experiments_of_rows(series))
     # d residual = (1 + residual) d ln(chi z) for a peak; a fitted sweep is relative to its maximum
     peaks = _with_scale(rows.by_x) * (1.0 + rows.residuals[:, np.newaxis])
     by_scale = rows.further_residuals + series.data.measured_rows[count:]
     columns = np.concatenate([peaks, np.column_stack([rows.further_by_x, by_scale])])
     return information(columns, covariance), covariance, columns
+
+
+def _of_rows(sigmas: FloatArray, moved: FloatArray, index: IntArray) -> RowCovariance:
+    """V of all rows: `moved` (m, s) is common to rows of one experiment, by its `index` (m,)."""
+    alone = index < 0
+    own = np.hypot(sigmas, alone * np.linalg.norm(moved, axis=1))
+    of_each = [moved * (index == k)[:, np.newaxis] for k in np.unique(index[~alone])]
+    return RowCovariance(own, np.concatenate([np.zeros((sigmas.size, 0)), *of_each], axis=1))
 
 
 def _experiments_of_rows(series: Series) -> IntArray:

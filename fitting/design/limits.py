@@ -19,6 +19,7 @@ from fitting.campaign.file import WrittenCampaign, WrittenDesign
 from fitting.design.candidates import MOST_NUMBER, Limits
 from fitting.design.sweep_limits import HEADROOM, SweepTable, asked_of, sweep_limits, with_unit
 from fitting.design.times import most_of, timed
+from fitting.design.trace_limits import trace_limits, traces_asked_of
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
@@ -38,6 +39,8 @@ RELATIVE_NOISE = 0.01
 OFF_THE_LINE = 0.05
 #: Relative difference of two limits that are the same one, written in two units.
 ROUNDING = 1e-12
+#: Keys that say which kind of measurement is proposed, and what its limits cannot do without.
+OF_KIND = ("sweeps", "traces", "noise_floor", "relative_noise")
 #: Tables by which a file is known as a campaign.
 OF_A_CAMPAIGN = ("fmu", "drive", "parameters")
 
@@ -80,6 +83,9 @@ class DesignTable:
         for key in ("settings", "setting_sigma"):  # tables themselves, by variable
             if key in new:
                 new[key] = {**getattr(self.keys, key), **new[key]}
+        for asked, given_up in (("sweeps", "traces"), ("traces", "sweeps")):
+            if asked in new:  # another kind of measurement
+                new.setdefault(given_up, None)
         return DesignTable(
             path=self.path,
             keys=replace(self.keys, **new),
@@ -88,14 +94,14 @@ class DesignTable:
         )
 
     def beside(self, other: DesignTable) -> DesignTable:
-        """The table, asking for sweeps where the other one does, to be compared with it.
+        """The table, asking for sweeps or traces where the other one does, to be compared with it.
 
         The noise is the other's, too: it is no limit, and without it sweeps have no limits.
 
         Args:
             other: what holds in its place.
         """
-        taken = {n: getattr(other.keys, n) for n in ("sweeps", "noise_floor", "relative_noise")}
+        taken = {n: getattr(other.keys, n) for n in OF_KIND}
         return replace(self, keys=replace(self.keys, **taken))
 
 
@@ -210,7 +216,8 @@ def limits_of(
     What it does not say is taken from the campaign: outputs like the observed one (same unit, same
     name but for digits), resonances at the sweep's maximum and at every drifting frequency, the
     grid, least spacing and largest detuning of its own drive frequencies, the noise of its peaks.
-    Of a campaign of a map alone sweeps are proposed, at the values of its controls so far.
+    Of a campaign of a map alone sweeps are proposed, at the values of its controls so far, of one
+    of traces alone recordings like these.
 
     Args:
         bound: campaign, bound to its FMU.
@@ -222,9 +229,18 @@ def limits_of(
         BadInput: a value of the wrong kind or unit, an unknown variable, nothing to place tones by.
     """
     said = asked_of(bound, table.keys, table.said)
+    if said.sweeps is None and traces_asked_of(bound, said, table.said):
+        return timed(
+            trace_limits(bound, SweepTable(said=said, keys=table.said, where=table.where)), said
+        )
     if said.sweeps is not None:
         asked = SweepTable(said=said, keys=table.said, where=table.where)
         return timed(sweep_limits(bound, variables, asked), said)
+    if bound.setup.drive.kind == "none":
+        raise BadInput(
+            f"{bound.path}: has no [drive], wanted one: tones are proposed where [design] asks for "
+            "neither sweeps nor traces"
+        )
     centres = _centres(bound, variables, table)
     own = _own_grid(bound, centres)
     found = Limits(

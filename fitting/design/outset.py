@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from fitting.design.candidates import Limits
 from fitting.design.continued import continued_of
 from fitting.design.information import Place, Series, information_of_data, scale_sigma
 from fitting.design.points import LinearisedFit, WhitenedData, nearest_fit
+from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import inflation_of
 from fitting.fit.search.box import Box
 from fitting.fit.search.evolution import merit
@@ -103,10 +103,10 @@ class MeasuredSoFar:
         for series in self.series:
             rows = series.rows([place], self.steps, self.limits.setting_sigmas)[0]
             covariance = information_of_data(series, rows, self.limits.setting_sigmas)[1]
-            blocks.append(covariance + scale_sigma(series.data) ** 2)
+            blocks.append(covariance.beside(np.full(covariance.size, scale_sigma(series.data))))
         return WhitenedData(
             series=self.series,
-            covariance=block_diag(*blocks),
+            covariance=RowCovariance.joined(blocks),
             prior=self.prior,
             steps=self.steps,
         )

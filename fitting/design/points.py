@@ -16,6 +16,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds
 from fitting.design.information import Place, Series
+from fitting.fit.covariance import RowCovariance
 from fitting.fit.differences import central
 from fitting.fit.linearisation import Linearisation, whitened
 from fitting.fit.objective import evaluate_many
@@ -48,13 +49,13 @@ class LinearisedFit:
 
 @dataclass(frozen=True, kw_only=True)
 class WhitenedData:
-    """Data so far: series, covariance of all their rows (m, m), prior sigmas and steps (n,).
+    """Data so far: series, covariance of all their rows, prior sigmas and steps (n,).
 
     All series have the parameters of the first.
     """
 
     series: tuple[Series, ...]
-    covariance: FloatArray
+    covariance: RowCovariance
     prior: FloatArray
     steps: FloatArray
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, to_model
-from fitting.design.candidates import Limits, SweepLimits
+from fitting.design.candidates import DriveChoice, Limits, SweepLimits, TraceLimits
 from fitting.design.continued import continued_of
-from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
+from fitting.design.recordings import traces_of
+from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal, ProposedRecording
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, number, quantity
@@ -35,7 +36,7 @@ class Choice:
         """
         weighed = self.weighed
         return sum(
-            limits.takes_s(weighed.setups[weighed.setup_of[i]].points, weighed.repeats[i])
+            limits.takes_s(weighed.setups[weighed.setup_of[i]], weighed.repeats[i])
             for i in self.chosen
         )
 
@@ -94,7 +95,7 @@ def proposed(
         campaign=str(bound.path),
         target=goal.target,
         unit=unit,
-        amplitude_unit=bound.amplitude_unit if limits.sweeps is None else continued_of(bound).unit,
+        amplitude_unit=_amplitude_unit(bound, limits),
         criterion=goal.criterion,
         before=expected_of(weighed.sigmas([])),
         spread=weighed.spread,
@@ -117,6 +118,12 @@ def proposed(
     )
 
 
+def _amplitude_unit(bound: BoundCampaign, limits: Limits) -> str:
+    if limits.traces is not None:
+        return traces_of(bound).record(limits.traces.of[0]).unit
+    return bound.amplitude_unit if limits.sweeps is None else continued_of(bound).unit
+
+
 def expected_of(sigmas: FloatArray) -> Expected:
     """At the given point, on (geometric) average and at worst over points of equal fit.
 
@@ -135,6 +142,9 @@ def _proposal(weighed: Weighed, limits: Limits, chosen: Sequence[int], rank: int
     setup = weighed.setups[weighed.setup_of[candidate]]
     peaks = weighed.amplitudes_v[0, weighed.setup_of[candidate]]
     repeats = weighed.repeats[candidate]
+    sigmas = limits.sigmas(peaks, repeats)
+    if weighed.sigmas_v is not None:
+        sigmas = weighed.sigmas_v[[weighed.setup_of[candidate]]]
     return Proposal(
         rank=rank,
         tones_hz=setup.tones_hz,
@@ -144,9 +154,22 @@ def _proposal(weighed: Weighed, limits: Limits, chosen: Sequence[int], rank: int
         settings=setup.settings,
         repeats=repeats,
         peaks_v=tuple(map(float, peaks)),
-        sigmas_v=tuple(limits.sigma(float(a), repeats) for a in peaks),
+        sigmas_v=tuple(map(float, sigmas)),
         expected=expected_of(weighed.sigmas(chosen[:rank])),
         points=setup.points,
+        recording=_proposed_recording(setup),
+    )
+
+
+def _proposed_recording(setup: DriveChoice) -> ProposedRecording | None:
+    asked = setup.recording
+    if asked is None:
+        return None
+    return ProposedRecording(
+        trace=asked.trace,
+        length_s=asked.length_s,
+        spacing_s=asked.spacing_s,
+        samples=asked.samples,
     )
 
 
@@ -163,7 +186,9 @@ def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, setup in enumerate(weighed.setup_of):
         s = weighed.setups[setup]
-        own = tuple(s.settings.items()) if s.points else ()
+        own: tuple[object, ...] = tuple(s.settings.items()) if s.points else ()
+        if s.recording is not None:
+            own = (s.recording.trace, s.recording.spacing_s)
         groups.setdefault((s.output, s.centre_hz, s.level, *own), []).append(i)
     first = [weighed.setups[weighed.setup_of[group[0]]] for group in groups.values()]
     return tuple(
@@ -176,6 +201,8 @@ def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
             worst=max(alone[i] for i in group),
             beside=min(beside[i] for i in group),
             count=len(group),
+            trace="" if s.recording is None else s.recording.trace,
+            spacing_s=0.0 if s.recording is None else s.recording.spacing_s,
         )
         for s, group in zip(first, groups.values(), strict=True)
     )
@@ -270,6 +297,13 @@ def _sentences(
             "Every control of a new sweep is taken to be as exact as in the sweeps so far; "
             f"{continued_of(bound).scale}."
         )
+    if limits.traces is not None:
+        said.append(
+            "A new recording begins, or is driven, as the trace that it repeats was, and noise is "
+            "taken to be that of a sample whatever the spacing, independent from one to the next: "
+            "where a filter or the recorder makes neighbours alike, finer samples tell less than "
+            "that."
+        )
     if limits.setting_sigmas:
         errors = listed(
             f"{name} by {s:.3g} {bound.drift.units.get(name, '')}".rstrip()
@@ -285,6 +319,8 @@ def _sentences(
 def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
     if limits.sweeps is not None:
         return _sweep_limits(bound, limits, limits.sweeps)
+    if limits.traces is not None:
+        return _trace_limits(bound, limits, limits.traces)
     unit = bound.amplitude_unit
     words = {
         "outputs": listed(limits.outputs),
@@ -314,6 +350,7 @@ def _time(limits: Limits) -> dict[str, str]:
     each = (
         f"{limits.point_s:g} s a point" if limits.sweeps else f"{limits.spectrum_s:g} s a spectrum"
     )
+    each = "as long as each recording" if limits.traces else each
     change = f", {limits.change_s:g} s for each measurement besides" if limits.change_s else ""
     return {"time": f"{limits.time_s:g} s at most: {each}{change}"}
 
@@ -332,5 +369,24 @@ def _sweep_limits(bound: BoundCampaign, limits: Limits, sweeps: SweepLimits) -> 
         "noise of a point": _noise(limits, unit),
         "largest amplitude": quantity(limits.largest_v, float("nan"), unit),
         "sweeps": f"{limits.number} at most",
+        **_time(limits),
+    }
+
+
+def _trace_limits(bound: BoundCampaign, limits: Limits, traces: TraceLimits) -> dict[str, str]:
+    unit = _amplitude_unit(bound, limits)
+    noise = "as stated of the traces so far, else as a fit leaves it"
+    if limits.noise_floor_v:
+        noise = quantity(limits.noise_floor_v, float("nan"), unit)
+    spacings = dict.fromkeys(s for label in traces.of for s in traces.spacings_s[label])
+    return {
+        "output": listed(limits.outputs),
+        "begun or driven as": listed(label or "the trace" for label in traces.of),
+        "lengths": listed(f"{length:g} s" for length in traces.lengths_s),
+        "spacings of samples": listed(f"{spacing:g} s" for spacing in spacings),
+        "samples": f"{traces.samples} at most",
+        "noise of a sample": noise,
+        "largest value": quantity(limits.largest_v, float("nan"), unit),
+        "recordings": f"{limits.number} at most",
         **_time(limits),
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,6 +29,19 @@ class Expected:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ProposedRecording:
+    """A recording over time that begins, or is driven, as the ``trace`` of that name was.
+
+    `length_s` from the first to the last of `samples`, which are `spacing_s` apart.
+    """
+
+    trace: str
+    length_s: float
+    spacing_s: float
+    samples: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Proposal:
     """One proposed measurement: `rank` in order of use, drive, output, number of spectra averaged.
 
@@ -34,7 +49,8 @@ class Proposal:
     `level` a factor on the campaign's drive level, `settings` of FMU parameters; `expected` of the
     target after this measurement and those before it. With `points` it is a sweep of that many
     frequencies, `tones_hz` its first and last, its largest amplitude the only peak, `settings` its
-    controls.
+    controls. A `recording` has no tones, its largest value is the only peak, with the noise of a
+    sample.
     """
 
     rank: int
@@ -48,11 +64,14 @@ class Proposal:
     sigmas_v: tuple[float, ...]
     expected: Expected
     points: int = 0
+    recording: ProposedRecording | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
     """Candidates that share output, resonance and level, of sweeps also their controls.
+
+    Of recordings those that repeat one `trace` with one spacing, `spacing_s`.
 
     Expected sigma (average over points of equal fit) of the `best` and the `worst` of them if it
     were the only measurement, and of the best beside all proposed ones but the last (`beside`).
@@ -66,6 +85,8 @@ class Kind:
     beside: float
     count: int
     settings: Mapping[str, Scalar] = field(default_factory=dict)
+    trace: str = ""
+    spacing_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +139,11 @@ class Design:
         return any(p.points for p in self.proposals)
 
     @property
+    def is_of_traces(self) -> bool:
+        """Whether recordings over time are proposed."""
+        return any(p.recording is not None for p in self.proposals)
+
+    @property
     def improvement(self) -> float:
         """Ratio of the average sigma before to that after all proposed measurements."""
         return self.before.mean / self.proposals[-1].expected.mean if self.proposals else 1.0
@@ -155,6 +181,8 @@ def design_csv(design: Design) -> str:
     driven = [f"tone {i + 1} (Hz)" for i in range(tones)]
     if design.is_of_sweeps:
         driven = ["first frequency (Hz)", "last frequency (Hz)", "points"]
+    if design.is_of_traces:
+        return _recordings_csv(design)
     unit, volts = design.unit or "1", design.amplitude_unit
     names = list(design.proposals[0].settings) if design.proposals else []
     head = ["rank", *driven, "resonance (Hz)", "output"]
@@ -173,6 +201,24 @@ def design_csv(design: Design) -> str:
         cells += [*map(repr, p.peaks_v), *map(repr, p.sigmas_v)]
         lines.append(",".join([*cells, *map(_number, (e.at, e.mean, e.worst))]))
     return "\n".join(lines) + "\n"
+
+
+def _recordings_csv(design: Design) -> str:
+    unit, volts = design.unit or "1", design.amplitude_unit
+    head = ["rank", "trace", "output", "length (s)", "spacing (s)", "samples"]
+    head += [f"largest ({volts})", f"sigma ({volts})"]
+    head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
+    before = design.before
+    rows = [head, ["0", *[""] * 7, *map(_number, (before.at, before.mean, before.worst))]]
+    for p in design.proposals:
+        if p.recording is not None:
+            r, e = p.recording, p.expected
+            cells = [str(p.rank), r.trace, p.output, repr(r.length_s), repr(r.spacing_s)]
+            cells += [str(r.samples), *map(repr, (*p.peaks_v, *p.sigmas_v))]
+            rows.append([*cells, *map(_number, (e.at, e.mean, e.worst))])
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _number(value: float) -> str:

@@ -10,6 +10,7 @@ from fitting.design.candidates import DriveChoice, Limits
 from fitting.design.continued import continued_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweeps import frequencies_hz
+from fitting.design.times import written_times
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, listed, number, prefixed
 from fitting.text.toml import Tables, inline, put
@@ -73,6 +74,7 @@ def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[
         "relative_noise": limits.relative_noise,
         "largest": f"{limits.largest_v!r} {unit}",
         "number": limits.number,
+        **written_times(limits),
     }
     if limits.noise_floor_v > 0.0:
         table["noise_floor"] = f"{limits.noise_floor_v!r} {unit}"

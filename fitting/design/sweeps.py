@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign import BoundCampaign
-from fitting.campaign.parameters import bounds, references, search_bounds, starts, to_model
+from fitting.campaign.parameters import planning_points, search_bounds, to_model
 from fitting.design.candidates import DriveChoice, Limits, combinations
 from fitting.design.continued import Continued, Responses, SweepRows, continued_of
 from fitting.design.information import Place, Series
@@ -29,7 +29,7 @@ from fitting.measurements.measurement import Prediction
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.signal.magnitude import mean_magnitude
-from fitting.simulate.batch import Batch
+from fitting.simulate.batch import Batch, answered
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
@@ -135,7 +135,7 @@ def _curves(model: DrivenModel, choices: Sequence[DriveChoice]) -> list[Response
 def _planned(series: Series, choices: Sequence[DriveChoice]) -> Plan:
     """The plan with few runs for each sweep where the FMU is linear."""
     parameters = series.bound.parameters
-    points = [starts(parameters), np.clip(references(parameters), *bounds(parameters))]
+    points = planning_points(parameters)
     model = series.model(series.bound.alternatives[0])
     for choice in choices:
         [curve] = _curves(model, [choice])
@@ -153,15 +153,7 @@ def _responses(
     frequency_hz, batch = frequencies_hz(choices[0]), Batch()
     curves = _curves(series.model(place.alternative), choices)
     task = together([curve.predict(table, frequency_hz, batch) for curve in curves])
-    found = None
-    while found is None:
-        try:
-            next(task)
-        except StopIteration as ended:
-            found = ended.value
-        else:
-            batch.simulate(series.workers)
-    here, *nodes = np.stack(found, axis=1)
+    here, *nodes = np.stack(answered(task, batch, series.workers), axis=1)
     return Responses(
         frequency_hz=frequency_hz,
         values=here,

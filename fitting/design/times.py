@@ -27,6 +27,23 @@ def timed(limits: Limits, said: WrittenDesign) -> Limits:
     )
 
 
+def written_times(limits: Limits) -> dict[str, str]:
+    """Keys of a table that tell the times of limits; without a time for all of them none counts.
+
+    Args:
+        limits: of the instrument.
+    """
+    if limits.time_s is None:
+        return {}
+    taken = {
+        "time": limits.time_s,
+        "spectrum_time": limits.spectrum_s,
+        "point_time": limits.point_s,
+        "change_time": limits.change_s,
+    }
+    return {key: f"{seconds!r} s" for key, seconds in taken.items()}
+
+
 def most_of(said: WrittenDesign) -> int:
     """Measurements at most; where a time is given that counts, and their number hardly.
 

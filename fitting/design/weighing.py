@@ -30,6 +30,7 @@ from fitting.design.information import (
 )
 from fitting.design.outset import MeasuredSoFar, Outset
 from fitting.design.points import equal_fits, nearest_fit, spread_out
+from fitting.design.recordings import RecordingsToSimulate, recording_choices, traces_of
 from fitting.design.sweeps import information_of_sweeps, simulated_sweeps, sweep_choices
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA, information
@@ -72,6 +73,7 @@ class Weighed:
 
     `problem` in variables of unit prior variance; `amplitudes_v` (places, setups, tones);
     `values` of the target at the `places`, `spread_values` at all points of equal fit.
+    `sigmas_v` (setups,) is the noise of recordings, None where the limits say it of peaks.
     `inflation` and `searched` are those of the `Outset`.
     """
 
@@ -84,6 +86,7 @@ class Weighed:
     values: FloatArray
     spread_values: FloatArray
     linear: bool
+    sigmas_v: FloatArray | None = None
     inflation: float = 1.0
     searched: int = 0
 
@@ -206,7 +209,11 @@ def weigh_ways(
         FmuFailure: the FMU failed.
     """
     _check_target(bound, goal.target)
-    data = Series(bound, workers, refined=any(way.sweeps is not None for way in ways))
+    data = Series(
+        bound,
+        workers,
+        refined=any(way.sweeps is not None or way.traces is not None for way in ways),
+    )
     series = (data, *(_alike(other, bound, workers, refined=data.refined) for other in also))
     steps = data.steps()
     known = _known(series, steps, goal, ways, progress)
@@ -220,6 +227,8 @@ def weigh_ways(
 def _candidates(data: Series, limits: Limits, known: _Known, steps: FloatArray) -> _Candidates:
     if limits.sweeps is not None:
         return _sweep_candidates(data, limits, known, steps)
+    if limits.traces is not None:
+        return _recording_candidates(data, limits, known, steps)
     found = _simulated(data.bound, data.workers, limits, known.places, steps)
     return _tone_candidates(limits, found)
 
@@ -294,7 +303,7 @@ def _information_at(
             total += found
         else:
             own = scale_sigma(series.data) * columns[:, -1]
-            total[:-1, :-1] += information(columns[:, :-1], covariance + np.outer(own, own))
+            total[:-1, :-1] += information(columns[:, :-1], covariance.beside(own))
     return total
 
 
@@ -468,18 +477,47 @@ def _sweep_candidates(
     return _Candidates(choices, largest, information_at, linear=True)
 
 
+def _recording_candidates(
+    data: Series, limits: Limits, known: _Known, steps: FloatArray
+) -> _Candidates:
+    """Candidates that are recordings over time, and their information."""
+    choices, so_far = recording_choices(data.bound, limits), traces_of(data.bound)
+    asked = RecordingsToSimulate(series=data, so_far=so_far, choices=choices, steps=steps)
+    labels = [c.recording.trace for c in choices if c.recording is not None]
+    if limits.noise_floor_v > 0.0:
+        sigmas = np.full(len(labels), limits.noise_floor_v)
+    else:
+        noise = asked.noise(known.places[0], dict.fromkeys(labels))
+        sigmas = np.array([noise[label] for label in labels])
+    rows = asked.rows(known.places)
+
+    def information_at(rank: int, count: int, kept: Sequence[int]) -> FloatArray:
+        return rows[rank].information(sigmas, kept)
+
+    largest = np.stack([r.largest[:, np.newaxis] for r in rows])
+    return _Candidates(choices, largest, information_at, linear=True, sigmas_v=sigmas)
+
+
 @dataclass(frozen=True)
 class _Candidates:
     """Setups or sweeps, their peaks (places, setups, k), and `information_at` of some of them.
 
     That is asked with a place by its number, a number of spectra averaged and candidates, and
-    answers with (candidates, n, n).
+    answers with (candidates, n, n). `sigmas_v` (setups,) are the noise of those whose limits do not
+    say it.
     """
 
     setups: Sequence[DriveChoice]
     amplitudes_v: FloatArray
     information_at: Callable[[int, int, Sequence[int]], FloatArray]
     linear: bool
+    sigmas_v: FloatArray | None = None
+
+    def sigmas(self, limits: Limits, count: int) -> FloatArray:
+        """Standard deviations of the peaks, of so many spectra averaged: (places, setups, k)."""
+        if self.sigmas_v is None:
+            return limits.sigmas(self.amplitudes_v, count)
+        return np.broadcast_to(self.sigmas_v[:, np.newaxis], self.amplitudes_v.shape)
 
 
 def _gathered(limits: Limits, found: _Candidates, known: _Known, own: IntArray) -> Weighed:
@@ -493,7 +531,7 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known, own: IntArray) 
     unit = known.unit[index]
     gains, repeats, setup_of = [], [], []
     for count in limits.repeats:
-        sigmas = limits.sigmas(amplitudes, count)
+        sigmas = found.sigmas(limits, count)
         above = np.min(amplitudes - LEAST_SIGNAL * sigmas, axis=2) >= 0.0
         seen = (np.mean(above, axis=0) >= 0.5) & np.all(amplitudes > 0.0, axis=(0, 2))
         borne = np.max(amplitudes[0], axis=1) <= limits.largest_v
@@ -507,18 +545,21 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known, own: IntArray) 
         repeats += [count] * len(kept)
         setup_of += kept
     if not setup_of:
+        recorded = limits.traces is not None
         raise BadInput(
             f"none of {len(setups)} setups can be measured: every peak is below "
             f"{LEAST_SIGNAL:g} standard deviations of the noise or above the largest amplitude"
+            + ", or a fit would refuse it, as a decay of less than a period"
+            * recorded
         )
     stacked = np.stack(
         [np.concatenate([g for _, k, g in gains if k == rank]) for rank in range(len(known.places))]
     )
-    levels = np.array([setups[i].level for i in setup_of])
+    efforts = np.array([_effort(setups[i]) for i in setup_of])
     pairs = zip(setup_of, repeats, strict=True)
-    seconds = np.array([limits.takes_s(setups[i].points, count) for i, count in pairs])
-    # of two that take as long the gentler drive comes first
-    costs = seconds * (1.0 + 1e-6 * levels / levels.max())
+    seconds = np.array([limits.takes_s(setups[i], count) for i, count in pairs])
+    # of two that take as long the gentler drive, or fewer samples, come first
+    costs = seconds * (1.0 + 1e-6 * efforts / efforts.max())
     problem = DesignProblem(
         base=known.base,
         gains=stacked,
@@ -537,9 +578,15 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known, own: IntArray) 
         values=known.values,
         spread_values=known.spread_values,
         linear=found.linear,
+        sigmas_v=found.sigmas_v,
         inflation=known.begun.inflation,
         searched=known.begun.searched,
     )
+
+
+def _effort(choice: DriveChoice) -> float:
+    """What is rather spared of what takes as long: drive, samples."""
+    return choice.level if choice.recording is None else float(choice.recording.samples)
 
 
 def chosen_by(weighed: Weighed, limits: Limits, criterion: str) -> list[int]:

@@ -14,6 +14,7 @@ a few that rows share.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -41,6 +42,31 @@ class RowCovariance:
             sigma: standard deviations, shape (m,), all positive.
         """
         return cls(sigma, np.empty((sigma.size, 0)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[RowCovariance]) -> RowCovariance:
+        """That of the rows of all parts, which share nothing with each other.
+
+        Args:
+            parts: one at least.
+        """
+        common = np.zeros((sum(p.size for p in parts), sum(p.common.shape[1] for p in parts)))
+        row = column = 0
+        for part in parts:
+            height, width = part.common.shape
+            common[row : row + height, column : column + width] = part.common
+            row, column = row + height, column + width
+        return cls(np.concatenate([part.sigma for part in parts]), common)
+
+    def beside(self, shared: FloatArray) -> RowCovariance:
+        """V + u u^T: with one more error that the rows share; nothing changes where it is zero.
+
+        Args:
+            shared: u, shape (m,).
+        """
+        if not np.any(shared):
+            return self
+        return RowCovariance(self.sigma, np.column_stack([self.common, shared]))
 
     @property
     def size(self) -> int:

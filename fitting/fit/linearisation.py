@@ -276,12 +276,12 @@ def whitened(rows: FloatArray, covariance: FloatArray | RowCovariance) -> FloatA
     return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), rows))
 
 
-def information(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
+def information(matrix: FloatArray, covariance: FloatArray | RowCovariance) -> FloatArray:
     """F = J^T V^-1 J, shape (..., n, n).
 
     Args:
         matrix: J, derivatives of the rows, shape (..., m, n).
-        covariance: V of the rows, shape (..., m, m), positive definite.
+        covariance: V of m rows, or an array (..., m, m), positive definite.
 
     Raises:
         LinAlgError: the covariance is not positive definite.

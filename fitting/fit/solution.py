@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.symmetry import secants
 from fitting.signal.residual_tests import Structure, residual_structure
-from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.arrays import FloatArray
 
 #: Decrease of chi square that matters to nobody.
 UNSEEN = 1e-3
@@ -168,7 +168,8 @@ def curve_structure(
     """Structure of the residuals along curves; what they are solved for inside is fitted, too.
 
     Of the many spectra of a map each has a scale of its own. Where noise is of one size in volts,
-    rows of a small spectrum have more, and so has its scale: nobody asks for that error.
+    rows of a small spectrum have more, and so has its scale: nobody asks for that error, nor for
+    those of gain, offset and start of a trace.
 
     Rows count as the fit weighs them, by their noise over its root mean square: where that is
     stated, residuals that grow with it are of one size.
@@ -186,24 +187,47 @@ def curve_structure(
         return None
     if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
         columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
-    solved, of_maps = _solved(objective, final)
-    columns = np.column_stack([columns, solved[mine][:, ~of_maps]])
-    scales = solved[mine][:, of_maps]
+    found = _solved_of_curves(objective, final)
+    columns = np.column_stack([columns, found.asked])
     sigma = noise.sigma[mine]
     weights = float(np.sqrt(np.mean(sigma**2))) / sigma
     along = weights[:, None]
-    return residual_structure(rows * weights, columns * along, scales * along)
-
-
-def _solved(objective: Objective, point: Point) -> tuple[FloatArray, BoolArray]:
-    """Derivatives of all rows by what measurements are solved for inside, (m, s); which of maps."""
-    data = objective.data
-    if not any(m.solved_inside for m in data.measurements):
-        return np.empty((point.residuals.size, 0)), np.empty(0, dtype=np.bool_)
-    [answer] = objective.response.evaluate_many([point.parameters])
-    pairs = list(zip(data.measurements, answer.predictions, strict=True))
-    blocks = [m.solved_columns(prediction) for m, prediction in pairs]
-    of_maps = [
-        np.full(b.shape[1], bool(m.control_units)) for b, (m, _) in zip(blocks, pairs, strict=True)
+    ends = np.cumsum([len(block) for block in found.of_stretches])[:-1]
+    stretches = [
+        block * part for block, part in zip(found.of_stretches, np.split(along, ends), strict=True)
     ]
-    return np.asarray(block_diag(*blocks)), np.concatenate(of_maps)
+    return residual_structure(rows * weights, columns * along, found.of_maps * along, stretches)
+
+
+@dataclass(frozen=True)
+class _SolvedInside:
+    """Derivatives of the rows of curves by what is solved inside: `asked` and `of_maps` (m, k).
+
+    `of_stretches` are of rows that follow each other, as many together.
+    """
+
+    asked: FloatArray
+    of_maps: FloatArray
+    of_stretches: Sequence[FloatArray]
+
+
+def _solved_of_curves(objective: Objective, point: Point) -> _SolvedInside:
+    """What measurements that are curves are solved for inside."""
+    curves = [m for m in objective.data.measurements if m.is_curve]
+    if not any(m.solved_inside for m in curves):
+        nothing = np.empty((sum(m.rows for m in curves), 0))
+        return _SolvedInside(nothing, nothing, (nothing,))
+    [answer] = objective.response.evaluate_many([point.parameters])
+    asked, of_maps = [], []
+    stretches: list[FloatArray] = []
+    for m, prediction in zip(objective.data.measurements, answer.predictions, strict=True):
+        if not m.is_curve:
+            continue
+        nothing = np.empty((m.rows, 0))
+        columns = nothing if m.is_trace else m.solved_columns(prediction)
+        of_maps.append(columns if m.control_units else nothing)
+        asked.append(nothing if m.control_units else columns)
+        stretches += m.solved_blocks(prediction) if m.is_trace else [nothing]
+    return _SolvedInside(
+        np.asarray(block_diag(*asked)), np.asarray(block_diag(*of_maps)), stretches
+    )

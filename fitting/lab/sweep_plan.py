@@ -219,9 +219,15 @@ def is_of_sweeps(path: Path) -> bool:
         path: of the campaign.
 
     Raises:
-        BadInput: no campaign.
+        BadInput: no campaign, or one of recordings over time, which no laboratory follows.
     """
-    return _table_of(read_campaign_file(path, KINDS)) is not None
+    file = read_campaign_file(path, KINDS)
+    if file.design.traces is not None:
+        raise BadInput(
+            f"{path}: proposes recordings over time, which are not measured by --plan; wanted "
+            "another trace of the laboratory, as by synthesize_curves('ringdown', length_s=0.6)"
+        )
+    return _table_of(file) is not None
 
 
 def _table_of(file: WrittenCampaign) -> SweptTable | None:

@@ -275,6 +275,14 @@ class Measurement(Protocol):
         """
         ...
 
+    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
+        """The same as stretches of rows, one after the other, each with unknowns of its own.
+
+        Args:
+            prediction: of the measurement, without scale.
+        """
+        ...
+
     def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
         """What changes (rows, k) of the rows change of amplitudes alone, (m, k).
 
@@ -519,6 +527,10 @@ class MeasurementKind:
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """None: nothing is solved inside."""
         return np.empty((self.rows, 0))
+
+    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
+        """One stretch: all rows."""
+        return (self.solved_columns(prediction),)
 
     def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
         """The changes as they are: it has no phases.

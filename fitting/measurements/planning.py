@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.campaign.parameters import Parameter, bounds, references, starts
+from fitting.campaign.parameters import Parameter, bounds, planning_points
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.driven_model import DrivenModel
@@ -21,7 +21,7 @@ from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import PlanOptions, plan_drives
 from fitting.simulate.settling import settling_s
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Part of the wanted accuracy that a transient planned from a line width may leave.
@@ -174,7 +174,7 @@ def measured_plan(
 
 def _refined(series: Series, model: DrivenModel, workers: Workers) -> Plan:
     """The model's plan with what its measurements find with the FMU at start and reference."""
-    points = [starts(series.parameters), _reference(series.parameters)]
+    points = planning_points(series.parameters)
     plan = model.plan
     for measurement in series.measurements:
         plan = measurement.refined(replace(model, plan=plan), points, workers)
@@ -222,14 +222,10 @@ def _longer(decision: Decision, settle_s: float) -> Decision:
     return replace(decision, basis=basis, numbers=numbers)
 
 
-def _reference(parameters: tuple[Parameter, ...]) -> FloatArray:
-    return np.clip(references(parameters), *bounds(parameters))
-
-
 def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive, ...]:
     """Drives to measure with: those of the first measurement that has any, at some points."""
     parameters = series.parameters
-    points = [starts(parameters), _reference(parameters)]
+    points = planning_points(parameters)
     if series.setup.steady_start:
         rng = np.random.default_rng(series.seed)
         points += list(rng.uniform(*bounds(parameters), (SEEDED, len(parameters))))

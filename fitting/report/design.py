@@ -98,6 +98,11 @@ def _proposed(design: Design, figures: Figures) -> Section:
             "A campaign with these settings lies in the folder campaign: what is measured in "
             "every sweep is to be filled in, a row for each frequency."
         )
+    if design.is_of_traces:
+        said = (
+            "A campaign with these settings lies in the folder campaign: each recording is to be "
+            "put in the place of its file."
+        )
     return Section(
         id="proposed",
         title="What to measure next",
@@ -118,13 +123,21 @@ def proposal_table(design: Design) -> Table:
     volts, volt = prefixed(smallest, design.amplitude_unit)
     factor, unit = prefixed(design.before.mean, design.unit)
     sigma = f"σ({design.target}) ({unit})"
-    columns: tuple[Column[Proposal | None], ...] = (
-        Column("", lambda p: "so far" if p is None else str(p.rank), role="name"),
-        _of("observed", lambda p: p.output),
+    driven: tuple[Column[Proposal | None], ...] = (
         _of("from, to" if design.is_of_sweeps else "tones", lambda p: hertz(*p.tones_hz)),
         _of("around", _around, role="words"),
         _of("drive level", _level),
         _of("spectra", lambda p: p.repeats),
+    )
+    if design.is_of_traces:
+        driven = (
+            _of("as", lambda p: (p.recording and p.recording.trace) or "the trace"),
+            _of("recording", driven_words, role="words"),
+        )
+    columns: tuple[Column[Proposal | None], ...] = (
+        Column("", lambda p: "so far" if p is None else str(p.rank), role="name"),
+        _of("observed", lambda p: p.output),
+        *driven,
         _of(f"peaks ({volt})", lambda p: ", ".join(number(a / volts, 3) for a in p.peaks_v)),
         Column(f"{sigma} here", lambda p: _sigma(_expected(p, design).at, factor)),
         Column("average", lambda p: _sigma(_expected(p, design).mean, factor)),
@@ -135,9 +148,15 @@ def proposal_table(design: Design) -> Table:
         columns,
         (None, *design.proposals),
         f"σ({design.target}) is that after the measurement and all before it: at the given "
-        "point, on average (geometric) and at worst over points that fit the data as well. Drive "
-        "level in units of the campaign's; peaks at the given point.",
+        "point, on average (geometric) and at worst over points that fit the data as well. "
+        + _units_words(design),
     )
+
+
+def _units_words(design: Design) -> str:
+    if design.is_of_traces:
+        return "Peaks are the largest values, at the given point."
+    return "Drive level in units of the campaign's; peaks at the given point."
 
 
 def _of(

@@ -9,6 +9,7 @@ points for equally good is then too small, too.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,6 +28,8 @@ SMALLEST_RESIDUAL = 1e-6
 LAGS = 10
 #: Power of the size of a residual that is close to normal, and regressors per point, at most.
 NORMAL_POWER, REGRESSORS = 2.0 / 3.0, 0.2
+#: Numbers in all products of slopes, at most: 240 MB.
+MOST_PRODUCTS = 30_000_000
 #: Leverage that a residual is taken to have at most: of one that the fit hits exactly none is left.
 MOST_LEVERAGE = 1.0 - 1e-6
 #: Length of a unit slope, what is solved for projected out, below which it is one of these.
@@ -90,7 +93,10 @@ def _deviations(p_value: float, sizes_p: float) -> list[tuple[str, float, str]]:
 
 
 def residual_structure(
-    residuals: FloatArray, jacobian: FloatArray, nuisance: FloatArray | None = None
+    residuals: FloatArray,
+    jacobian: FloatArray,
+    nuisance: FloatArray | None = None,
+    stretches: Sequence[FloatArray] = (),
 ) -> Structure:
     """Test residuals (m,) of a least-squares fit for structure along the sweep; count them anew.
 
@@ -122,6 +128,8 @@ def residual_structure(
         jacobian: their derivatives by what was fitted, shape (m, n).
         nuisance: their derivatives by what was solved for besides, whose errors nobody asks for,
             shape (m, k); None: nothing.
+        stretches: likewise of rows that follow each other, each with unknowns of its own, shapes
+            (m_j, k_j) with all m_j together m; none: nothing.
 
     Source: sandwich covariance as in Newey and West, Econometrica 55 (1987) 703, with the
     autoregressive spectrum of den Haan and Levin, Handbook of Statistics 15 (1997) 299; HC3 of
@@ -129,14 +137,14 @@ def residual_structure(
     Scott, J. Am. Stat. Assoc. 76 (1981) 221.
     """
     beside = np.empty((residuals.size, 0)) if nuisance is None else nuisance
-    m, n = residuals.size, jacobian.shape[1] + beside.shape[1]
+    m, n = residuals.size, jacobian.shape[1] + beside.shape[1] + sum(s.shape[1] for s in stretches)
     noise = math.sqrt(float(np.mean(residuals**2)))
     plain = Structure(
         p_value=1.0, sizes_p=1.0, order=0, points=float(m), widening=1.0, together=1.0
     )
     if noise < SMALLEST_RESIDUAL:
         return plain
-    p_value, slopes = white_noise_p(residuals), _Slopes.of(jacobian, beside)
+    p_value, slopes = white_noise_p(residuals), _Slopes.of(jacobian, beside, stretches)
     if m <= n or slopes.asked.shape[1] == 0:  # nothing is left, or no column sees anything
         return replace(plain, p_value=p_value)
     coefficients, news, sizes_p = _whitened(residuals, slopes, p_value)
@@ -164,38 +172,71 @@ def residual_structure(
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Orthonormal bases: `whole` (m, r) of all slopes, `asked` (m, q) of those with errors to tell.
+    """Orthonormal bases: `stretches` of rows, each with slopes of its own, `beside` and `asked`.
 
-    What is solved for besides is projected out of the second (Frisch, Waugh, Lovell): estimates of
-    the rest are sums of residuals over it alone.
+    `beside` (m, k) are slopes of what is solved for besides in all rows, `asked` (m, q) those with
+    errors to tell. What stands before is projected out of each (Frisch, Waugh, Lovell): estimates
+    of what is asked are sums of residuals over the last ones alone. Many stretches are never an
+    array of all rows and all their unknowns.
     """
 
-    whole: FloatArray
+    stretches: tuple[FloatArray, ...]
+    beside: FloatArray
     asked: FloatArray
 
     @classmethod
-    def of(cls, jacobian: FloatArray, nuisance: FloatArray) -> _Slopes:
+    def of(
+        cls, jacobian: FloatArray, nuisance: FloatArray, stretches: Sequence[FloatArray]
+    ) -> _Slopes:
         """Bases of derivatives by what was fitted and by what was solved for besides."""
-        if not nuisance.shape[1]:
-            basis = _basis(jacobian)
-            return cls(basis, basis)
-        sizes = np.linalg.norm(jacobian, axis=0)
-        unit = jacobian / np.where(sizes > 0.0, sizes, 1.0)
-        beside = _basis(nuisance)
-        left = unit - beside @ (beside.T @ unit)
-        gone = np.linalg.norm(left, axis=0) < MOST_EXPLAINED  # what is left of it is rounding
-        asked = _basis(left[:, ~gone])
-        return cls(np.column_stack([beside, asked]), asked)
+        each = tuple(_basis(s) for s in stretches if s.shape[0])
+        each = each if any(s.shape[1] for s in each) else ()
+        if not each and not nuisance.shape[1]:
+            return cls((), nuisance, _basis(jacobian))
+        apart = _apart(nuisance, lambda unit: _less(each, unit)) if each else nuisance
+        beside = _basis(apart)
+        return cls(
+            each, beside, _basis(_apart(jacobian, lambda unit: _less((beside,), _less(each, unit))))
+        )
+
+    @cached_property
+    def whole(self) -> FloatArray:
+        """Basis of all slopes but those of stretches, (m, k + q)."""
+        return np.column_stack([self.beside, self.asked])
+
+    def left(self, values: FloatArray) -> FloatArray:
+        """What a fit leaves of values (m,)."""
+        return _less((self.whole,), _less(self.stretches, values))
 
     @property
     def of_map(self) -> bool:
         """Whether something is solved for whose errors nobody asks for."""
-        return int(self.whole.shape[1]) > int(self.asked.shape[1])
+        return int(self.beside.shape[1]) > 0
 
     @cached_property
     def leverage(self) -> FloatArray:
         """Share of every residual that the fit takes away, (m,), below one."""
-        return _leverage(self.whole)
+        shares = np.sum(self.whole**2, axis=1)
+        if self.stretches:
+            shares = shares + np.concatenate([np.sum(s**2, axis=1) for s in self.stretches])
+        return np.asarray(np.minimum(shares, MOST_LEVERAGE))
+
+
+def _less(bases: Sequence[FloatArray], values: FloatArray) -> FloatArray:
+    """Values (m, ...) less their shares along orthonormal bases of rows that follow each other."""
+    if not bases:
+        return values
+    ends = np.cumsum([len(basis) for basis in bases])[:-1]
+    parts = zip(bases, np.split(values, ends), strict=True)
+    return np.concatenate([part - basis @ (basis.T @ part) for basis, part in parts])
+
+
+def _apart(columns: FloatArray, without: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Columns (m, n) of length one, what others make of them taken out, where more is left."""
+    sizes = np.linalg.norm(columns, axis=0)
+    left = without(columns / np.where(sizes > 0.0, sizes, 1.0))
+    gone = np.linalg.norm(left, axis=0) < MOST_EXPLAINED  # what is left of it is rounding
+    return left[:, ~gone]
 
 
 def _unequal(
@@ -211,7 +252,7 @@ def _unequal(
         slopes: of what was fitted.
         coefficients: of the autoregression.
     """
-    coloured, whole = _coloured(coefficients, slopes.asked), slopes.whole
+    coloured = _coloured(coefficients, slopes.asked)
     weights = 1.0 / (1.0 - slopes.leverage)
 
     def worst(e: FloatArray) -> float:
@@ -223,13 +264,13 @@ def _unequal(
         return plain, 0.0
     rng = np.random.default_rng(SEED)
     noise = (rng.standard_normal(news.size) for _ in range(DRAWS))
-    left = (e - whole @ (whole.T @ e) for e in noise)
+    left = map(slopes.left, noise)
     drawn = np.array([worst(e) / float(e @ e) for e in left])
     found = worst(news) / float(news @ news)
     by_chance = (1.0 + np.count_nonzero(drawn >= found)) / (1.0 + DRAWS)
     if by_chance >= STRUCTURED:
         return 0.0, 0.0
-    freedom = news.size - whole.shape[1]
+    freedom = news.size - slopes.whole.shape[1] - sum(s.shape[1] for s in slopes.stretches)
     beyond = found / (float(np.median(drawn)) * freedom)
     return plain if coefficients.size else beyond, float(by_chance)
 
@@ -277,9 +318,14 @@ def _correlated(coefficients: FloatArray, slopes: _Slopes, freedom: int) -> floa
     if not coefficients.size:
         return 1.0
     m, q = slopes.asked.shape
-    effect = slopes.whole.T @ matmul_toeplitz(autocorrelation(coefficients, m), slopes.whole)
+    lags = autocorrelation(coefficients, m)
+    effect = slopes.whole.T @ matmul_toeplitz(lags, slopes.whole)
+    taken = float(np.trace(effect))
+    for each in slopes.stretches:
+        if each.shape[1]:
+            taken += float(np.sum(each * matmul_toeplitz(lags[: len(each)], each)))
     worst = float(np.linalg.eigvalsh(effect[-q:, -q:])[-1])  # those that are asked for stand last
-    return float(max(1.0, worst * freedom / max(m - float(np.trace(effect)), 1.0)))
+    return float(max(1.0, worst * freedom / max(m - taken, 1.0)))
 
 
 def one_size_p(
@@ -289,8 +335,9 @@ def one_size_p(
 
     |r_i|^(2/3)/(1 - h_i)^(1/3), which is close to normal for normal noise, is regressed on the
     leverages h_i = sum_k U_ik^2, and on all products U_ik U_il if they are fewer than a fifth of
-    the points; F tests, twice the smaller probability (Bonferroni). These are the sizes that a
-    standard error notices. 1 for less than 10 points.
+    the points, on the squares U_ik^2 alone where all are too many to be kept (`MOST_PRODUCTS`); F
+    tests, twice the smaller probability (Bonferroni). These are the sizes that a standard error
+    notices. 1 for less than 10 points.
 
     Args:
         residuals: that follow no pattern, shape (m,), any unit.
@@ -305,10 +352,11 @@ def one_size_p(
     leverage = _leverage(basis) if leverage is None else leverage
     sizes = (np.abs(residuals) / np.sqrt(1.0 - leverage)) ** NORMAL_POWER
     one, two = np.tril_indices(basis.shape[1])
-    products = np.asarray(basis[:, one] * basis[:, two])
+    if one.size * residuals.size > MOST_PRODUCTS:
+        one = two = np.arange(basis.shape[1])
     tests = [leverage[:, None]]
-    if products.shape[1] < REGRESSORS * residuals.size:
-        tests.append(products)
+    if one.size < REGRESSORS * residuals.size:
+        tests.append(np.asarray(basis[:, one] * basis[:, two]))
     return min(1.0, len(tests) * min(_regression_p(sizes, columns) for columns in tests))
 
 

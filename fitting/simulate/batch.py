@@ -6,10 +6,10 @@ same run, and amplitudes that are wanted twice, then cost nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 
 #: What the tool applies to inputs during a run.
 Signal = InputSignal | HeldSignal | None
+Answer = TypeVar("Answer")
 
 
 class Workers(Protocol):
@@ -210,3 +211,19 @@ class Batch:
             owners: how many evaluations there are.
         """
         return np.bincount(np.array(self.owners, dtype=np.intp), minlength=owners)
+
+
+def answered(task: Generator[None, None, Answer], batch: Batch, workers: Workers) -> Answer:
+    """What a task returns that asks a batch for runs and yields until they are simulated.
+
+    Args:
+        task: not yet begun.
+        batch: that it asks.
+        workers: that simulate.
+    """
+    while True:
+        try:
+            next(task)
+        except StopIteration as ended:
+            return ended.value  # type: ignore[no-any-return]
+        batch.simulate(workers)

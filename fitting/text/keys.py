@@ -278,6 +278,9 @@ Value = Annotated[
     PlainValidator(_value),
     WithJsonSchema({"type": ["number", "string", "boolean"]}),
 ]
+Times = Annotated[
+    tuple[Annotated[float, Quantity("s")], ...], Field(min_length=1), listed("a list of times")
+]
 Values = Annotated[tuple[Value, ...], Field(min_length=1), listed("a list of values to try")]
 Frequencies = Annotated[tuple[Value, ...], Field(min_length=1), listed("frequencies")]
 #: A file named relative to the one that names it.

@@ -7,6 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import fitting as ff
@@ -100,6 +101,13 @@ def test_a_bootstrap_is_counted_in(campaign: Path) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a process holds")
 def test_memory_is_that_of_three_processes(expected: ff.Cost) -> None:
     assert 3 * 10e6 < expected.memory_bytes < 4e9
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a process holds")
+def test_memory_that_was_given_back_counts(campaign: Path) -> None:
+    """400 MB, written and given back before the job is looked at, were needed by then."""
+    np.ones(50_000_000)
+    assert ff.cost(ff.Problem.of(campaign)).memory_bytes > 400e6
 
 
 def test_a_dry_run_writes_nothing(

@@ -137,7 +137,7 @@ def designed(tones: int) -> tuple[Design, Limits]:
 def rewritten_campaign(bound: BoundCampaign, tones: int) -> str:
     design, limits = designed(tones)
     folder = bound.path.parent / "next" / "campaign"
-    files = campaign_files(design, bound, limits, folder, "a test")
+    files = campaign_files(design, bound, {}, limits, folder, "a test")
     return str(files["campaign.toml"])
 
 

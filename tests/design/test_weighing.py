@@ -218,7 +218,9 @@ def test_laboratories_that_follow_the_advice(
     The benchmark tests/bench/bench_design.py does so for a hundred of them.
     """
     design = propose(bound, weighed, limits, DesignGoal("lambda"), "Hz", {})
-    write_all(tmp_path / "plan", campaign_files(design, bound, limits, tmp_path / "plan", "a test"))
+    write_all(
+        tmp_path / "plan", campaign_files(design, bound, {}, limits, tmp_path / "plan", "a test")
+    )
     bench = read_bench(Q1.parent / "truth.toml")
     starts = [np.array([1.6, 250.0, 90.0]), np.array([2.6, 60.0, 200.0])]
     found = []

@@ -527,7 +527,7 @@ def test_bad_keys_are_told_in_a_sentence(
 
 
 def test_what_rests_on_tones_wants_a_drive(lag_file: Path, tmp_path: Path) -> None:
-    path = written(tmp_path, lag_file)
+    path = written(tmp_path, lag_file, CAMPAIGN + '[design]\ncentres = ["1 Hz"]\n')
     with pytest.raises(BadInput, match=r"no \[drive\]"):
         ff.limits(ff.Problem.of(ff.read_campaign(path)))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,6 +111,62 @@ def test_the_p_value_of_one_size_is_one(points: int, columns: int) -> None:
         assert 0.3 * level < np.mean(p < level) < 2.0 * level
     growing = [one_size_p(away @ (e * np.exp(-(x**2))), basis) for e in noise[:100]]
     assert np.mean(np.array(growing) < 0.01) > (0.5 if points == 20 else 0.99)
+
+
+def test_many_records_are_looked_at_within_their_own_memory() -> None:
+    """Thirty records of 2000 samples, two slopes each: all products would be 880 MB."""
+    records, samples = 30, 2000
+    rng = np.random.default_rng(43)
+    one, _ = np.linalg.qr(rng.standard_normal((samples, 2)))
+    basis = block_diag(*[one] * records)
+    noise = rng.standard_normal(records * samples)
+    tracemalloc.start()
+    even = one_size_p(noise, basis)
+    [_, peak] = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 5 * basis.nbytes
+    assert even > 0.01
+    grown = noise * (1.0 + 300.0 * np.sum(basis**2, axis=1))
+    assert one_size_p(grown, basis) < 0.01
+
+
+def test_records_with_unknowns_of_their_own_widen_what_they_share_as_its_own_frequency_says() -> (
+    None
+):
+    """S(w) of AR(1) over white: (1 - rho^2)/(1 - 2 rho cos w + rho^2), 1.38 at 8 samples a turn.
+
+    The offset of each record is nobody's question; its noise is three times the white one's.
+    """
+    records, samples, rho = 20, 160, 0.5
+    rng = np.random.default_rng(44)
+    turn = 0.25 * np.pi
+    asked = np.tile(np.sin(turn * np.arange(samples)), records)[:, None]
+    offsets = [np.ones((samples, 1))] * records
+    found = []
+    for _ in range(40):
+        noise = coloured(rho, records * samples, rng)
+        columns = np.column_stack([block_diag(*offsets), asked])
+        left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
+        found.append(residual_structure(left, asked, stretches=offsets))
+    expected = math.sqrt((1.0 - rho**2) / (1.0 - 2.0 * rho * math.cos(turn) + rho**2))
+    assert np.mean([s.together for s in found]) == pytest.approx(expected, rel=0.02)
+    assert np.mean([s.is_unequal for s in found]) < 0.1
+
+
+def test_many_records_are_never_an_array_of_all_samples_and_all_unknowns() -> None:
+    """100 records of 1000 samples, four unknowns each: that array would have 320 MB."""
+    records, samples = 100, 1000
+    rng = np.random.default_rng(45)
+    stretches = [rng.standard_normal((samples, 4)) for _ in range(records)]
+    asked = rng.standard_normal((records * samples, 2))
+    noise = rng.standard_normal(records * samples)
+    noise[1:] += 0.5 * noise[:-1]  # hangs together
+    tracemalloc.start()
+    found = residual_structure(noise, asked, stretches=stretches)
+    [_, peak] = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found.order > 0
+    assert peak < 60e6
 
 
 def test_unequal_sizes_that_do_not_touch_the_slopes_change_nothing() -> None:

@@ -21,6 +21,7 @@ from fitting.design.information import (
     prior_sigmas_in_box,
     scale_sigma,
 )
+from fitting.fit.covariance import RowCovariance
 from fitting.fit.linearisation import information
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
 from fitting.fmu import FmuWorkers
@@ -34,6 +35,11 @@ from tests.support.datasets import linear
 STEPS = 30
 #: Chi-squares closer than this are one fit.
 ALIKE = 0.1
+
+
+def dense(covariance: RowCovariance) -> FloatArray:
+    """V as an array, (m, m)."""
+    return np.asarray(np.diag(covariance.sigma**2) + covariance.common @ covariance.common.T)
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,7 @@ class Laboratory:
     def covariance(self, place: Place, errors: dict[str, float]) -> FloatArray:
         """V of all rows: both series', and the error of the scale that they share."""
         blocks = [
-            information_of_data(s, s.rows([place], self.steps, errors)[0], errors)[1]
+            dense(information_of_data(s, s.rows([place], self.steps, errors)[0], errors)[1])
             for s in self.series
         ]
         m, n = len(blocks[0]), len(blocks[1])

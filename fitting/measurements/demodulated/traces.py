@@ -178,9 +178,13 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by what is solved inside."""
+        return np.asarray(block_diag(*self.solved_blocks(prediction)))
+
+    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
+        """A stretch for each trace."""
         if not isinstance(prediction, SolvedTraces):
             raise TypeError(f"a demodulated trace is predicted by {prediction!r}")
-        return np.asarray(block_diag(*prediction.designs))
+        return prediction.designs
 
     def share_left(self, residuals: FloatArray) -> float:
         """Root mean square of the worst record over its largest modulus."""

@@ -45,8 +45,8 @@ def draw_steps(design: Design) -> Drawing:
     caption = (
         f"Expected standard deviation of {design.target} with the data so far and after "
         "each proposed measurement: at the given point, and at points that fit the data as well. "
-        "×: drive level; n: spectra averaged."
-    )
+        + ("" if design.is_of_traces else "×: drive level; n: spectra averaged.")
+    ).strip()
     return Drawing(
         name="design_steps", number=1, title=title, caption=caption, alt=caption, figure=figure
     )
@@ -63,8 +63,11 @@ def draw_kinds(design: Design) -> Drawing:
     figure = new_figure(title, design.title, synthetic=design.synthetic, height=height)
     axes = plot.candidates(design, ax=figure.subplots())
     legend_below(figure, handles_of(axes), ncols=3)
+    how = "where and how strongly it is driven"
+    if design.is_of_traces:
+        how = "as which trace and how finely sampled, from the best length to the worst"
     caption = (
-        "Candidates by what is observed, where and how strongly it is driven. Two measurements may "
+        f"Candidates by what is observed, {how}. Two measurements may "
         "be worth much only together: the diamonds show what the best of each kind adds as the "
         "last measurement."
     )

@@ -107,6 +107,9 @@ def _what(p: Proposal) -> str:
     """A proposal in a few short lines."""
     if p.points:
         return "\n".join([p.output, *(f"{name} = {value}" for name, value in p.settings.items())])
+    if p.recording is not None:
+        lines = [p.output, p.recording.trace, f"{p.recording.length_s:.4g} s"]
+        return "\n".join([*filter(None, lines), f"every {p.recording.spacing_s:.3g} s"])
     offsets = ", ".join(f"{f - p.centre_hz:+.3g}" for f in p.tones_hz)
     level = f"×{p.level:g}, " if p.level != 1.0 else ""
     resonance = hertz(p.centre_hz, digits=6)
@@ -114,6 +117,9 @@ def _what(p: Proposal) -> str:
 
 
 def _kind(kind: Kind) -> str:
+    if kind.spacing_s:
+        like = f" as {kind.trace}" if kind.trace else ""
+        return f"{kind.output}{like}, every {kind.spacing_s:.4g} s"
     level = f", ×{kind.level:g}" if kind.level != 1.0 else ""
     more = "".join(f", {name} = {value}" for name, value in kind.settings.items())
     return f"{kind.output} at {hertz(kind.centre_hz, digits=6)}{level}{more}"

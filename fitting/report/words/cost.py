@@ -43,14 +43,17 @@ def measured_lines(
         planning: runs and seconds of the plan.
         each: runs and seconds of an evaluation.
         workers: processes.
-        memory_bytes: of all processes, NaN where it is not known.
+        memory_bytes: that all processes held at most, NaN where it is not known.
     """
     lines = [
         f"measured: the plan took {planning[0]} runs in {planning[1]:.2g} s; an evaluation "
         f"{each[0]:.3g} runs in {1e3 * each[1]:.3g} ms with {_number(workers, 'worker')}"
     ]
     if math.isfinite(memory_bytes):
-        lines.append(f"memory: {memory_bytes / 1e6:.0f} MB, all processes together")
+        lines.append(
+            f"memory: {memory_bytes / 1e6:.0f} MB until here, all processes together; a fit takes "
+            "more, about twice as much of one long record, several times as much of many"
+        )
     return [
         *lines,
         "why a range: how many iterations a level and how many steps a profile takes depends on "

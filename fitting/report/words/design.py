@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fitting.design.result import Design, Expected, Proposal
+from fitting.design.result import Design, Expected, Proposal, ProposedRecording
 from fitting.design.ways import Way, Ways
 from fitting.text.notation import hertz, number, prefixed, span
 
@@ -33,6 +33,13 @@ def candidates_sentence(design: Design) -> str:
             "top could not be seen or would overload the detector left out), each measured once at "
             f"most, chosen by criterion {design.criterion}, greedy with exchanges."
         )
+    if design.is_of_traces:
+        return (
+            f"{design.candidates} candidates (of {design.setups} traces, spacings and lengths; "
+            "decays of less than a period left out, and recordings whose largest value could not "
+            f"be seen or would overload the detector), chosen by criterion {design.criterion}, "
+            "greedy with exchanges."
+        )
     return (
         f"{design.candidates} candidates ({design.setups} settings of drive and output, and "
         "numbers of spectra; those whose peaks could not be seen or would overload the detector "
@@ -55,7 +62,7 @@ def equal_fits_sentences(design: Design) -> tuple[str, ...]:
 
 
 def driven_words(proposal: Proposal) -> str:
-    """Where a measurement is driven: tones by their distance from the resonance, or a sweep.
+    """Where a measurement is driven: tones by their distance from the resonance, a sweep, a trace.
 
     Args:
         proposal: one proposed measurement.
@@ -63,7 +70,24 @@ def driven_words(proposal: Proposal) -> str:
     if proposal.points:
         first, last = proposal.tones_hz
         return f"{proposal.points} points over {hertz(last - first)}"
+    if proposal.recording is not None:
+        return recorded_words(proposal.recording)
     return ", ".join(f"{f - proposal.centre_hz:+.4g}" for f in proposal.tones_hz) + " Hz"
+
+
+def recorded_words(recording: ProposedRecording) -> str:
+    """How a recording is made.
+
+    Args:
+        recording: that is proposed.
+    """
+    length, every = (_seconds(s) for s in (recording.length_s, recording.spacing_s))
+    return f"{length}, {recording.samples} samples every {every}"
+
+
+def _seconds(value: float) -> str:
+    factor, unit = prefixed(value, "s")
+    return f"{number(value / factor, 6)} {unit}"
 
 
 def design_lines(design: Design) -> list[str]:
@@ -92,6 +116,9 @@ def design_lines(design: Design) -> list[str]:
         level = f" x{p.level:g}" if p.level != 1.0 else ""
         more = "".join(f" {name}={value}" for name, value in p.settings.items())
         driven = f"at {hertz(p.centre_hz, digits=6)} ({driven_words(p)})"
+        if p.recording is not None:
+            like = f"as {p.recording.trace}, " if p.recording.trace else ""
+            driven = f"{like}{driven_words(p)}"
         what = f"{p.rank} {p.output} {driven}{level}{more}"
         what += f" avg {p.repeats}" if p.repeats > 1 else ""
         e = p.expected
