@@ -18,7 +18,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from fitting.campaign.parameters import prior_sigmas, search_bounds, to_model
 from fitting.fit.differences import central
@@ -93,7 +92,7 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
     around = central(x, objective.steps, *search_bounds(solution.parameters))
     points = [to_model(solution.parameters, each) for each in (x, *around.nodes)]
     answers = [e.predictions for e in objective.response.evaluate_many(points)]
-    gains = _gains(solution, answers[0], units)
+    gains = _gains(solution, answers[0], units) if phased else ()
     tables = [_qualities(solution, answer) for answer in answers]
     found = []
     for name, here in tables[0].items():
@@ -102,7 +101,7 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
         error = math.hypot(of_parameters, here.sigma)
         made = _of_loss if here.is_loss else _of_value
         found.append(made(name, here.value, error))
-    return Quadratures(gains=gains if phased else (), qualities=tuple(found))
+    return Quadratures(gains=gains, qualities=tuple(found))
 
 
 def _of_value(name: str, value: float, std: float) -> Quality:
@@ -166,24 +165,25 @@ def _errors(solution: Solution, answer: Sequence[Prediction], alone: bool) -> Li
     """The problem of all rows, or of amplitudes alone; what is solved inside is taken out."""
     data = solution.objective.data
     noise = noise_of(solution.objective, solution.final)
-    slopes, inside = [], []
+    slopes = []
     for m, q, rows in zip(data.measurements, answer, data.slices, strict=True):
         white = 1.0 / noise.sigma[rows][:, None]
         pair = [white * solution.matrix[rows], white * m.solved_columns(q)]
         if alone:
             pair = [m.amplitude_rows(q, each) for each in pair]
-        slopes.append(pair[0])
-        inside.append(pair[1])
-    matrix, columns = np.concatenate(slopes), np.asarray(block_diag(*inside))
+        slopes.append(_without(*pair))  # what is solved inside is of one measurement's rows alone
+    matrix = np.concatenate(slopes)
     return Linearisation(
         rows=np.zeros(matrix.shape[0]),
-        matrix=_without(matrix, columns),
+        matrix=matrix,
         prior=prior_sigmas(solution.parameters, solution.nu),
     )
 
 
 def _without(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """A matrix without its share along some columns."""
+    """A matrix without its share along some columns, if there are any."""
+    if not columns.shape[1]:
+        return matrix
     sizes = np.linalg.norm(columns, axis=0)
     kept = columns[:, sizes > 1e-9 * np.max(sizes, initial=1e-300)]
     left, singular, _ = np.linalg.svd(kept / np.linalg.norm(kept, axis=0), full_matrices=False)
