@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting.api.fitted import Value
 from fitting.fit.fit import solve_problem
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
@@ -25,7 +26,10 @@ from fitting.report.table import csv_text, text_lines
 from fitting.report.tables.published import write_values
 from fitting.report.tables.values import interval_table
 from fitting.report.words.answer import CONVENTION, answer_lines, answer_of
+from fitting.report.words.calibration import calibration_lines
 from fitting.report.words.values import reported_words
+from fitting.result.calibration import Calibration, Handed
+from fitting.text.arrays import FloatArray
 from tests.support import report_records as records
 from tests.support.whitened import Z95, parameter, whitened
 
@@ -81,17 +85,9 @@ def test_an_interval_that_the_error_does_not_tell_stands_beside_it() -> None:
     assert high == pytest.approx(235.0 + half, abs=4.0)
 
 
-@pytest.mark.parametrize("ratio", [0.5, 0.75, 0.85, 1.0, 1.2, 1.3, 2.0, 8.0])
-@pytest.mark.parametrize("longer", [0.5, 0.7, 1.0, 1.4, 1.6, 8.0])
-@pytest.mark.parametrize("simulation", [0.0, 50.0])
-def test_no_side_is_far_from_what_is_told_of_it(
-    ratio: float, longer: float, simulation: float
-) -> None:
-    """Below ±, and 1.96 times ±, both ends lie within an eighth and within a half."""
-    sides = np.array([10.0, 10.0 * ratio])
-    ends = Z95 * sides * (1.0, longer)
-    near, far = sides + simulation, ends + simulation
-    profile = Profile(
+def profile_of(near: FloatArray, far: FloatArray) -> Profile:
+    """Of 500 Hz, with sides at 68 % and at 95 %."""
+    return Profile(
         kind="parameter",
         unit="Hz",
         best=500.0,
@@ -107,8 +103,20 @@ def test_no_side_is_far_from_what_is_told_of_it(
         values=(),
         delta=(),
         path={},
-        simulation=simulation,
     )
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.75, 0.85, 1.0, 1.2, 1.3, 2.0, 8.0])
+@pytest.mark.parametrize("longer", [0.5, 0.7, 1.0, 1.4, 1.6, 8.0])
+@pytest.mark.parametrize("simulation", [0.0, 50.0])
+def test_no_side_is_far_from_what_is_told_of_it(
+    ratio: float, longer: float, simulation: float
+) -> None:
+    """Below ±, and 1.96 times ±, both ends lie within an eighth and within a half."""
+    sides = np.array([10.0, 10.0 * ratio])
+    ends = Z95 * sides * (1.0, longer)
+    near, far = sides + simulation, ends + simulation
+    profile = replace(profile_of(near, far), simulation=simulation)
     bars = error_bars(profile)
     assert (bars.below, bars.above) == pytest.approx(tuple(near))
     if bars.is_even:
@@ -146,6 +154,41 @@ def test_answer_tables_and_files_tell_both_sides(tmp_path: Path) -> None:
     assert float(row["ci68 low"]) == pytest.approx(94.0 - 8.9)
     assert float(row["ci68 high"]) == pytest.approx(94.0 + 12.8)
     assert "$94.0^{+12.8}_{-8.9}$~Hz & 40.0 to 130.0~Hz &" in latex.read_text("utf-8")
+
+
+def test_a_value_from_python_tells_both_sides() -> None:
+    profile = profile_of(np.array([20.0, 40.0]), np.array([39.2, 78.4]))
+    value = Value(
+        name="f",
+        kind="parameter",
+        unit="Hz",
+        value=500.0,
+        std=30.0,
+        verdict=Verdict.DETERMINED,
+        reason="",
+        range=(1.0, 1e4),
+        stopped_at=500.0,
+        algorithm2=500.0,
+        reference=500.0,
+        interval95=profile.interval95,
+    )
+    assert repr(value) == "f = 500 ± 30 Hz, determined"
+    assert repr(replace(value, profile=profile)) == "f = 500 +40 −20 Hz, determined"
+
+
+def test_a_value_that_is_handed_on_takes_its_sides_into_the_unit_of_the_fmu() -> None:
+    handed = Handed(
+        name="d1",
+        value=0.094,
+        unit="kHz",
+        std=0.01085,
+        ci95=(0.075, 0.119),
+        verdict=Verdict.DETERMINED,
+        bars=replace(UNEVEN, tells95=True).scaled(1e-3),
+    )
+    found = Calibration(parameters=(handed,), campaign_values={}, settings={}, open_settings={})
+    [line] = calibration_lines(found)
+    assert line.replace("\u00a0", " ") == "handed on: d1 = 0.0940 +0.0128 −0.0089 kHz"
 
 
 def test_sides_take_the_unit_and_the_power_of_ten_of_their_value() -> None:
