@@ -24,6 +24,7 @@ from fitting.fit.options import Options, usual_misfit
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
+from fitting.inference.error_bars import EVEN, error_bars
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
@@ -38,7 +39,7 @@ from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.notation import listed, number, quantity, span, unit_text
+from fitting.text.notation import listed, number, span, unit_text
 
 __all__ = [
     "Fit",
@@ -226,7 +227,8 @@ class Value:
 
     def _reported(self) -> str:
         """The value with its error; of two estimators, each by its own name."""
-        best = quantity(self.stopped_at, self.std, self.unit)
+        bars = EVEN if self.profile is None else error_bars(self.profile)
+        best = bars.words(self.stopped_at, self.std, self.unit, self.interval95)
         if self.value == self.stopped_at:
             return best
         return f"{number(self.value, 7)} {self.unit}".rstrip() + (

@@ -30,6 +30,7 @@ from fitting.inference.equivalent_fits import (
     is_reason,
     reason_sentences,
 )
+from fitting.inference.error_bars import error_bars
 from fitting.inference.estimates import (
     Estimates,
     derived_results,
@@ -475,4 +476,5 @@ def _judged(value: Valued, profile: Profile | None, withdrawn: str) -> Valued:
         precision=profile.precision,
         simulation=profile.simulation,
         reason=profile.reason,
+        bars=error_bars(profile),
     )

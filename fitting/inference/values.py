@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fitting.inference.error_bars import EVEN, ErrorBars
 from fitting.inference.verdict import Verdict
 from fitting.text.notation import span
 
@@ -15,14 +16,23 @@ class _Reported:
     """What any value can be asked: whose it is, and whether it lies in its interval."""
 
     value: float
+    unit: str
+    std: float
     most_likely: float
     ci95: tuple[float, float]
     period: float | None = None
+    bars: ErrorBars = EVEN
 
     @property
     def is_most_likely(self) -> bool:
         """Whether the reported value is the likelihood's, of which error and interval are."""
         return math.isnan(self.most_likely) or self.value == self.most_likely
+
+    @property
+    def likely_words(self) -> str:
+        """The most likely value with what is true of its error."""
+        best = self.value if self.is_most_likely else self.most_likely
+        return self.bars.words(best, self.std, self.unit, self.ci95)
 
     @property
     def is_outside(self) -> bool:
@@ -46,6 +56,7 @@ class ParameterResult(_Reported):
     the share of the variance that comes from the data, are those of the problem linearised at the
     end of Algorithm 2. `std` is NaN where the verdict leaves no value. `simulation` is how far what
     the plan of the simulation cannot exclude moves the value, at most: it is in `std` and `ci95`.
+    `bars` are the sides of the 68 % interval, and whether `std` tells them and the 95 % interval.
     `asked`: it is one that the campaign names; else the measurement brings it, as a cable's delay.
     """
 
@@ -66,6 +77,7 @@ class ParameterResult(_Reported):
     precision: float = math.nan
     reason: str = ""
     asked: bool = True
+    bars: ErrorBars = EVEN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +111,7 @@ class DerivedResult(_Reported):
     places: tuple[str, ...] = ()
     stds: Floats = ()
     halves95: Floats = ()
+    bars: ErrorBars = EVEN
 
     def text(self) -> str:
         """Value for people; never a value with a small error where the data do not give one."""
@@ -108,8 +121,8 @@ class DerivedResult(_Reported):
                 return "has no value at any parameters tried"
             return f"{self.identifiable} by these data ({span(low, high)})"
         if not self.is_most_likely:
-            return f"{self.value:.9g} (most likely {self.most_likely:.9g} ± {self.std:.2g})"
-        return f"{self.value:.9g} ± {self.std:.2g}"
+            return f"{self.value:.9g} (most likely {self.likely_words})"
+        return self.likely_words
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ _ASCII = str.maketrans({"\u00a0": " ", "−": "-", "–": "-", "∞": "inf"})
 COLUMNS, LEAST_COLUMNS = 100, 40
 #: What a line does not break: "name = value", "value ± error", a number and its unit.
 _TIED = re.compile(
-    r"(?:\S+ [=<>≈] )+\S+(?: ± \S+)?(?: (?:[a-zA-Zµ°Ω%]{1,3}|\(-\)|rad|deg)(?![\w]))?"
+    r"(?:\S+ [=<>≈] )+\S+(?: ± \S+| \+\S+ −\S+)?(?: (?:[a-zA-Zµ°Ω%]{1,3}|\(-\)|rad|deg)(?![\w]))?"
     r"|\d\S* ± \S+(?: [a-zA-Zµ°Ω%]{1,3}(?!\w))?"
     r"|\d[\d.e+−-]* (?:[numµkMG]?(?:Hz|V|s|m|A|N|W|F|rad)|%|K|dB|°C)(?!\w)"
 )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.parameter_set import SetValue
+from fitting.inference.error_bars import EVEN, ErrorBars
 from fitting.inference.values import ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
@@ -22,7 +23,8 @@ from fitting.text.units import convert
 class Handed:
     """One fitted parameter: its value, error and 95 % interval in ``unit``, that of the FMU.
 
-    ``left`` is the reason why it is not handed on; empty: it is.
+    ``left`` is the reason why it is not handed on; empty: it is. ``bars`` are its errors on both
+    sides.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Handed:
     ci95: tuple[float, float]
     verdict: Verdict
     left: str = ""
+    bars: ErrorBars = EVEN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +121,7 @@ def _handed(name: str, found: ParameterResult, description: FmuDescription, want
         ci95=(low, high),
         verdict=found.identifiable,
         left=left,
+        bars=found.bars.scaled(factor) if found.is_most_likely else EVEN,
     )
 
 

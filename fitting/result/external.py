@@ -99,7 +99,7 @@ def _test(result: Result, text: str) -> ExternalTest:
         found=best,
         found_std=own,
         sigmas=sigmas,
-        sentence=f"{named} = {quantity(best, own, found.unit)} {verdict} {outside}: they are "
+        sentence=f"{named} = {_own_words(found, best, own)} {verdict} {outside}: they are "
         f"{abs(sigmas):.3g} standard deviations apart.",
     )
 
@@ -121,6 +121,11 @@ def _towards(found: ParameterResult | DerivedResult, value: float) -> float:
     best = found.value if found.is_most_likely else found.most_likely
     side = (best - low if value < best else high - best) / 1.96
     return side if math.isfinite(side) and side > 0.0 else found.std
+
+
+def _own_words(found: ParameterResult | DerivedResult, best: float, own: float) -> str:
+    """The value with the error on the side of the external one, or with that of both sides."""
+    return quantity(best, own, found.unit) if found.bars.is_even else found.likely_words
 
 
 def _in(text: str, unit: str, name: str) -> float:

@@ -294,21 +294,26 @@ def with_error(value: float, error: float, unit: str = "") -> str:
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
-    both = "\u00a0±\u00a0".join(_rounded_alike(value, error))
+    both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
     if _POWER_FIRST.match(unit):  # it multiplies both
         return f"({both})\u00a0×{tail}"
     return f"{both}{tail}"
 
 
-def _rounded_alike(value: float, error: float) -> tuple[str, str]:
-    """Value and error, both rounded where the error's second digit stands."""
-    if not (math.isfinite(error) and error > 0.0):
-        return number(value, 9), number(error, 2)
-    place = math.floor(math.log10(error)) - 1
+def rounded_alike(value: float, *others: float, error: float) -> tuple[str, ...]:
+    """A value and what stands beside it, all rounded where the second digit of an error stands.
+
+    Args:
+        value: the number.
+        others: its errors.
+        error: the smallest of them.
+    """
+    place = math.floor(math.log10(error)) - 1 if math.isfinite(error) and error > 0.0 else -13
     if not -12 <= place < 6:
-        return number(value, 9), number(error, 2)
-    first, second = (f"{round(v, -place):.{max(0, -place)}f}" for v in (value, error))
-    return first.replace("-", "−"), second.replace("-", "−")
+        return number(value, 9), *(number(v, 2) for v in others)
+    return tuple(
+        f"{round(v, -place):.{max(0, -place)}f}".replace("-", "−") for v in (value, *others)
+    )
 
 
 def quantity(value: float, error: float, unit: str) -> str:
@@ -319,10 +324,38 @@ def quantity(value: float, error: float, unit: str) -> str:
         error: standard deviation, in the same unit.
         unit: of the values.
     """
-    factor, shown = prefixed(abs(value), unit)
-    if 0.0 < error < 1e-3 * factor:
-        factor, shown = 1.0, unit
+    factor, shown = joint_prefix(value, error, unit)
     return with_error(value / factor, error / factor, shown)
+
+
+def uneven_quantity(value: float, sides: tuple[float, float], unit: str) -> str:
+    """Value +above −below with a prefix that suits the value: "235 +128 −89 Hz".
+
+    All are rounded where the second digit of the smaller side stands.
+
+    Args:
+        value: the number.
+        sides: how far the error goes below and above it, both positive, in the same unit.
+        unit: of the values.
+    """
+    factor, shown = joint_prefix(value, min(sides), unit)
+    written = rounded_alike(value / factor, *(s / factor for s in sides), error=min(sides) / factor)
+    best, below, above = written
+    tail = f"\u00a0{unit_text(shown)}" if unit_text(shown) else ""
+    whole = f"{best}\u00a0+{above}\u00a0−{below}"
+    return f"({whole})\u00a0×{tail}" if _POWER_FIRST.match(shown) else f"{whole}{tail}"
+
+
+def joint_prefix(value: float, error: float, unit: str) -> tuple[float, str]:
+    """Factor and unit that suit a value, unless its error were all zeros in them.
+
+    Args:
+        value: the number.
+        error: its smallest one, in the same unit.
+        unit: of the values.
+    """
+    factor, shown = prefixed(abs(value), unit)
+    return (1.0, unit) if 0.0 < error < 1e-3 * factor else (factor, shown)
 
 
 def bound(value: float, digits: int = 6, *, up: bool) -> str:
@@ -366,7 +399,7 @@ def as_known(value: float, error: float, unit: str = "") -> str:
         digits = _digits_to(place, value)
         if digits > _LEAST:
             fixed = -12 <= place < 6
-            shown = _rounded_alike(value, error)[0] if fixed else number(value, digits)
+            shown = rounded_alike(value, error=error)[0] if fixed else number(value, digits)
     return f"{shown} {unit}".rstrip().replace("\u00a0", " ")
 
 

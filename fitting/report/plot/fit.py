@@ -30,7 +30,6 @@ from fitting.text.notation import (
     number,
     on_log_axis,
     prefixed,
-    quantity,
     scaling_for,
 )
 
@@ -256,5 +255,4 @@ def _short_words(derived: DerivedResult) -> str:
     if not derived.is_most_likely:
         value = number(derived.value, 7)
         return f" = {value} {derived.unit} by Algorithm 2\n{derived.identifiable} by these data"
-    value = quantity(derived.value, derived.std, derived.unit)
-    return f" = {value}\n{derived.identifiable} by these data"
+    return f" = {derived.likely_words}\n{derived.identifiable} by these data"

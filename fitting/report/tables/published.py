@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from fitting.inference.error_bars import EVEN, ErrorBars
 from fitting.inference.values import OffsetResult
 from fitting.report.table import Cell, Column, csv_text, tabulate
 from fitting.report.tables.values import Value, values_of
@@ -16,7 +17,7 @@ from fitting.report.words.answer import by_line
 from fitting.result.result import Result
 from fitting.signal.student import ratio95
 from fitting.text.files import write_whole
-from fitting.text.notation import span, symbol, unit_text, with_error
+from fitting.text.notation import rounded_alike, span, symbol, unit_text, with_error
 
 CSV_NAME, LATEX_NAME = "values.csv", "values.tex"
 #: Letters that LaTeX takes for commands, and how they are written.
@@ -50,6 +51,14 @@ class Row:
     high: float
     verdict: str
     source: str = "fit"
+    bars: ErrorBars = EVEN
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Ends of the 68 % interval, NaN without a value."""
+        if math.isnan(self.bars.below):
+            return self.value - self.std, self.value + self.std
+        return self.value - self.bars.below, self.value + self.bars.above
 
 
 COLUMNS: tuple[Column[Row], ...] = (
@@ -61,6 +70,8 @@ COLUMNS: tuple[Column[Row], ...] = (
     Column("ci95 high", lambda r: _number(r.high)),
     Column("by the data", lambda r: r.verdict, role="words"),
     Column("source", lambda r: r.source),
+    Column("ci68 low", lambda r: _number(r.sides[0])),
+    Column("ci68 high", lambda r: _number(r.sides[1])),
 )
 
 
@@ -109,6 +120,7 @@ def _row(value: Value) -> Row:
         high=found.ci95[1],
         verdict=str(found.identifiable),
         source="fit" if found.is_most_likely else "Algorithm 2, std and interval of the likelihood",
+        bars=found.bars if found.is_most_likely and not value.open else EVEN,
     )
 
 
@@ -133,7 +145,7 @@ def latex(rows: Sequence[Row]) -> str:
         rows: of the table.
     """
     lines = [
-        "% written by fmu-fit; +- is one standard deviation, intervals hold 95 %",
+        "% written by fmu-fit; +- is one standard deviation, + with - holds 68 %, intervals 95 %",
         r"\begin{tabular}{lllll}",
         r"\hline",
         r"quantity & value & 95\,\% interval & by the data & from \\",
@@ -141,11 +153,23 @@ def latex(rows: Sequence[Row]) -> str:
     ]
     for row in rows:
         known = math.isfinite(row.value)
-        shown = with_error(row.value, row.std, row.unit) if known else "--"
+        shown = _latex_value(row) if known else "--"
         wide = span(row.low, row.high, row.unit) if math.isfinite(row.low) else "--"
-        cells = (latex_name(row.name), *map(latex_text, (shown, wide, row.verdict, row.source)))
+        words = map(latex_text, (wide, row.verdict, row.source))
+        cells = (latex_name(row.name), shown, *words)
         lines.append(" & ".join(cells) + r" \\")
     return "\n".join([*lines, r"\hline", r"\end{tabular}", ""])
+
+
+def _latex_value(row: Row) -> str:
+    """A value with its error, or with both where they differ: 235^{+128}_{-89}."""
+    bars = row.bars
+    if bars.is_even:
+        return latex_text(with_error(row.value, row.std, row.unit))
+    least = min(bars.below, bars.above)
+    written = rounded_alike(row.value, bars.below, bars.above, error=least)
+    value, below, above = (latex_text(part).replace("$", "") for part in written)
+    return f"${value}^{{+{above}}}_{{-{below}}}$" + (f"~{latex_text(row.unit)}" if row.unit else "")
 
 
 def latex_name(name: str) -> str:

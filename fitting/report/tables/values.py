@@ -89,6 +89,18 @@ def verdict(identifiable: Verdict) -> Cell:
     return Cell(str(identifiable), mark=MARKS.get(identifiable, "no"))
 
 
+def error(found: ParameterResult | DerivedResult | OffsetResult) -> float | Cell:
+    """The error of a value; where it differs from side to side "+128 −89", half of both behind it.
+
+    Args:
+        found: value with its verdict.
+    """
+    bars = found.bars
+    if bars.is_even or not math.isfinite(found.std):
+        return found.std
+    return Cell(f"+{number(bars.above, 2)}\u00a0−{number(bars.below, 2)}", value=found.std)
+
+
 def interval(bounds: tuple[float, float]) -> Cell:
     """An interval, a dash where it has no ends.
 
@@ -141,7 +153,7 @@ VALUES: tuple[Column[Value], ...] = (
     Column("value", lambda v: v.value),
     Column("unit", lambda v: unit_text(v.found.unit)),
     MOST_LIKELY,
-    Column("std", lambda v: math.nan if v.same else v.found.std, digits=2),
+    Column("std", lambda v: math.nan if v.same else error(v.found), digits=2),
     Column("prior", lambda v: math.nan if v.same else v.reference, digits=6),
     Column(
         "by the data",
@@ -191,7 +203,7 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("parameter", lambda row: symbol(row[0]), role="name"),
     Column("value", lambda row: row[1].value),
     Column("unit", lambda row: unit_text(row[1].unit)),
-    Column("std", lambda row: row[1].std, digits=2),
+    Column("std", lambda row: error(row[1]), digits=2),
     Column("95 % interval", lambda row: interval(row[1].ci95)),
     Column("reference", lambda row: row[1].reference),
     Column("start", lambda row: row[1].start),
@@ -252,7 +264,7 @@ DERIVED: tuple[Column[Output], ...] = (
     Column("mean", lambda row: row[1].mean, digits=9),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("spread", lambda row: row[1].spread, digits=2),
-    Column("std", lambda row: _if_known(row[1], row[1].std), digits=2),
+    Column("std", lambda row: _if_known(row[1], error(row[1])), digits=2),
     Column("95 % interval", lambda row: _if_known(row[1], interval(row[1].ci95))),
     Column("at the reference", lambda row: row[1].reference, digits=9),
     Column("range over the box", lambda row: interval(row[1].box)),

@@ -23,6 +23,8 @@ Found = ParameterResult | DerivedResult
 
 #: Said once of every error, interval and percentage.
 CONVENTION = "± holds 68 %, intervals hold 95 %; “determined to” names half of a 95 % interval."
+#: Said in its place where the error of a value differs from side to side.
+CONVENTION_UNEVEN = CONVENTION.replace("± holds", "±, and + with −, hold")
 #: Value and standard deviation of a line, by what it is of the line.
 PARTS = {
     "frequency": lambda line: (line.frequency_hz, line.frequency_std_hz),
@@ -46,7 +48,7 @@ class Known:
     """One value that is known: `shown` with its error or bounds; `fitted`: what the fit says of it.
 
     `fitted` is empty unless the sweep by itself knows it better; `others` are names of the same
-    number.
+    number; `is_even`: its error is ±, or it has none.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Known:
     share: float
     fitted: str = ""
     apart: float = math.nan
+    is_even: bool = True
 
     @property
     def named(self) -> str:
@@ -91,8 +94,9 @@ class Answer:
     def notes(self) -> tuple[str, ...]:
         """Why a number stands here that is not the fit's, and what ± means."""
         better = [k for k in self.known if k.fitted]
+        convention = CONVENTION if all(k.is_even for k in self.known) else CONVENTION_UNEVEN
         if not better:
-            return (CONVENTION,)
+            return (convention,)
         names, fitted = listed(k.name for k in better), listed(k.fitted for k in better)
         verb = "is" if len(better) == 1 else "are"
         away = max(k.apart for k in better)
@@ -101,7 +105,7 @@ class Answer:
             f"{names} {verb} best known by the line of the sweep alone. The fit of the peaks says "
             f"{fitted}{far}: it takes the scale from the sweep and nothing else "
             '(use = "fit" under [sweep] would fit both together).',
-            CONVENTION,
+            convention,
         )
 
 
@@ -156,13 +160,15 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
     better = by_line(name, found, line)
     if better is not None:
         value, std = better
-        fitted, apart = "", math.nan
+        fitted, apart, is_even = "", math.nan, True
         if verdict.has_value:
             fitted, apart = own, abs(_likely(found) - value) / math.hypot(std, found.std)
-        shown = f"= {quantity(value, std, found.unit)}"
-        return Known(name, shown, share=_share(value, std), fitted=fitted, apart=apart)
+            is_even = found.bars.is_even
+        shown, share = f"= {quantity(value, std, found.unit)}", _share(value, std)
+        return Known(name, shown, share=share, fitted=fitted, apart=apart, is_even=is_even)
     if verdict is Verdict.DETERMINED:
-        return Known(name, f"= {own}", share=_share(found.value, found.std))
+        share = _share(found.value, found.std)
+        return Known(name, f"= {own}", share=share, is_even=found.bars.is_even)
     words = {
         Verdict.BOUNDED: f"between {_range(*found.ci95, found.unit).replace(' to ', ' and ')}",
         Verdict.ABOVE: f"at most {_one(found.ci95[1], found.unit, up=True)}",

@@ -6,7 +6,7 @@ import math
 
 from fitting.inference.verdict import Verdict
 from fitting.result.calibration import Calibration, Handed
-from fitting.text.notation import listed, number, quantity, settings_words, span
+from fitting.text.notation import listed, number, settings_words, span
 
 
 def calibration_lines(found: Calibration) -> list[str]:
@@ -46,7 +46,7 @@ def _listed(parameters: list[Handed]) -> str:
 def _known(p: Handed) -> str:
     """A value with its error; where the data leave it open, the range and the verdict."""
     if p.verdict is Verdict.DETERMINED:
-        return f"= {quantity(p.value, p.std, p.unit)}"
+        return f"= {p.bars.words(p.value, p.std, p.unit, p.ci95)}"
     low, high = p.ci95
     reason = p.left or str(p.verdict)
     if math.isnan(low) or math.isnan(high):

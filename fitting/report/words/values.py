@@ -17,7 +17,6 @@ from fitting.text.notation import (
     listed,
     number,
     prefixed,
-    quantity,
     settings_words,
     span,
 )
@@ -104,9 +103,9 @@ def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str
         found: value with its verdict.
     """
     if found.is_most_likely:
-        return quantity(found.value, found.std, found.unit)
+        return found.likely_words
     outside = ", outside the 95 % interval of the likelihood" if found.is_outside else ""
-    best = quantity(found.most_likely, found.std, found.unit)
+    best = found.likely_words
     return f"{_with_prefix(found.value, found.unit)} by Algorithm 2{outside} (most likely {best})"
 
 
