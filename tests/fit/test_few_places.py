@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import fitting as ff
 from fitting.fit.likelihood.few_places import of_few_places
@@ -114,6 +115,29 @@ def test_where_noise_explains_the_few_and_not_all_the_whole_is_searched(
     search = minima.search_box(LikelihoodEvaluator(whole), [np.zeros(whole.lower.size)], 1, 600)
     assert not search.explained
     assert asked.count(len(lab.volts)) > minima.SCREENED
+
+
+@pytest.mark.parametrize(("probability", "thoroughly"), [(0.5, False), (0.01, True)])
+def test_what_noise_rarely_explains_is_searched_thoroughly_by_the_few(
+    lab: CrossingLaboratory, monkeypatch: pytest.MonkeyPatch, probability: float, thoroughly: bool
+) -> None:
+    """The noise is stated so that chance leaves as much in so many cases."""
+    monkeypatch.setattr(minima, "EVOLUTIONS", 0)
+    monkeypatch.setattr(minima, "FINER_SCANS", 1)
+    whole, asked = likelihood(lab, lab.amplitude)
+    begin, sigma = np.zeros(whole.lower.size), whole.objective.data.sigma
+    least = minima.search_box(LikelihoodEvaluator(whole), [begin], 1, 600).minima[0].chi_square
+    wanted = chi2.isf(probability, whole.data_rows - begin.size)
+    sized = likelihood_of(
+        whole.objective, sigma * np.sqrt(least / wanted), np.zeros((sigma.size, 0))
+    )
+    asked.clear()
+    search = minima.search_box(LikelihoodEvaluator(sized), [begin], 1, 600)
+    assert search.explained is not thoroughly
+    assert search.minima[0].chi_square == pytest.approx(wanted, rel=1e-3)
+    by_all = asked.count(len(lab.volts))
+    assert (len(asked) - by_all > 4000) is thoroughly
+    assert by_all < 4000
 
 
 def test_a_response_that_answers_for_all_alone_is_left_whole(lab: CrossingLaboratory) -> None:

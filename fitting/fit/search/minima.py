@@ -129,7 +129,8 @@ def search_box(
 
     Of measurements at many places few are looked at first (`fitting.fit.likelihood.few_places`):
     what is a minimum of all of them is about one of those, where noise explains both. Descents are
-    then those by all, from what is not far above the lowest.
+    then those by all, from what is not far above the lowest. Where noise rarely explains the lowest
+    of all, but may, the few are searched as thoroughly as all would be: a part of the cost.
 
     Args:
         evaluator: of the likelihood, without inflation.
@@ -144,22 +145,51 @@ def search_box(
     if few is None:
         return _searched(evaluator, begins, seed, budget)
     with evaluator.of(few.likelihood):
-        scouted = _searched(evaluator, begins, seed, budget, scouting=True)
+        scouted = _searched(evaluator, begins, seed, budget, SCOUTING)
     if not scouted.explained:
         return _searched(evaluator, begins, seed, budget)
-    least = scouted.minima[0].chi_square
-    enough = HOPELESS * least + own_gain(evaluator.likelihood)
-    near = [minimum.x for minimum in scouted.minima if minimum.chi_square <= enough]
-    ended = _let_down(evaluator, [*begins, *near])
+    ended = _let_down(evaluator, [*begins, *_promising(evaluator.likelihood, scouted)])
     if not _is_explained(evaluator.likelihood, ended):
-        return _searched(evaluator, begins, seed, budget)
+        if not _is_explained(evaluator.likelihood, ended, RARELY_P):
+            return _searched(evaluator, begins, seed, budget)
+        lowest = min(ended, key=lambda each: each[1].chi_square)[1].end.x
+        with evaluator.of(few.likelihood):
+            scouted = _searched(evaluator, [lowest], seed, budget, THOROUGHLY)
+        ended += _let_down(evaluator, _promising(evaluator.likelihood, scouted))
     return replace(
         scouted,
         minima=_apart(Box(evaluator.likelihood.parameters), evaluator.likelihood, ended),
         descents=len(ended),
+        explained=_is_explained(evaluator.likelihood, ended),
         evaluations=evaluator.evaluations,
         runs=evaluator.runs,
     )
+
+
+def _promising(likelihood: Likelihood, scouted: Search) -> list[FloatArray]:
+    """Minima by few places that are not far above the lowest of them."""
+    enough = HOPELESS * scouted.minima[0].chi_square + own_gain(likelihood)
+    return [minimum.x for minimum in scouted.minima if minimum.chi_square <= enough]
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """How thoroughly rows are searched.
+
+    `bar` is the probability of the least chi square from which noise explains it, `least_p` the
+    one below which every round looks further, whatever its own is; without `rounds` nothing follows
+    the screens.
+    """
+
+    bar: float = TOO_LARGE_P
+    least_p: float = 0.0
+    rounds: bool = True
+
+
+#: By rows that tell whether noise explains them; by few of others, which go on from it and tell
+#: that: where it hardly explains these no more is spent on them; by few for all, which it rarely
+#: explains.
+USUAL, SCOUTING, THOROUGHLY = _Effort(), _Effort(HARDLY_P, rounds=False), _Effort(least_p=1.0)
 
 
 def _searched(
@@ -167,30 +197,25 @@ def _searched(
     begins: Sequence[FloatArray],
     seed: int,
     budget: int,
-    *,
-    scouting: bool = False,
+    effort: _Effort = USUAL,
 ) -> Search:
-    """A search by all rows that the evaluator has.
-
-    `scouting`: others go on from it, by more rows, which tell whether noise explains them; where it
-    hardly explains these no more is spent on them.
-    """
+    """A search by all rows that the evaluator has."""
     box = Box(evaluator.likelihood.parameters)
     ended = _let_down(evaluator, begins)
     unknowns = int(np.count_nonzero(box.free))
     enough = min(SCREENED * 2 ** max(0, unknowns - FEW), MOST_AT_FIRST)
-    bar = HARDLY_P if scouting else TOO_LARGE_P
     screens, taken = 0, 0
     while screens < SCREENS and unknowns:
         number = max(SCREENED, taken)
         ended += _let_down(evaluator, screened(evaluator, seed, number, skip=taken))
         screens, taken = screens + 1, taken + number
-        explained = _is_explained(evaluator.likelihood, ended, bar)
-        if evaluator.evaluations >= budget or ((explained or scouting) and taken >= enough):
+        bar = max(effort.bar, effort.least_p)
+        done = not effort.rounds or _is_explained(evaluator.likelihood, ended, bar)
+        if evaluator.evaluations >= budget or (done and taken >= enough):
             break
-    many = unknowns > FEW and not scouting
+    many = unknowns > FEW and effort.rounds
     for least_p, look in _further_rounds(evaluator, box, ended, seed) if many else ():
-        if _is_explained(evaluator.likelihood, ended, least_p):
+        if _is_explained(evaluator.likelihood, ended, max(least_p, effort.least_p)):
             break
         points, looked_at = look()
         ended += _let_down(evaluator, points)
@@ -200,7 +225,7 @@ def _searched(
         screened=taken,
         screens=screens,
         descents=len(ended),
-        explained=_is_explained(evaluator.likelihood, ended, bar),
+        explained=_is_explained(evaluator.likelihood, ended, effort.bar),
         evaluations=evaluator.evaluations,
         runs=evaluator.runs,
     )
