@@ -95,12 +95,18 @@ class Parameter:
         return self.variable or self.name
 
     @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle, with a period told or not."""
+        return self.unit == "rad"
+
+    @property
     def spans_decades(self) -> bool:
         """Whether its box is one of ratios: a positive value that may be ten times larger.
 
         Never that of an angle: a small one is no ratio of another.
         """
-        return self.period is None and spans_decades(self.lower, self.upper)
+        alone = self.period is None and not self.is_angle
+        return alone and spans_decades(self.lower, self.upper)
 
     def near(self, end: float, share: float) -> float:
         """How far from an end of a range a value is next to it, in its unit (`next_to`).

@@ -93,7 +93,7 @@ def _elsewhere(solution: Solution, kept: Container[str], factor: float, turn: fl
         if parameter.prior_sigma is not None or parameter.experiments or parameter.name in kept:
             continue
         here, low, high = float(p[i]), parameter.lower, parameter.upper
-        positive = low >= 0.0 and parameter.period is None and parameter.unit != "rad"
+        positive = low >= 0.0 and parameter.period is None and not parameter.is_angle
         ways = (here + turn * parameter.scale, here - turn * parameter.scale)
         if positive:
             ways = (here * factor, here / factor)

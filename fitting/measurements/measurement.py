@@ -529,7 +529,11 @@ class MeasurementKind:
         return np.empty((self.rows, 0))
 
     def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
-        """One stretch: all rows."""
+        """One stretch: all rows.
+
+        Args:
+            prediction: of the measurement, without scale.
+        """
         return (self.solved_columns(prediction),)
 
     def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:

@@ -41,6 +41,8 @@ ROUNDING = 1e-9
 #: likely one, upward from its error where that is more (zero fits then, and its own size says
 #: nothing), others by so many widths of the box, those with a Gaussian prior by so many sigmas.
 FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
+#: The same of an angle whose box is no whole period, rad.
+QUARTER_TURN = 0.5 * np.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,6 +187,8 @@ def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
     if parameter.prior_sigma is not None:
         reach = SIGMAS * parameter.prior_sigma
         low, high = parameter.reference - reach, parameter.reference + reach
+    elif parameter.is_angle:  # farther off it is the same angle again, whatever its period is
+        low, high = at - QUARTER_TURN, at + QUARTER_TURN
     elif parameter.lower >= 0.0:
         low, high = at / FACTOR, max(at, error) * FACTOR
     else:

@@ -176,7 +176,7 @@ def _turns(parameter: Parameter) -> list[tuple[float, float]]:
         return [(1.0, 0.0)]
     if parameter.period is not None:
         return [(sign, f * parameter.period) for sign in (1.0, -1.0) for f in FRACTIONS]
-    if parameter.unit == "rad":
+    if parameter.is_angle:
         return _quarter_turns(parameter)
     if parameter.lower == -parameter.upper:
         return [(1.0, 0.0), (-1.0, 0.0)]

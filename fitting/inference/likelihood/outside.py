@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model, to_search
 from fitting.fit.likelihood.descent import AT_LIMIT, Optimum
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.likelihood import QUARTER_TURN, Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
 from fitting.inference.likelihood.exploration import (
     Exploration,
@@ -51,8 +51,8 @@ class Outside:
 def widened(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Parameters with much wider boxes, inside what the model declares.
 
-    A positive one that may be ten times as large goes by a factor of 100 each way, others by ten
-    half widths; what goes round or has a prior of its own keeps its box.
+    A positive one that may be ten times as large goes by a factor of 100 each way, an angle through
+    half a turn, others by ten half widths; what goes round or has a prior of its own keeps its box.
 
     Args:
         parameters: with their boxes.
@@ -64,7 +64,10 @@ def _widened(parameter: Parameter) -> Parameter:
     if parameter.period is not None or parameter.prior_sigma is not None:
         return parameter
     low, high = parameter.lower, parameter.upper
-    if parameter.spans_decades:
+    if parameter.is_angle:
+        middle, half = 0.5 * (low + high), max(0.5 * (high - low), QUARTER_TURN)
+        low, high = middle - half, middle + half
+    elif parameter.spans_decades:
         low, high = low / TIMES, high * TIMES
     else:
         more = 0.5 * (HALF_WIDTHS - 1.0) * (high - low)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitting.campaign.parameters import Parameter
 from fitting.fit.likelihood.descent import AT_LIMIT, Optimum
 from fitting.fit.likelihood.few_places import FewPlaces, of_few_places, own_gain
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
@@ -77,11 +78,15 @@ def turned(
         FmuFailure: the model failed at more points than can be left out.
     """
     begins = _at_limits(parameters, wide, fitting)
+    likelihood = wide.likelihood
     xs = []
-    for i in np.flatnonzero(np.isfinite(wide.likelihood.periods)):
+    for i, parameter in enumerate(likelihood.parameters):
+        if not _period(parameter):
+            continue
         step = np.zeros(wide.expansion.x.size)
-        step[i] = wide.likelihood.periods[i]
+        step[i] = _period(parameter) / parameter.scale
         xs += [begin + way * turn * step for begin in begins for turn in TURNS for way in (-1, 1)]
+    xs = [x for x in xs if np.all((likelihood.lower <= x) & (x <= likelihood.upper))]
     if not xs:
         return []
 
@@ -94,6 +99,11 @@ def turned(
         ]
 
     return run_in_lockstep([looked_at()], evaluator)[0] or []
+
+
+def _period(parameter: Parameter) -> float:
+    """Period of an angle, half a turn where none is told, in its unit; 0 of what is no angle."""
+    return parameter.period or (math.pi if parameter.is_angle else 0.0)
 
 
 @dataclass(frozen=True)
