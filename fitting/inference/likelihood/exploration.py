@@ -14,8 +14,8 @@ from fitting.fit.likelihood.descent import (
     AT_LIMIT,
     Expansion,
     Optimum,
-    descend,
     expansion_at,
+    lower,
 )
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
@@ -589,6 +589,8 @@ def other_minima(
 ) -> tuple[ProfilePoint, ...]:
     """Minima that fit as well, (Dchi^2 below the 95 % threshold), by descents.
 
+    What fits better is told where a descent creeps along its valley, too.
+
     Args:
         evaluator: of the likelihood; counts what is evaluated.
         optimum: the most likely point and its likelihood.
@@ -605,8 +607,10 @@ def other_minima(
             here = yield from expansion_at(likelihood, x, False)
             if not math.isfinite(here.chi_square):
                 return None
-            ended = yield from descend(likelihood, here, wanted=optimum.least + threshold)
-            return None if ended is None else (yield from expansion_at(likelihood, ended.x))
+            ended = yield from lower(likelihood, here, wanted=optimum.least + threshold)
+            if not ended.reached and not ended.chi_square < optimum.least:
+                return None
+            return (yield from expansion_at(likelihood, ended.end.x))
         except Exhausted:
             return None
 
