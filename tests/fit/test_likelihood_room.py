@@ -24,6 +24,7 @@ from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, l
 from fitting.fit.likelihood.lockstep import run_in_lockstep
 from fitting.fit.objective import Objective
 from fitting.inference.adequacy import outside_sentences
+from fitting.inference.likelihood.outside import widened
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoScale
@@ -45,6 +46,26 @@ def room(own: Parameter, at: float, error: float = 0.1) -> tuple[float, float]:
     out = likelihood.let_out(np.array([x]), np.array([errors]))
     [low], [high] = (to_model((own,), x) for x in (out.lower, out.upper))
     return float(low), float(high)
+
+
+@pytest.mark.parametrize(
+    ("box", "at", "wanted"),
+    [
+        # positive, but an angle: a factor of ten would go round five times
+        ((1.6, 3.1), 2.0, (2.0 - 0.5 * math.pi, 2.0 + 0.5 * math.pi)),
+        ((-1.0, 0.5), 0.0, (-0.5 * math.pi, 0.5 * math.pi)),
+        ((-3.0, 3.0), 1.0, (-3.0, 3.0)),
+    ],
+)
+def test_an_angle_without_a_period_goes_a_quarter_turn_each_way_and_through_its_box(
+    box: tuple[float, float], at: float, wanted: tuple[float, float]
+) -> None:
+    angle = parameter("angle", *box, unit="rad")
+    assert room(angle, at) == pytest.approx(wanted)
+    [wide] = widened([angle])
+    middle, half = 0.5 * (box[0] + box[1]), max(0.5 * math.pi, 0.5 * (box[1] - box[0]))
+    assert (wide.lower, wide.upper) == pytest.approx((middle - half, middle + half))
+    assert not parameter("angle", 0.01, 3.0, unit="rad").spans_decades
 
 
 @pytest.mark.parametrize(

@@ -104,6 +104,10 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
         ("readings", 70000, "width_plus", "bounded below"),
         # the coupling does not exist where d1 comes to the end of its box, but a little beside it
         ("readings", 77013, "d1", "not determined"),
+        # the angle has no period here: five half turns on it is the same
+        ("readings", 78039, "theta", "determined"),
+        # the descent from what the search found creeps, to a lower point all the same
+        ("readings", 78016, "width_plus", "determined"),
     ],
 )
 def test_a_verdict_is_the_same_in_boxes_ten_times_as_wide(
