@@ -167,6 +167,22 @@ def test_the_model_of_two_modes_is_the_simplest_that_describes(phases: bool, dri
     assert found.drive == pytest.approx(driven, abs=0.05)
 
 
+@pytest.mark.parametrize("share", [0.7, 1.3, -0.7])
+@pytest.mark.parametrize("seed", range(3))
+def test_overlapping_lines_in_phase_are_modes_of_their_own(share: float, seed: int) -> None:
+    # amplitudes do not tell S from the curve with its zero mirrored, which no two such modes have
+    f = 880_180.0 + np.linspace(-800.0, 800.0, 401)
+    seen = np.abs(mode(f, 880_100.0, 120.0) + share * mode(f, 880_260.0, 95.0))
+    seen *= 1.0 + 0.004 * np.random.default_rng(seed).standard_normal(f.size)
+    found = two_modes_of(trace_of(f, seen, "V"))
+    assert found is not None
+    assert found.describes
+    assert found.kind == "beside"
+    assert found.frequency_hz == pytest.approx((880_100.0, 880_260.0), abs=3.0)
+    assert found.width_hz == pytest.approx((120.0, 95.0), rel=0.05)
+    assert found.drive == pytest.approx(share * 95.0 / 120.0, rel=0.05)
+
+
 def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) -> None:
     path, said = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
     # g2 is the ratio of the heights times that of f d: the heights alone do not tell it
