@@ -316,7 +316,12 @@ def test_bad_keys_are_told_in_a_sentence(
     [
         pytest.param("frequency (Hz),density (dB)", "that of a power spectral density", id="dB"),
         pytest.param("frequency (Hz),density", "has no unit in its header", id="no unit"),
-        pytest.param("frequency (Hz),power (V2/Hz)", "no column 'density'", id="no column"),
+        pytest.param(
+            "frequency (Hz),power (V2/Hz)",
+            "no column 'density'; there is: frequency, power; wanted its name in "
+            '[[noise_spectrum]], as columns = { density = "NAME" }',
+            id="no column",
+        ),
     ],
 )
 def test_bad_files_are_told_in_a_sentence(

@@ -500,6 +500,13 @@ def test_what_is_added_to_an_amplitude_is_found_and_told(
     assert by_name.beside == pytest.approx(0.6, rel=0.05) or by_name.wiring == "fano"
 
 
+def test_noise_in_a_unit_without_prefixes_stands_behind_a_times_sign() -> None:
+    seen = 1e-14 * (np.hypot(np.abs(line_alone(F)), 0.6) + noise(F.size, 0.01, 0).real)
+    found = ff.line(F, seen, unit="(m^2/Hz)^0.5", wiring="floor")
+    said = " ".join(sentences(found))
+    assert re.search(r"The noise beside the line is (5\.9|6\.0|6\.1)\d? × 10⁻¹⁵ \(m", said), said
+
+
 def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """A flank only rises or only falls; one of 8 points at the end of it is still told as that."""
 

@@ -29,7 +29,7 @@ from fitting.text.keys import (
     Text,
     Value,
 )
-from fitting.text.tables import read_table
+from fitting.text.tables import Column, Table, read_table
 from fitting.text.units import convert
 from fitting.text.written import in_unit
 
@@ -99,8 +99,8 @@ class NoiseSpectrumTable(MeasurementTable):
             BadInput: a column or unit that is missing, or no unit of a power spectral density.
         """
         table, names = read_table(self.file), self.columns
-        frequency = table.column(names.frequency or "frequency")
-        density = table.column(names.density or "density")
+        frequency = self._column(table, names.frequency, "frequency")
+        density = self._column(table, names.density, "density")
         hertz = unit_of(table, frequency, "frequency (Hz)")
         where = f"{self.file}: column '{frequency.name}'"
         to_hz = convert(1.0, hertz, "Hz", where=where)
@@ -108,6 +108,16 @@ class NoiseSpectrumTable(MeasurementTable):
         seen, factor = _seen_unit(unit, f"{self.file}: column '{density.name}'")
         return ReadNoise(
             self, to_hz * table.numbers(frequency), factor * table.numbers(density), seen
+        )
+
+    def _column(self, table: Table, name: str, usual: str) -> Column:
+        """A column by its name in the campaign, else by its usual one."""
+        if name or table.find(usual) is not None:
+            return table.column(name or usual)
+        there = ", ".join(column.name for column in table.columns)
+        raise BadInput(
+            f"{self.file}: no column '{usual}'; there is: {there}; wanted its name in "
+            f'[[{self.TABLE}]], as columns = {{ {usual} = "NAME" }}'
         )
 
     @classmethod
