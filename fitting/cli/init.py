@@ -32,10 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="FILE",
-        help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep; or a "
-        "map, spectra over a control quantity in one table; or ringdowns, or with --fmu "
-        "recordings over time, of an output and perhaps an input; one may be the FMU (.fmu), "
-        "which alone gives a skeleton",
+        help="sweeps of any instrument, or noise spectra; or a table of experiments, its spectra, "
+        "and a sweep; or a map, spectra over a control quantity in one table; or ringdowns, or "
+        "with --fmu recordings over time, of an output and perhaps an input; one may be the FMU "
+        "(.fmu), which alone gives a skeleton",
     )
     parser.add_argument(
         "--fmu", help="the FMU, or a model of this project (one mode: CoupledModes1)"

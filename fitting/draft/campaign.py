@@ -290,7 +290,12 @@ def _add_sweeps(
         tables["complex_sweep"] = [
             _complex(sweep, k, len(phased), folder, remarks) for k, sweep in enumerate(phased)
         ]
-    plain = [sweep for sweep in files.sweeps if sweep not in phased]
+    noise = [sweep for sweep in files.sweeps if sweep.is_noise and files.table is None]
+    if noise:
+        tables["noise_spectrum"] = [
+            _noise(sweep, k, len(noise), folder, remarks) for k, sweep in enumerate(noise)
+        ]
+    plain = [sweep for sweep in files.sweeps if sweep not in phased and sweep not in noise]
     for sweep in plain[:1]:
         fitted = files.table is None
         tables["sweep"] = {
@@ -346,6 +351,22 @@ def _complex(
     if sweep.line.forms[0].delayed:
         made["delay"] = "fit"
         remarks[(*at, "delay")] = "of the cable: found by comparing"
+    return made
+
+
+def _noise(
+    sweep: SweepFile, k: int, count: int, folder: Path | None, remarks: Remarks
+) -> dict[str, Any]:
+    """A spectrum of what nobody drove: level and floor are solved for."""
+    at, roles = ("noise_spectrum", k), sweep.roles
+    made: dict[str, Any] = {"file": relative_path(sweep.path, folder), "force": "white"}
+    remarks[(*at, "file")] = "averages = N tells how many periodograms were averaged"
+    remarks[(*at, "force")] = '"thermal", with a temperature, tells the read-out'
+    if count > 1:
+        made["label"] = sweep.path.stem
+    density = "" if roles.sizes is None else roles.sizes.name
+    made["columns"] = {"frequency": roles.frequency.name, "density": density}
+    remarks[(*at, "columns")] = "as they were recognised"
     return made
 
 

@@ -42,6 +42,13 @@ TAKEN = {
     COUPLED: "mode 1 alone is driven and seen, and lambda12 couples mode 2 to it",
     DRIVEN: "both modes are driven, mode 1 alone is seen, and lambda12 couples them",
 }
+#: What is said of a noise spectrum.
+NOISE = (
+    "A noise spectrum with one line: f = {f}, width {width} by its amplitudes. The campaign fits "
+    "the density, each point as an average of periodograms scatters, with a level and a white "
+    "floor that are solved for. How many were averaged is taken from the scatter; averages = N "
+    "under [[noise_spectrum]] states it."
+)
 #: The same of two modes of which the first is driven and seen, and moves the second.
 COUPLING = "lambda12"
 THROUGH_COUPLING: dict[str, tuple[float, str]] = {
@@ -213,7 +220,7 @@ def _beyond_fmu(line: Line) -> list[str]:
 
 def _undescribed(files: Files, source: Source) -> str:
     """What the campaign's FMU does not describe of a sweep of amplitudes, and what would help."""
-    lines = [sweep.line for sweep in files.sweeps if not sweep.is_complex]
+    lines = [sweep.line for sweep in files.sweeps if not (sweep.is_complex or sweep.is_noise)]
     if files.table is not None:
         return ""
     for line in lines:
@@ -243,6 +250,9 @@ def _said(files: Files) -> list[str]:
         if sweep.line is not None:
             f = quantity(sweep.line.frequency_hz, sweep.line.frequency_std_hz, "Hz")
             width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
+            if sweep.is_noise:
+                said.append(NOISE.format(f=f, width=width))
+                continue
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
             said += _beside(sweep.line)
             said += [] if sweep.is_complex else _beyond_fmu(sweep.line)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
+from fitting.measurements.noise.table import SEEN_UNITS
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import Columns, Roles, map_in, read_trace_of, roles_of
@@ -49,6 +50,16 @@ class SweepFile:
     def is_complex(self) -> bool:
         """Whether it has phases."""
         return self.roles.is_complex
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether it is a noise spectrum of one line: a power spectral density, by its unit."""
+        sizes = self.roles.sizes
+        if self.is_complex or self.line is None or sizes is None or not sizes.unit:
+            return False
+        tells = (self.roles.recording.column(c.name).unit for c in (self.roles.frequency, sizes))
+        unit = sizes.unit
+        return all(tells) and any(same_kind(unit, f"({seen})**2/Hz") for seen in SEEN_UNITS)
 
 
 @dataclass(frozen=True, kw_only=True)

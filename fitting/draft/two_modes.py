@@ -143,12 +143,11 @@ class _Fit:
         poles = (self.pair.frequency_hz - self.middle + 0.5j * self.pair.width_hz) / self.unit
         residues = self.pair.height * self.pair.width_hz
         p1, p2 = map(complex, poles)
-        if self.kind == BESIDE:
-            ratio = complex(residues[1] / residues[0])
-            signs = {math.copysign(1.0, ratio.real), -1.0} if abs(ratio.imag) > 0 else {1.0}
-            return [_begin(p1, p2, sign * abs(ratio)) for sign in sorted(signs)]
         z = complex((residues[0] * p2 + residues[1] * p1) / (residues[0] + residues[1]))
         zeros = [z] if np.iscomplexobj(self.y) else [z, z.conjugate()]
+        if self.kind == BESIDE:  # of both signs: those of the pair may be the mirrored ones
+            ratios = {abs((zero - p2) / (p1 - zero)) for zero in zeros if zero != p1}
+            return [_begin(p1, p2, sign * g) for g in sorted(ratios) for sign in (1.0, -1.0)]
         made = []
         for zero in zeros:
             for more in ((), (0.0,)) if self.kind == COUPLED else ((0.1,), (-0.1,)):

@@ -67,6 +67,15 @@ class Solution:
         errors = _errors(self.objective, self.final, self.seen, noise, self.structure, self.nu)
         return replace(self, noise=noise, errors=errors)
 
+    def structured(self, structure: Structure | None) -> Solution:
+        """The same end, its errors by another structure of the residuals of curves.
+
+        Args:
+            structure: of the residuals, None without curves.
+        """
+        errors = _errors(self.objective, self.final, self.seen, self.noise, structure, self.nu)
+        return replace(self, structure=structure, errors=errors)
+
 
 def solution_of(
     evaluator: Evaluator, chain: Chain, schedule: Schedule, misfit: str = "slack"

@@ -9,14 +9,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from fitting.campaign.parameters import search_bounds, to_model, to_search
+from fitting.campaign.parameters import outside_box, search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.descent import let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
-from fitting.fit.solution import Solution
+from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
@@ -132,7 +132,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     request = request or InferenceRequest()
     fit, sweeps = _with_doubts(fit, request.sweeps)
     read = _read(fit, request, sweeps)
-    settled = _settled(fit, read)
+    settled = _let_out(_settled(fit, read), read)
     if settled is not fit:
         fit, sweeps = _with_doubts(settled, None)
         read = _read(fit, request, sweeps)
@@ -310,6 +310,31 @@ def _settled(fit: Fit, read: _Reading) -> Fit:
     if noise is solution.noise:
         return anew
     return replace(anew, solution=solution.weighed(noise))
+
+
+def _let_out(fit: Fit, read: _Reading) -> Fit:
+    """The fit, its curves weighed by what they leave where the data want them beyond the box.
+
+    Residuals that hang together because the box holds a value are no noise: errors that were wider
+    for them stood beside "describes the data", with the advice to look for a background.
+    """
+    solution = fit.solution
+    parameters, structure = solution.parameters, solution.structure
+    beyond = outside_box(parameters, to_search(parameters, read.best))
+    if structure is None or not structure.found or not beyond or read.adequacy is None:
+        return fit
+    evaluator = LikelihoodEvaluator(likelihood_with(solution.objective, solution.noise))
+    try:
+        optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
+        [point] = evaluate_many(solution.objective, [optimum.expansion.x])
+    except FmuFailure:
+        return fit
+    rows = optimum.expansion.matrix[: solution.noise.sigma.size]
+    matrix = optimum.likelihood.residuals(rows)
+    found = curve_structure(solution.objective, point, matrix, solution.noise)
+    if found is None or found.widening >= structure.widening:
+        return fit
+    return replace(fit, solution=solution.structured(found))
 
 
 def _knowledge(

@@ -128,7 +128,8 @@ def roles_of(path: Path, columns: Columns) -> Roles:
     if frequency is None:
         what, way = "has no column that seems the frequency", ""
         if known.role("time") is not None:
-            what, way = "is a recording over time", f", or fmu-fit init with --fmu: {TIME_PAGE}"
+            what = "is a recording over time"
+            way = f", or fmu-fit init, where it is no free decay with --fmu: {TIME_PAGE}"
         raise BadInput(
             f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency{way}"
         )

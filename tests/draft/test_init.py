@@ -167,6 +167,22 @@ def test_the_model_of_two_modes_is_the_simplest_that_describes(phases: bool, dri
     assert found.drive == pytest.approx(driven, abs=0.05)
 
 
+@pytest.mark.parametrize("share", [0.7, 1.3, -0.7])
+@pytest.mark.parametrize("seed", range(3))
+def test_overlapping_lines_in_phase_are_modes_of_their_own(share: float, seed: int) -> None:
+    # amplitudes do not tell S from the curve with its zero mirrored, which no two such modes have
+    f = 880_180.0 + np.linspace(-800.0, 800.0, 401)
+    seen = np.abs(mode(f, 880_100.0, 120.0) + share * mode(f, 880_260.0, 95.0))
+    seen *= 1.0 + 0.004 * np.random.default_rng(seed).standard_normal(f.size)
+    found = two_modes_of(trace_of(f, seen, "V"))
+    assert found is not None
+    assert found.describes
+    assert found.kind == "beside"
+    assert found.frequency_hz == pytest.approx((880_100.0, 880_260.0), abs=3.0)
+    assert found.width_hz == pytest.approx((120.0, 95.0), rel=0.05)
+    assert found.drive == pytest.approx(share * 95.0 / 120.0, rel=0.05)
+
+
 def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) -> None:
     path, said = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
     # g2 is the ratio of the heights times that of f d: the heights alone do not tell it
@@ -178,6 +194,31 @@ def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) ->
     assert boxes["d2"]["start"] == pytest.approx(NARROW, rel=0.05)
     assert boxes["g2"]["start"] == pytest.approx(G2, rel=0.05)
     assert boxes["f1"]["upper"] == pytest.approx(boxes["f2"]["lower"], abs=0.5)
+
+
+F_NOISE = ETA + np.linspace(-150.0, 150.0, 241)
+
+
+def test_a_power_spectral_density_becomes_a_noise_spectrum_that_finds_the_truth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # a line in closed form; an average of 100 periodograms scatters as Gamma says
+    density = np.abs(mode(F_NOISE, ETA, WIDTH)) ** 2 + 0.01
+    density *= 1e-24 * np.random.default_rng(5).gamma(100.0, 0.01, F_NOISE.size)
+    file = write_csv(tmp_path / "psd.csv", "Frequency (Hz),PSD (m^2/Hz)", F_NOISE, density)
+    found = fitted(tmp_path, [str(file)])
+    # errors by the Cramer-Rao bound of these points, by differences of the closed form
+    for name, value, least in (("f1", ETA, 0.184), ("d1", WIDTH, 0.466)):
+        each = found.parameters[name]
+        assert abs(each.value - value) < 4.0 * each.std, name
+        assert each.std == pytest.approx(least, rel=0.3), name
+    written = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))
+    [table] = written["noise_spectrum"]
+    assert table["columns"] == {"frequency": "Frequency", "density": "PSD"}
+    assert "sweep" not in written
+    told = " ".join(capsys.readouterr().out.split())
+    assert "A noise spectrum with one line: f = 30" in told
+    assert "Not described by this campaign" not in told
 
 
 def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None:

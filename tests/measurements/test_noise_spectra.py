@@ -197,6 +197,21 @@ def test_averages_that_nobody_told_give_the_same_errors(fmu: ff.Fmu) -> None:
         assert seen[name].std == pytest.approx(told[name].std, rel=0.2)
 
 
+def test_a_box_that_holds_a_width_widens_no_errors(fmu: ff.Fmu) -> None:
+    """What a box makes the curve leave is no noise: errors are those beyond it, not wider ones."""
+    y = drawn(100.0, 3)
+    width = LABORATORY.width_hz
+    held = (PARAMETERS[0], ff.Parameter("d1", 0.3 * width, bounds=(1.0, 0.5 * width), unit="Hz"))
+    errors = []
+    for parameters in (PARAMETERS, held):
+        problem = ff.Problem(fmu, parameters, spectrum(y))
+        found = ff.fit(problem, method=QUICK, starts=1)
+        errors.append(found["eta_plus"].std)
+        assert found["d1"].value == pytest.approx(width, rel=0.1)
+        assert "hang together" not in found.message
+    assert errors[1] == pytest.approx(errors[0], rel=0.4)
+
+
 @pytest.mark.parametrize("averages", [1, 100])
 def test_langevin_s_intervals_hold_the_truth(fmu: ff.Fmu, averages: int) -> None:
     """Exact discretisation, Welch, fit: squares of deviations over errors are chi square."""
@@ -342,7 +357,12 @@ def test_bad_keys_are_told_in_a_sentence(
     [
         pytest.param("frequency (Hz),density (dB)", "that of a power spectral density", id="dB"),
         pytest.param("frequency (Hz),density", "has no unit in its header", id="no unit"),
-        pytest.param("frequency (Hz),power (V2/Hz)", "no column 'density'", id="no column"),
+        pytest.param(
+            "frequency (Hz),power (V2/Hz)",
+            "no column 'density'; there is: frequency, power; wanted its name in "
+            '[[noise_spectrum]], as columns = { density = "NAME" }',
+            id="no column",
+        ),
     ],
 )
 def test_bad_files_are_told_in_a_sentence(

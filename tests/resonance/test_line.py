@@ -338,7 +338,7 @@ def re_numbers(text: str) -> tuple[float, float]:
         ("a (kHz),b", ["--from", "5.1 kHz", "--to", "5 kHz"], "wanted a rising range"),
         ("a (kHz),b", ["--from", "5.1 kHz"], "0 points lie between --from and --to"),
         ("a (kHz),b", ["--from", "4.995 kHz"], "is cut off by the first point"),
-        ("t (ms),b (V)", [], "fmu-fit init with --fmu: docs/how-to/traces.md"),
+        ("t (ms),b (V)", [], "fmu-fit init, where it is no free decay with --fmu: docs/"),
     ],
     ids=[
         *(
@@ -498,6 +498,13 @@ def test_what_is_added_to_an_amplitude_is_found_and_told(
     assert float(np.mean(np.square(pulls))) < 3.0
     by_name = ff.line(F, seen(line_alone(F)) + noise(F.size, 0.01, 0).real, wiring=chosen[0])
     assert by_name.beside == pytest.approx(0.6, rel=0.05) or by_name.wiring == "fano"
+
+
+def test_noise_in_a_unit_without_prefixes_stands_behind_a_times_sign() -> None:
+    seen = 1e-14 * (np.hypot(np.abs(line_alone(F)), 0.6) + noise(F.size, 0.01, 0).real)
+    found = ff.line(F, seen, unit="(m^2/Hz)^0.5", wiring="floor")
+    said = " ".join(sentences(found))
+    assert re.search(r"The noise beside the line is (5\.9|6\.0|6\.1)\d? × 10⁻¹⁵ \(m", said), said
 
 
 def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.MonkeyPatch) -> None:

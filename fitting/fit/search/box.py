@@ -77,7 +77,7 @@ class Box:
         p[edge] = low * (high / low) ** place if self._log[edge] else low + place * (high - low)
         moved = x.copy()
         moved[edge] = to_search(self.parameters, p)[edge]
-        return np.clip(moved, self.lower, self.upper)
+        return np.asarray(np.clip(moved, self.lower, self.upper))
 
     def apart(self, x: FloatArray, y: FloatArray) -> float:
         """Largest distance of two search vectors along an edge of the cube, periods taken off.

@@ -36,7 +36,7 @@ from fitting.text.keys import (
     Text,
     Value,
 )
-from fitting.text.tables import read_table
+from fitting.text.tables import Column, Table, read_table
 from fitting.text.units import convert
 from fitting.text.written import in_unit
 
@@ -109,8 +109,8 @@ class NoiseSpectrumTable(MeasurementTable):
             BadInput: a column or unit that is missing, or no unit of a power spectral density.
         """
         table, names = read_table(self.file), self.columns
-        frequency = table.column(names.frequency or "frequency")
-        density = table.column(names.density or "density")
+        frequency = self._column(table, names.frequency, "frequency")
+        density = self._column(table, names.density, "density")
         hertz = unit_of(table, frequency, "frequency (Hz)")
         where = f"{self.file}: column '{frequency.name}'"
         to_hz = convert(1.0, hertz, "Hz", where=where)
@@ -127,6 +127,16 @@ class NoiseSpectrumTable(MeasurementTable):
             factor * table.numbers(density),
             unit=seen,
             force=force,
+        )
+
+    def _column(self, table: Table, name: str, usual: str) -> Column:
+        """A column by its name in the campaign, else by its usual one."""
+        if name or table.find(usual) is not None:
+            return table.column(name or usual)
+        there = ", ".join(column.name for column in table.columns)
+        raise BadInput(
+            f"{self.file}: no column '{usual}'; there is: {there}; wanted its name in "
+            f'[[{self.TABLE}]], as columns = {{ {usual} = "NAME" }}'
         )
 
     @classmethod

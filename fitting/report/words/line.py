@@ -139,8 +139,7 @@ def _beside(line: Line) -> list[str]:
     """How large the constant of amplitudes is, and what may make it."""
     if line.beside == 0.0:
         return []
-    factor, unit = (1.0, "") if line.unit == "1" else prefixed(abs(line.beside), line.unit)
-    size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
+    size = _sized(line.beside, line.unit)
     if line.wiring in (FLOOR, RICE):
         return [
             f"The noise beside the line is {size}, the root mean square of its own amplitude, the "
@@ -153,15 +152,20 @@ def _beside(line: Line) -> list[str]:
         ]
     if line.wiring == SLOPED:
         first, last = line.points.frequency_hz[0], line.points.frequency_hz[-1]
-        change = abs(line.beside_slope) * (last - first)
-        per, of = (1.0, "") if line.unit == "1" else prefixed(change, line.unit)
+        whole = _sized(abs(line.beside_slope) * (last - first), line.unit)
         way = "rises" if line.beside_slope > 0.0 else "falls"
-        whole = f"{number(change / per, 3)} {of}".rstrip()
         return [
             f"The background is {size} at the line, and {way} by {whole} from the first point to "
             "the last: a zero of the detector that drifts, or what changes with frequency."
         ]
     return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
+
+
+def _sized(value: float, of: str) -> str:
+    """A value with its unit, or a power of ten times it where it takes no prefix."""
+    factor, unit = (1.0, "") if of == "1" else prefixed(abs(value), of)
+    times = "× " if unit.startswith("10") else ""
+    return f"{number(value / factor, 3)} {times}{unit}".rstrip()
 
 
 def _second(line: Line) -> list[str]:
