@@ -118,7 +118,7 @@ class NoiseSpectrumTable(MeasurementTable):
         seen, factor = _seen_unit(unit, f"{self.file}: column '{density.name}'")
         force = None
         if self.force == COLOURED:
-            force = table.numbers(table.column(names.force or "force"))
+            force = table.numbers(self._column(table, names.force, "force"))
         elif names.force:
             raise BadInput(f'{self.file}: columns.force has a meaning with force = "{COLOURED}"')
         return ReadNoise(
