@@ -103,6 +103,7 @@ class Scene:
         *,
         output: bool = False,
         low: float = -50.0,
+        high: float = 50.0,
     ) -> ProfileBranch:
         """The branch afterwards, the other one having ended as told; all else is as it was."""
         if isinstance(other, str):
@@ -114,7 +115,7 @@ class Scene:
             best=1.0,
             sigma=S,
             low=low,
-            high=50.0,
+            high=high,
         )
         before: Branches = (other, self.held) if self.side else (self.held, other)
         told = {"p": before}
@@ -146,6 +147,14 @@ def test_a_value_over_decades_is_asked_for_three_per_cent_more_of_its_ratio() ->
     scene.farther = (1.0 + CROSSING) ** 1.03
     assert scene.frees(scene.after(output=True, low=0.5))
     assert not scene.frees(scene.after(output=True, low=6.0))
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_nothing_is_asked_for_beyond_the_end_of_a_range(side: int) -> None:
+    """3 per cent farther out lies beyond it; half of the way there is asked for."""
+    scene, end = Scene(flat, side), CROSSING + 0.05
+    scene.farther = 1.0 + (1.0 if side else -1.0) * (CROSSING + 0.025)
+    assert scene.frees(scene.after(output=True, low=1.0 - end, high=1.0 + end))
 
 
 @pytest.mark.parametrize("output", [False, True])

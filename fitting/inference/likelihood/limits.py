@@ -80,15 +80,22 @@ def released(
 
 
 def _farther(optimum: Optimum, quantity: Quantity, branch: ProfileBranch) -> float:
-    """The value `MORE` of the way beyond a crossing; in ratios where its range spans decades.
+    """The value `MORE` of the way beyond a crossing, inside its range.
 
-    There a share of the way down from the best may be many times what is left to nought.
+    In ratios where the range spans decades: there a share of the way down from the best may be
+    many times what is left to nought.
     """
     end, best = branch.at_95, quantity.best
     zero = _nought(optimum, quantity)
     if zero is None:
-        return end + MORE * (end - best)
-    return float(zero + (end - zero) * ((end - zero) / (best - zero)) ** MORE)
+        farther = end + MORE * (end - best)
+    else:
+        farther = float(zero + (end - zero) * ((end - zero) / (best - zero)) ** MORE)
+    if quantity.round:
+        return farther
+    # not beyond the end of its range, where there is nothing: half of the way there at most
+    last = 0.5 * (end + (quantity.high if end > best else quantity.low))
+    return min(farther, last) if end > best else max(farther, last)
 
 
 def _nought(optimum: Optimum, quantity: Quantity) -> float | None:
