@@ -72,9 +72,8 @@ class Box:
             edge: number of the parameter that is moved.
             place: where it is to stand in the cube, 0 to 1.
         """
-        low, high = self._ends[edge]
         p = to_model(self.parameters, x)
-        p[edge] = low * (high / low) ** place if self._log[edge] else low + place * (high - low)
+        p[edge] = _spread(self._ends[edge], place, self._log[edge])
         moved = x.copy()
         moved[edge] = to_search(self.parameters, p)[edge]
         return np.asarray(np.clip(moved, self.lower, self.upper))
@@ -97,14 +96,19 @@ class Box:
         Args:
             u: in the unit cube of what is looked for.
         """
-        low, high = self._ends[self.free].T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            logarithmic = low * (high / low) ** u
         p = starts(self.parameters)
         x = to_search(self.parameters, p)
-        p[self.free] = np.where(self._log[self.free], logarithmic, low + u * (high - low))
+        p[self.free] = _spread(self._ends[self.free].T, u, self._log[self.free])
         x[self.free] = to_search(self.parameters, p)[self.free]
         return np.clip(x, self.lower, self.upper)
+
+
+def _spread(ends: FloatArray, u: float | FloatArray, is_log: bool | BoolArray) -> FloatArray:
+    """Values at places u (n,) between ends (2, n), of ratios where `is_log`; or one of each."""
+    low, high = ends
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logarithmic = low * (high / low) ** u
+    return np.asarray(np.where(is_log, logarithmic, low + u * (high - low)))
 
 
 def _goes_round(parameter: Parameter) -> bool:

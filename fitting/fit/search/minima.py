@@ -204,12 +204,12 @@ def _searched(
     ended = _let_down(evaluator, begins)
     unknowns = int(np.count_nonzero(box.free))
     enough = min(SCREENED * 2 ** max(0, unknowns - FEW), MOST_AT_FIRST)
+    bar = max(effort.bar, effort.least_p)
     screens, taken = 0, 0
     while screens < SCREENS and unknowns:
         number = max(SCREENED, taken)
         ended += _let_down(evaluator, screened(evaluator, seed, number, skip=taken))
         screens, taken = screens + 1, taken + number
-        bar = max(effort.bar, effort.least_p)
         done = not effort.rounds or _is_explained(evaluator.likelihood, ended, bar)
         if evaluator.evaluations >= budget or (done and taken >= enough):
             break

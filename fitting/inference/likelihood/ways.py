@@ -81,10 +81,11 @@ def turned(
     likelihood = wide.likelihood
     xs = []
     for i, parameter in enumerate(likelihood.parameters):
-        if not _period(parameter):
+        period = _period(parameter)
+        if not period:
             continue
         step = np.zeros(wide.expansion.x.size)
-        step[i] = _period(parameter) / parameter.scale
+        step[i] = period / parameter.scale
         xs += [begin + way * turn * step for begin in begins for turn in TURNS for way in (-1, 1)]
     xs = [x for x in xs if np.all((likelihood.lower <= x) & (x <= likelihood.upper))]
     if not xs:
