@@ -24,7 +24,8 @@ import numpy as np
 
 import build_fmu
 import fitting as ff
-from fitting.measurements import response_curve
+from fitting.measurements import curve_survey
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.batch import Batch
 from fitting.text.arrays import Scalar
@@ -53,7 +54,7 @@ def scenes(count: int, noise: float) -> bool:
         first = np.abs(scene.truth(scene.vectors[0]))
         curve = ResponseCurve(model, output=scene.output)
         top = float(scene.u_hz[int(np.argmax(first))])
-        plan = curve.planned(scene.u_hz, scene.vectors[:1], workers, top)
+        plan = plan_curve(curve, scene.u_hz, scene.vectors[:1], workers, top)
         [found] = plan.curves
         planned.append(workers.runs)
         name = f"degree {len(found.supports_hz) - 1}" if found.is_interpolated else found.basis
@@ -131,7 +132,7 @@ def main() -> int:
         for misfit in ("squares", "slack"):
             print(f"  few runs    {fitted(path, misfit)}")
         if args.before:
-            response_curve.LEAST_POINTS = WHOLE + 1
+            curve_survey.LEAST_POINTS = WHOLE + 1
             for misfit in ("squares", "slack"):
                 print(f"  every point {fitted(path, misfit)}")
     return 0 if all(kept) else 1

@@ -20,6 +20,7 @@ from fitting.campaign import Drive, Setup
 from fitting.campaign.parameters import Parameter
 from fitting.fmu import FmuWorkers, Run
 from fitting.measurements.curve_plan import CurvePlan
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
@@ -134,7 +135,7 @@ def planned(
 ) -> ResponseCurve:
     """The curve under the plan that is made for it, at the frequency that is largest there."""
     top = float(u_hz[int(np.argmax(np.abs(curve.simulated(vectors[0], u_hz[::50], workers))) * 50)])
-    plan = curve.planned(u_hz, vectors[:1], workers, top)
+    plan = plan_curve(curve, u_hz, vectors[:1], workers, top)
     return replace(curve, model=replace(curve.model, plan=plan))
 
 
@@ -200,7 +201,7 @@ def test_several_settings_are_answered_in_one_batch() -> None:
     places: list[dict[str, Scalar]] = [{"g2": 0.1 * k} for k in range(8)]
     for settings in places:
         curve = ResponseCurve(model, settings)
-        model = replace(model, plan=curve.planned(u, [p], workers))
+        model = replace(model, plan=plan_curve(curve, u, [p], workers))
     [decision] = model.plan.decisions
     assert decision.numbers["curves"] == decision.numbers["interpolated"] == 8
     assert decision.bound == 1e-9
@@ -247,7 +248,7 @@ def test_a_nonlinear_fmu_is_run_at_every_point(tmp_path: Path) -> None:
     u, p = 6.94026e6 + np.linspace(-150.0, 150.0, 31), np.empty(0)
     with FmuWorkers(build_fmu.build("DuffingOscillator", tmp_path), workers=1) as workers:
         counted = CountedWorkers(workers)
-        plan = curve.planned(u, [p], counted, top_hz=6.94026e6)
+        plan = plan_curve(curve, u, [p], counted, top_hz=6.94026e6)
         assert counted.runs == 2
         curve = replace(curve, model=replace(curve.model, plan=plan))
         [found], batch = responses([curve], p[np.newaxis], u[::10], workers)
@@ -287,7 +288,7 @@ def test_an_fmu_with_noise_is_run_at_every_point(
     fmu = build_c_fmu(tmp_path, marks={"NOISE": noise})
     p = np.empty(0)
     with FmuWorkers(fmu, workers=1) as workers:
-        plan = curve.planned(u, [p], workers)
+        plan = plan_curve(curve, u, [p], workers)
         curve = replace(curve, model=replace(curve.model, plan=plan))
         [found], batch = responses([curve], p[np.newaxis], u, workers)
         each = curve.simulated(p, u, workers)
