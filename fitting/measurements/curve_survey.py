@@ -14,7 +14,7 @@ from fitting.signal.rational import Interpolation
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.budget import Basis
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.errors import FmuFailure, NoAnswer
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Uncertainty at some parameter vectors, and the interpolation at each of them.
 Stage = tuple[float, list[Interpolation]]
@@ -30,6 +30,8 @@ GOAL = 1e-11
 MARGIN = 0.1
 #: Uncertainties that are this many times the least one are as good: rounding and noise.
 ALIKE = 3.0
+#: Several tones share a run where that simulates no more than this part of the time.
+WORTH = 0.7
 #: Frequencies at which a plan compares an interpolation with runs, beside its own.
 SURVEYED = 12
 #: Nodes to begin with, by which a curve of degree two is interpolated and checked.
@@ -53,19 +55,29 @@ def plan_curve(
         top_hz: where the measured response is largest, Hz; None where that is not known.
     """
     plan, wanted = curve.model.plan, np.unique(frequency_hz)
-    left = 0.0 if plan.budget is None else plan.budget.left
-    left = min(SHARE * curve.model.setup.accuracy, left)
+    left = _left(plan)
     if wanted.size < LEAST_POINTS or left <= 0.0 or plan.curve(curve.place, wanted) is not None:
         return plan
     near = wanted[wanted.size // 2] if top_hz is None else top_hz
     top = float(wanted[int(np.argmin(np.abs(wanted - near)))])
-    survey = CurveSurvey(curve, wanted, top, left, workers)
+    alike = replace(curve, fastest_hz=float(wanted[-1]))
+    survey = CurveSurvey(alike, wanted, top, left, workers)
     try:
         return plan.with_curve(survey.curve_plan(points))
     except NoAnswer:
         raise
     except FmuFailure:  # a drive that it refuses at half its amplitude
         return plan
+
+
+def _left(plan: Plan) -> float:
+    """What an interpolation may cost: of the accuracy that is wanted, or, beyond it, promised."""
+    if plan.budget is None:
+        return 0.0
+    wanted, left = plan.budget.wanted, plan.budget.left
+    if left <= 0.0:  # a run at every point would not bring the promise back either
+        return SHARE * plan.budget.promised
+    return min(SHARE * wanted, left)
 
 
 @dataclass(frozen=True)
@@ -103,13 +115,56 @@ class CurveSurvey:
             return self._point_by_point(Basis.NONLINEAR, nonlinear)
         chosen = curves[0]
         loudest = int(np.argmax(np.abs(chosen.supports)))
-        return replace(
+        found = replace(
             self._point_by_point(Basis.RATIONAL, uncertainty),
             tolerance=tolerance,
             supports_hz=tuple(map(float, chosen.supports_hz)),
             others_hz=tuple(map(float, chosen.others_hz)),
             half_hz=float(chosen.supports_hz[loudest]),
         )
+        return self._superposed(found, kept)
+
+    def _superposed(self, plan: CurvePlan, vectors: Sequence[FloatArray]) -> CurvePlan:
+        """The plan with several tones in a run, where that is shorter and changes little enough."""
+        most, nodes = self.curve.model.most_tones or plan.nodes_hz.size, plan.nodes_hz.size
+        counts = [n for n in range(2, most + 1) if nodes % n == 0]
+        tried = [
+            (self._simulated_s(each), each) for each in (replace(plan, tones=n) for n in counts)
+        ]
+        worth_s = WORTH * self._simulated_s(plan)
+        for length_s, candidate in sorted(tried, key=lambda each: each[0]):
+            if length_s > worth_s:
+                break
+            change = SAFETY * self._change(candidate, vectors)
+            if plan.tolerance + change <= self.left:  # false where it is not known
+                return replace(candidate, superposed=change)
+        return plan
+
+    def _simulated_s(self, plan: CurvePlan) -> float:
+        """Time that the runs at the full drive simulate, s; infinite: tones not told apart."""
+        try:
+            windows = self.curve.windows(plan)
+        except BadInput:
+            return np.inf
+        return sum(window.settle_s + window.length_s for window in windows)
+
+    def _change(self, plan: CurvePlan, vectors: Sequence[FloatArray]) -> float:
+        """Largest relative change of a response by the tones beside its own."""
+        batch, output = Batch(), self.curve.place.output
+        windows = self.curve.windows(plan)
+        asked = [
+            (run, window, self.curve.ask_alone(p, window, batch))
+            for p in vectors
+            for run, window in zip(self.curve.ask_nodes(p, windows, batch), windows, strict=True)
+        ]
+        batch.simulate(self.workers)
+        changes = []
+        for run, window, runs in asked:
+            together = batch.phasors(run, window, output)
+            alone = [batch.phasors(own, window, output)[i] for i, own in enumerate(runs)]
+            with np.errstate(all="ignore"):
+                changes.append(float(np.max(np.abs(together / np.array(alone) - 1.0))))
+        return float(np.nan_to_num(max(changes), nan=np.inf))
 
     def _point_by_point(self, basis: Basis, found: float, tried: int = 0) -> CurvePlan:
         return CurvePlan(

@@ -9,8 +9,8 @@ was not, up to one at every frequency.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -44,7 +44,9 @@ class ResponseCurve:
     P = X(u) A exp(i phase), with the phase of its start values; a tone that is applied to an input
     has the phase 0. The amplitude A of the drive is in P.
 
-    `settings` are those of the place; `label` is its label, None where it has none.
+    `settings` are those of the place; `label` is its label, None where it has none. Where the tool
+    holds tones over steps, it does so as for `fastest_hz`, that what images of the steps add is a
+    smooth function of the tone as well; None: as each tone itself wants it.
     """
 
     model: DrivenModel
@@ -52,6 +54,7 @@ class ResponseCurve:
     output: str = ""
     _: KW_ONLY
     label: str | None = None
+    fastest_hz: float | None = None
 
     @cached_property
     def place(self) -> Place:
@@ -81,7 +84,8 @@ class ResponseCurve:
             found = yield from self._simulated(table, first, frequency_hz, batch)
         else:
             points, place = np.unique(frequency_hz, return_inverse=True)
-            found = yield from self._interpolated(table, first, points, batch, planned)
+            curve = replace(self, fastest_hz=planned.high_hz)
+            found = yield from curve._interpolated(table, first, points, batch, planned)
             found = found[:, place]
         return found[group]
 
@@ -102,22 +106,67 @@ class ResponseCurve:
             owner: which evaluation pays for the runs.
             part: of the drive's amplitude.
         """
-        tones = self._tones(tones_hz, part)
+        tones = self._tones(map(self._window, tones_hz[:, np.newaxis]), part)
         return self._asked(self._start_values(p, part), tones, batch, owner)
 
-    def _tones(self, tones_hz: FloatArray, part: float = 1.0) -> list[Variation]:
-        """What runs at single tones have of their own, whatever the parameters are."""
+    def windows(self, planned: CurvePlan) -> list[Window]:
+        """Settling and samples of the runs of a plan at the full drive, by its `groups`.
+
+        Args:
+            planned: frequencies and tones of the runs.
+
+        Raises:
+            BadInput: no samples keep the tones of a run apart.
+        """
+        return [self._window(planned.nodes_hz[group]) for group in planned.groups]
+
+    def _window(self, tones_hz: FloatArray) -> Window:
+        tones = tuple(map(float, tones_hz))
+        if len(tones) == 1 and not (self.fastest_hz and self.model.holds_tones):
+            return self.model.single_tone_window(tones[0])
+        return self.model.superposed_window(tones, self.fastest_hz or max(tones))
+
+    def ask_nodes(self, p: FloatArray, windows: Sequence[Window], batch: Batch) -> list[int]:
+        """Ask for the runs of a plan at the full drive: their numbers in the batch.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            windows: of the runs, as `windows` gave them.
+            batch: where runs are asked for; equal runs are simulated once.
+        """
+        start = self._start_values(p, count=len(windows[0].tones_hz))
+        return [run for run, _ in self._asked(start, self._tones(windows), batch, 0)]
+
+    def ask_alone(self, p: FloatArray, window: Window, batch: Batch) -> list[int]:
+        """Ask for a run at each tone of a window, without the others: numbers in the batch.
+
+        A drive that is held is so over the same steps as with all of them.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            window: settling and samples of the run with all of them.
+            batch: where runs are asked for; equal runs are simulated once.
+        """
+        tones = [
+            Variation(self.model.tone_values((tone,)), window, self.model.signal(window, (tone,)))
+            for tone in window.tones_hz
+        ]
+        return batch.ask_varied(self._start_values(p), tones, self.place.output, 0)
+
+    def _tones(self, windows: Iterable[Window], part: float = 1.0) -> list[Variation]:
+        """What runs of these windows have of their own, whatever the parameters are."""
         found = []
-        for tone in map(float, tones_hz):
-            window = self.model.single_tone_window(tone)
+        for window in windows:
             signal = self.model.signal(window, window.tones_hz, part)
-            found.append(Variation(self.model.tone_values(tone), window, signal))
+            found.append(Variation(self.model.tone_values(window.tones_hz), window, signal))
         return found
 
-    def _start_values(self, p: FloatArray, part: float = 1.0) -> dict[str, Scalar]:
-        """What runs at single tones have in common."""
-        values = self.model.one_tone_of(self.model.values(p, self.label, self.settings))
-        return values if part == 1.0 else self.model.with_part(part, values)
+    def _start_values(self, p: FloatArray, part: float = 1.0, count: int = 1) -> dict[str, Scalar]:
+        """What runs at so many tones have in common."""
+        values = self.model.values(p, self.label, self.settings)
+        if part != 1.0:
+            values = self.model.with_part(part, values)
+        return self.model.tones_of(values, count)
 
     def _asked(
         self, values: dict[str, Scalar], tones: Sequence[Variation], batch: Batch, owner: int
@@ -169,19 +218,22 @@ class ResponseCurve:
         planned: CurvePlan,
     ) -> Responding:
         """By the plan's runs, by more where a check says so, by all where that does not help."""
-        nodes, half = planned.nodes_hz, np.array([planned.half_hz])
-        tones, half_tones = self._tones(nodes), self._tones(half, 0.5)
+        count, windows = planned.tones, self.windows(planned)
+        tones, half_tones = self._tones(windows), self._tones([windows[planned.half_run]], 0.5)
         asked, halves = [], []
         for k in map(int, first):
-            start = self._start_values(table[k])
-            asked.append(self._asked(start, tones, batch, k))
-            halves.append(self._asked(self.model.with_part(0.5, start), half_tones, batch, k))
+            whole, half = (self._start_values(table[k], part, count) for part in (1.0, 0.5))
+            asked.append(self._asked(whole, tones, batch, k))
+            halves.append(self._asked(half, half_tones, batch, k))
         yield
-        values = np.array([self.read(batch, runs) for runs in asked]).reshape(-1, nodes.size)
-        half_values = np.array([self.read(batch, run)[0] for run in halves])
+        values = planned.in_order(np.array([self.read(batch, runs) for runs in asked]))
+        half_values = planned.at_half(np.array([self.read(batch, run) for run in halves]))
         drafted = planned.drafted(points, values, half_values)
         found, rest = drafted.values, np.flatnonzero(~drafted.known)
-        if rest.size:
+        if rest.size and count > 1:  # once more as if nothing were known of several tones
+            alone = planned.of_single_tones
+            found[rest] = yield from self._interpolated(table, first[rest], points, batch, alone)
+        elif rest.size:
             drafts = [
                 DraftedCurve(
                     points=points,

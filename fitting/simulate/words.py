@@ -241,7 +241,9 @@ def _curve(decision: Decision) -> str:
     n = decision.numbers
     among = f" of {n['curves']} curves" if int(n["curves"]) > 1 else ""
     if decision.taken:
-        return f"{n['runs']} runs for {n['points']} points{among}"
+        tones = int(n.get("tones", 1))  # results of earlier versions do not tell
+        each = f" of up to {tones} tones" if tones > 1 else ""
+        return f"{n['runs']} runs{each} for {n['points']} points{among}"
     return f"a run for each of {n['points']} points{among}"
 
 
