@@ -7,8 +7,8 @@ or a wing), each planned at one parameter vector and answered at four: nodes, ru
 error against the truth over what was promised. Then a sweep of 1,001 points that is fitted through
 CoupledOscillator by `ff.fit`, with its processor time, that of caller and worker together, and one
 of 201 points through an oscillator in C, whose input the tool drives: several tones share a run
-there, and once more with one tone in each. `--before` fits both with a run at every point. Exit code
-1 if a promise is not kept.
+there, and in the next row none does. `--before` fits both by a run at every point as well. Exit
+code 1 if a promise is not kept.
 """
 
 from __future__ import annotations
