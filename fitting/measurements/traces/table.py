@@ -21,6 +21,7 @@ from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     BEGINS,
     FIRST,
+    FIT,
     FOUND,
     GAINS,
     ONE,
@@ -310,7 +311,15 @@ class ReadTrace:
             return self.table.signal.waveform(driver.unit)
         if self.driven is None:
             return None
+        if self._takes_any_input:
+            return np.array(self.time.values), _as_input(self.driven, driver.unit).values
         return self._on_clock(binder, driver, self.driven)
+
+    @property
+    def _takes_any_input(self) -> bool:
+        """Whether a factor of the one input is solved for, and the FMU has to be linear in it."""
+        table = self.table
+        return table.gain == FIT and table.start == UNKNOWN and not self.further
 
     def _on_clock(
         self, binder: Binder, driver: VariableLike, column: ReadColumn
@@ -318,7 +327,21 @@ class ReadTrace:
         """Times, and values of a column in the unit of its input."""
         if driver.unit is None:
             binder.note_missing_unit(driver)
-        return np.array(self.time.values), column.into(driver.unit).values
+        try:
+            return np.array(self.time.values), column.into(driver.unit).values
+        except BadInput as error:
+            raise BadInput(
+                f"{error}; an input that is in proportion to it, of a linear FMU, wants "
+                'gain = "fit" and start = "unknown" in [[trace]]'
+            ) from error
+
+
+def _as_input(values: ReadColumn, unit: str | None) -> ReadColumn:
+    """Values in the unit of an input, or in proportion to it."""
+    try:
+        return values.into(unit)
+    except BadInput:
+        return values
 
 
 def _as_output(values: ReadColumn, unit: str | None) -> ReadColumn:
