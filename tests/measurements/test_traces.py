@@ -469,6 +469,21 @@ def test_a_campaign_file_tells_of_traces(lag_file: Path, tmp_path: Path) -> None
         assert "autocorrelation" in drawn
 
 
+def test_an_input_in_proportion_to_the_fmu_s_has_a_gain(lag_file: Path, tmp_path: Path) -> None:
+    """A force seen as a current, one unit of which is three of the input: the gain is a third."""
+    proportion = CAMPAIGN.replace(
+        'interpolation = "held"',
+        'interpolation = "held"\ngain = "fit"\nstart = "unknown"\nstates = 1',
+    )
+    path = written(tmp_path, lag_file, proportion)
+    rows = zip(LAG_T, 3.0 * LAG_U, lag_step(TAU, GAIN), strict=True)
+    lines = (",".join(map(repr, map(float, row))) for row in rows)
+    (tmp_path / "first.csv").write_text("\n".join(["time (s),u (mA),y (V)", *lines]))
+    fit = ff.fit(ff.Problem.of(ff.read_campaign(path)))
+    assert fit.success
+    assert abs(fit["tau"].value - TAU) < 4.0 * fit["tau"].std
+
+
 def edited(head: str, change: str) -> str:
     """The first file's text with its header, or with a line changed."""
     rows = [f"{10 * k},{1000 * (k > 9)},{k % 7}" for k in range(40)]
@@ -489,6 +504,7 @@ HEAD = "time (ms),u (mV),y (mV)"
         pytest.param("time,u (mV),y (mV)", "", "'time' has no unit in its header", id="no unit"),
         pytest.param("time (ms),u (mV),z (mV)", "", "no column 'y'", id="no output"),
         pytest.param("time (ms),u (mV),y (s)", "", 'want gain = "fit" in [[trace]]', id="unit"),
+        pytest.param("time (ms),u (s),y (mV)", "", "that is in proportion to it", id="input"),
         pytest.param("y (ms),u (mV),time (mV)", "", "found unit 'mV', wanted 's'", id="swapped"),
         pytest.param(HEAD, "20=180,1000,much", "row 20, column 'y': found 'much'", id="text"),
     ],
