@@ -533,8 +533,8 @@ class ContinuationSettings(Keys):
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
     r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""
     starts: Repeats = 3
-    """The campaign's own start, and the lowest minima that a search of the box finds; 1: no
-    search."""
+    """The campaign's own start, the lowest minima of a search of the box, and places where J
+    is flat; 1: no search."""
     seed: WholeNumber = 1
     """Of the search."""
     estimator: Annotated[Text, OneOf(ESTIMATORS)] = LIKELIHOOD
