@@ -126,6 +126,8 @@ class CurveSurvey:
 
     def _superposed(self, plan: CurvePlan, vectors: Sequence[FloatArray]) -> CurvePlan:
         """The plan with several tones in a run, where that is shorter and changes little enough."""
+        if not self.curve.model.plan.settle_s:  # there is no time to be saved
+            return plan
         most, nodes = self.curve.model.most_tones or plan.nodes_hz.size, plan.nodes_hz.size
         counts = [n for n in range(2, most + 1) if nodes % n == 0]
         tried = [
