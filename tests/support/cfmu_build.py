@@ -73,6 +73,11 @@ def build_wall_fmu(folder: Path) -> Path:
     return _first_order(folder, "wall", ("-DWALL",))
 
 
+def build_room_fmu(folder: Path) -> Path:
+    """The heated room C T' = (To - T)/R1 + Q, Ti = T + R2 Q as an FMU in ``folder``."""
+    return _first_order(folder, "room", ("-DROOM",))
+
+
 def _first_order(folder: Path, name: str, options: Sequence[str]) -> Path:
     library = folder / f"{name}{fmpy.sharedLibraryExtension}"
     compile_library(SOURCES / "lag2.c", library, options)

@@ -1,6 +1,7 @@
 /* A first-order lag, tau x' + x = gain u, y = x + through u, with u held over a step, as an FMI 2.0
-   co-simulation FMU; with WALL the wall between two rooms, C T' = (Ti1 - T)/R1 + (Ti2 - T)/R2. Exact steps; with euler > 0 steps of Euler's method, as long as the communication
-   steps are, so that what a trace is off by hangs on these. */
+   co-simulation FMU; with WALL the wall between two rooms, C T' = (Ti1 - T)/R1 + (Ti2 - T)/R2; with ROOM a heated
+   room, C T' = (To - T)/R1 + Q, seen behind the other resistance, Ti = T + R2 Q. Exact steps; with euler > 0 steps
+   of Euler's method, as long as the communication steps are, so that what a trace is off by hangs on these. */
 #include "fmi2Functions.h"
 #include <math.h>
 #include <stdlib.h>
@@ -15,6 +16,16 @@ static void usual(double *r) {
 static double tau(const double *r) { return r[C] * r[R1] * r[R2] / (r[R1] + r[R2]); }
 static double rest(const double *r) { return (r[U] * r[R2] + r[U2] * r[R1]) / (r[R1] + r[R2]); }
 static double through(const double *r) { return 0; }
+#elif defined ROOM
+enum { R1, R2, C, START, EULER, U, U2, Y, N_REALS };
+
+static void usual(double *r) {
+    r[R1] = 5e-3, r[R2] = 1e-3, r[C] = 1e7;
+    r[START] = r[U] = 293;
+}
+static double tau(const double *r) { return r[C] * r[R1]; }
+static double rest(const double *r) { return r[U] + r[R1] * r[U2]; }
+static double through(const double *r) { return r[R2] * r[U2]; }
 #else
 enum { TAU, GAIN, THROUGH, START, EULER, U, Y, N_REALS };
 
