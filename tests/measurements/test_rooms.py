@@ -24,9 +24,9 @@ PARAMETERS = (
 )
 ROOM = ff.Setup(ff.Drive(), "Ti")
 STEP_S, SIGMA = 600.0, 0.05
-T = STEP_S * np.arange(300)
-OUTSIDE = 283.0 - 6.0 * (T >= 9e4)
-HEAT = 1500.0 * (T >= 3e4)
+T: FloatArray = STEP_S * np.arange(300.0)
+OUTSIDE: FloatArray = np.where(T >= 9e4, 277.0, 283.0)
+HEAT: FloatArray = np.where(T >= 3e4, 1500.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,8 @@ def test_two_resistances_and_a_capacity_are_as_sure_as_can_be(room: ff.Fmu) -> N
 def test_records_under_different_inputs_are_one_fit(room: ff.Fmu) -> None:
     """One under heat, one under a step of the weather: neither tells all four by itself."""
     rng = np.random.default_rng(2)
-    drives = (OUTSIDE, np.zeros(T.size)), (np.full(T.size, 283.0), HEAT)
+    cold: FloatArray = np.full(T.size, 283.0)
+    drives = (OUTSIDE, 0.0 * HEAT), (cold, HEAT)
     traces = [replace(record(rng, *drive), label=f"{k}") for k, drive in enumerate(drives)]
     fit = ff.fit(ff.Problem(room, PARAMETERS, traces), method=QUICK, starts=1)
     held_to_the_bound(fit, least_errors(*drives))

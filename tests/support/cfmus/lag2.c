@@ -1,7 +1,9 @@
 /* A first-order lag, tau x' + x = gain u, y = x + through u, with u held over a step, as an FMI 2.0
    co-simulation FMU; with WALL the wall between two rooms, C T' = (Ti1 - T)/R1 + (Ti2 - T)/R2; with ROOM a heated
    room, C T' = (To - T)/R1 + Q, seen behind the other resistance, Ti = T + R2 Q. Exact steps; with euler > 0 steps
-   of Euler's method, as long as the communication steps are, so that what a trace is off by hangs on these. */
+   of Euler's method, as long as the communication steps are, so that what a trace is off by hangs on these. With
+   OWN_STEP steps of Euler's method of that length: all that end within a communication step, between which it stands
+   still, or with DIVIDES as many of one length, as long at most, as fill it. */
 #include "fmi2Functions.h"
 #include <math.h>
 #include <stdlib.h>
@@ -37,12 +39,13 @@ static double through(const double *r) { return r[THROUGH] * r[U]; }
 
 typedef struct {
     double reals[N_REALS], x;
+    long long steps;
 } Model;
 
 static void start_values(Model *m) {
     for (int i = 0; i < N_REALS; i++) m->reals[i] = 0;
     usual(m->reals);
-    m->x = m->reals[START];
+    m->x = m->reals[START], m->steps = 0;
 }
 
 static void model_begin(Model *m, double start) {}
@@ -57,11 +60,25 @@ static double model_get(Model *m, unsigned which) {
 #include "kept.h"
 #include "entry2.h"
 
-fmi2Status fmi2DoStep(fmi2Component c, fmi2Real at, fmi2Real step, fmi2Boolean no_set) {
-    Model *m = c;
+#ifdef OWN_STEP
+static void advance(Model *m, double at, double step) {
+    double length = OWN_STEP;
+    long long count = (long long)floor((at + step) / length + 1e-6) - m->steps;
+#ifdef DIVIDES
+    count = (long long)ceil(step / length - 1e-6), length = step / count;
+#endif
+    for (m->steps += count; count-- > 0;) m->x += length / tau(m->reals) * (rest(m->reals) - m->x);
+}
+#else
+static void advance(Model *m, double at, double step) {
     double end = rest(m->reals), past = step / tau(m->reals);
     double left = m->reals[EULER] > 0 ? 1 - past : exp(-past);
     m->x = end + (m->x - end) * left;
+}
+#endif
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real at, fmi2Real step, fmi2Boolean no_set) {
+    advance(c, at, step);
     return fmi2OK;
 }
 
