@@ -139,3 +139,35 @@ def test_a_file_in_the_units_of_a_logger_says_the_same(room: ff.Fmu, tmp_path: P
     problem = ff.Problem.of(ff.read_campaign(tmp_path / "campaign.toml"))
     fit = ff.fit(problem, method=QUICK, starts=1)
     held_to_the_bound(fit, least_errors((OUTSIDE, HEAT)))
+
+
+def test_two_outputs_in_one_file_share_their_runs(room: ff.Fmu, tmp_path: Path) -> None:
+    """The air and the wall: what lies between them is R2 Q, exactly."""
+    true = list(TRUTH.values())
+    air, wall = (
+        inside([r1, r2, c, t], OUTSIDE, HEAT).real for r1, r2, c, t in (true, walled(true))
+    )
+    rows = np.stack([T, OUTSIDE, HEAT, air, wall], axis=1)
+    head = "time (s),To (K),Q (W),Ti (K),T (K)"
+    np.savetxt(tmp_path / "room.csv", rows, delimiter=",", header=head, comments="", fmt="%.17g")
+    first = CAMPAIGN.format(fmu=room.description.path.as_posix())
+    second = first[first.index("[[trace]]") :].replace("[[trace]]", '[[trace]]\noutput = "T"')
+    keys = "".join(
+        KEYS.format(name=p.name, start=p.start, unit=p.unit, low=p.bounds[0], high=p.bounds[1])
+        for p in PARAMETERS
+    )
+    (tmp_path / "campaign.toml").write_text(first + second + keys, encoding="utf-8")
+    problem = ff.Problem.of(ff.read_campaign(tmp_path / "campaign.toml"), room)
+    problem.residuals(np.array([p.start for p in PARAMETERS]))  # makes the plan
+    before = room.workers.counts.runs
+    rows_left = problem.residuals(np.array(true) * 1.01)
+    assert rows_left.size == 2 * T.size
+    assert room.workers.counts.runs == before + 1
+    fit = ff.fit(problem, method=QUICK, starts=1)
+    for name, value in TRUTH.items():
+        assert fit[name].value == pytest.approx(value, rel=1e-5)
+
+
+def walled(x: Sequence[float]) -> list[float]:
+    """Parameters under which the room is seen at its wall."""
+    return [x[0], 0.0, *x[2:]]

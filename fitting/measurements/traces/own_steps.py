@@ -14,6 +14,7 @@ tells from outside.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,32 +30,35 @@ LEAST_MOVES = 6
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A run of the first samples of a trace, ``fine`` times as often as they were recorded."""
+    """First samples of a trace, with ``fine`` communication steps between two of them.
+
+    Args:
+        window: of the samples.
+        signal: what is held over the steps, and seen at the samples.
+        fine: how many steps.
+    """
 
     window: Window
     signal: HeldSignal
     fine: int
 
-    @classmethod
-    def at(cls, window: Window, signal: HeldSignal, fine: int) -> Look:
-        """The look at a trace, the input held as over its communication steps.
+    @cached_property
+    def closer(self) -> Window:
+        """A sample after every communication step."""
+        count = self.fine * (self.window.samples - 1) + 1
+        step_s = self.window.step_s / self.fine
+        return Window(tones_hz=(), settle_s=self.window.settle_s, step_s=step_s, samples=count)
 
-        Args:
-            window: of the recorded samples.
-            signal: with ``fine`` communication steps between two of them.
-            fine: how many.
+    @cached_property
+    def held_signal(self) -> HeldSignal:
+        """The same, seen at the end of every step as it was held over it.
+
+        An output that follows its input at once then moves when the next step is over, not at its
+        start, where one that stands between steps of its own does.
         """
-        count = fine * (window.samples - 1) + 1
-        start = len(signal.held) + 1 - count
-        # an output that follows its input at once moves when the step is over
-        before = np.concatenate([signal.held[:1], signal.held])[start:]
-        closer = Window(
-            tones_hz=(),
-            settle_s=window.settle_s,
-            step_s=window.step_s / fine,
-            samples=count,
-        )
-        return cls(closer, HeldSignal(signal.names, signal.step_s, signal.held, before), fine)
+        held = self.signal.held
+        seen = np.concatenate([held[:1], held])[-self.closer.samples :]
+        return HeldSignal(self.signal.names, self.signal.step_s, held, seen)
 
     def standing_s(self, values: FloatArray) -> float:
         """The step between whose ends the output stands still, s; 0: it does not.
@@ -62,16 +66,16 @@ class Look:
         An output that follows its input at once moves when that does: no step of its own.
 
         Args:
-            values: of the output, as often as was looked (n,).
+            values: of the output, after every step (n,).
         """
         moved = np.flatnonzero(np.diff(values))
         between = np.diff(moved)
         if moved.size < LEAST_MOVES or between.min() < 2 or np.ptp(between) > 1:
             return 0.0
-        pushed = np.flatnonzero(np.any(np.diff(self.signal.seen, axis=0) != 0.0, axis=1))
+        pushed = np.flatnonzero(np.any(np.diff(self.held_signal.seen, axis=0) != 0.0, axis=1))
         if np.array_equal(moved, pushed):
             return 0.0
-        return self.window.step_s * float(np.mean(between))
+        return self.closer.step_s * float(np.mean(between))
 
 
 def looked_finely(samples: int) -> int:

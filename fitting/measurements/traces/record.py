@@ -269,7 +269,7 @@ class TraceRecord:
         if not self.is_driven:
             return None
         count = min(self.y.size, max(2, LOOKED // fine))
-        return Look.at(self.window(count), self._held(fine, count), fine)
+        return Look(self.window(count), self._held(fine, count), fine)
 
     @cached_property
     def shifts(self) -> npt.NDArray[np.intp]:

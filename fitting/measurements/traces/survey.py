@@ -170,7 +170,10 @@ class Survey(Generic[T]):
             return steps
         values = self.model.values(points[0], trace.label or None, trace.settings)
         output = self.kind.output(trace)
-        run = batch.ask(values, look.window, look.signal, output)
+        asked = [
+            batch.ask(values, look.closer, look.held_signal, output),
+            batch.ask(values, look.window, look.signal, output),
+        ]
         try:
             batch.simulate(self.workers)
         except NoAnswer:
@@ -178,14 +181,13 @@ class Survey(Generic[T]):
         except FmuFailure:  # it refuses short steps
             batch.forget()
             return steps
-        seen = batch.samples(run, output)
-        stands_s, runs = look.standing_s(seen), steps.runs + 1
+        seen, fine_values = (batch.samples(run, output) for run in asked)
+        stands_s, runs = look.standing_s(seen), steps.runs + len(asked)
         if stands_s:
             count = steps.step_s / stands_s
             late = abs(count - round(count)) > UNEVEN * count
             bound = min(1.0, steps.bound + euler_leaves(seen, late=late))
             return replace(steps, runs=runs, bound=bound, stands_s=stands_s)
-        fine_values = seen[::fine]
         coarse = self._simulated(points[:1], steps.per_sample)[0]
         change = _change(coarse[: fine_values.size], fine_values)
         if change <= steps.bound or 2.0 * change <= left:

@@ -19,7 +19,7 @@ static double tau(const double *r) { return r[C] * r[R1] * r[R2] / (r[R1] + r[R2
 static double rest(const double *r) { return (r[U] * r[R2] + r[U2] * r[R1]) / (r[R1] + r[R2]); }
 static double through(const double *r) { return 0; }
 #elif defined ROOM
-enum { R1, R2, C, START, EULER, U, U2, Y, N_REALS };
+enum { R1, R2, C, START, EULER, U, U2, Y, STATE, N_REALS };
 
 static void usual(double *r) {
     r[R1] = 5e-3, r[R2] = 1e-3, r[C] = 1e7;
@@ -54,6 +54,9 @@ static void model_initialise(Model *m) { m->x = m->reals[START]; }
 
 static double model_get(Model *m, unsigned which) {
     m->reals[Y] = m->x + through(m->reals);
+#ifdef ROOM
+    m->reals[STATE] = m->x;
+#endif
     return m->reals[which];
 }
 
