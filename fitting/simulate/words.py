@@ -403,6 +403,12 @@ def _halved(decision: Decision) -> str:
     )
     if own_s:
         said += f"; the FMU's own step of {own_s:.4g} s is longer than the sampling interval"
+    if "stands_s" in decision.numbers:
+        said += (
+            f"; the FMU advances in steps of its own of {float(decision.numbers['stands_s']):.4g} "
+            "s, which cannot be shortened from outside: what Euler's method would leave is taken "
+            "for its error"
+        )
     if "few" in decision.numbers:
         few, of = (int(decision.numbers[key]) for key in ("few", "of"))
         said += f"; a free decay of {of} samples follows from {few} of them"

@@ -590,6 +590,21 @@ def test_bad_arrays_are_told_in_a_sentence(
     assert said in str(raised.value)
 
 
+def clipped_step(noise: float) -> FloatArray:
+    """The step response in a range that ends at three quarters of it."""
+    y = lag_step(TAU, GAIN) + noise * np.random.default_rng(4).standard_normal(LAG_T.size)
+    return np.minimum(y, 0.75 * GAIN)
+
+
+def test_a_noisy_trace_that_stays_at_the_end_of_its_range_is_clipped() -> None:
+    """One stretch: noise does not repeat its extreme, what is without noise may."""
+    with pytest.raises(BadInput, match=r"clipped at 1\.5, in \d+ stretch"):
+        lag_trace(clipped_step(0.02))
+    assert lag_trace(clipped_step(0.0)).rows == LAG_T.size
+    rounded = np.round(lag_step(TAU, GAIN) / 0.1) * 0.1
+    assert lag_trace(rounded).rows == LAG_T.size
+
+
 @pytest.mark.parametrize("every", [1, 5, 10, 20])
 def test_signals_of_few_bits_are_not_clipped(every: int) -> None:
     """Flat at the top, but come there by few quanta."""
