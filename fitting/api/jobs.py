@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,7 +155,13 @@ def report(
         return page
 
 
-def draw_report(found: Valued, result: Result, out: Path, style: str = "report") -> Path:
+def draw_report(
+    found: Valued,
+    result: Result,
+    out: Path,
+    style: str = "report",
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> Path:
     """Figures and report.html of a result; the path of the page.
 
     Args:
@@ -163,13 +169,16 @@ def draw_report(found: Valued, result: Result, out: Path, style: str = "report")
         result: Its result, with what was added to it.
         out: Folder.
         style: One of STYLES.
+        progress: Is told how many figures are drawn, of how many.
     """
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
     shown = shown_fit(found.source.record)
-    if style == "paper":
-        importlib.import_module("fitting.report.figures.reconstruction").write_paper_figures(
-            result, shown, out
-        )
-    written: Path = page.write_report(result, shown, out)
-    return written
+    if style != "paper":
+        return Path(page.write_report(result, shown, out, progress))
+    # for print every figure is drawn in two widths, then for the page
+    importlib.import_module("fitting.report.figures.reconstruction").write_paper_figures(
+        result, shown, out, lambda done, of: progress(done, of + of // 2)
+    )
+    last = page.write_report(result, shown, out, lambda done, of: progress(2 * of + done, 3 * of))
+    return Path(last)
