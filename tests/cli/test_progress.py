@@ -134,6 +134,8 @@ def test_profiles_that_begin_anew_keep_their_pace(told: Remaining, clock: Clock)
     after(told, clock, 30.0, Spent("what has no effect", 0, 600))
     said = after(told, clock, 40.0, Spent("other minima", 100, 0))
     assert 40.0 < most_s(said) < 50.0
+    later = after(told, clock, 50.0, Spent("other minima", 110, 0))
+    assert 35.0 < most_s(later) < 50.0
 
 
 def test_a_batch_that_was_held_up_tells_nothing_of_the_others(

@@ -19,8 +19,8 @@ from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.interrupts import to_the_end
 from fitting.cli.running.output import hand_over
-from fitting.cli.running.progress import listed_words, status_line
-from fitting.cli.running.remaining import Remaining
+from fitting.cli.running.progress import status_line
+from fitting.cli.running.remaining import Remaining, counted
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
@@ -63,7 +63,7 @@ def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out:
         check_external(args.external, _units(problem))
         memory, remaining = _memory(args, problem, out), _remaining(args, problem)
         try:
-            with status_line(NAME, lambda: _counted(remaining, fmu)) as tell:
+            with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
                 ended = _ending(args, _Reconstruction(problem, out, memory, tell, remaining))
         except KeyboardInterrupt:
             print(f"interrupted before there was a result{_way_on(args, memory)}")
@@ -92,10 +92,6 @@ def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out:
     remove_earlier(out, PASSING)
     memory.remove()  # when all is done that may be killed
     return EXIT_CODES.get(result.status, 1)
-
-
-def _counted(remaining: Remaining, fmu: ff.Fmu) -> str:
-    return listed_words(remaining.left(), f"{fmu.workers.counts.runs} runs")
 
 
 def _drawn(

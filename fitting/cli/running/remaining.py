@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from fitting.api.cost import Expected, Range, added, times
 from fitting.api.fitted import Progress, Spent
+from fitting.cli.running.progress import listed_words
 
 #: Evaluations and seconds that a pace was seen for before it is told: the first evaluations are not
 #: like the rest.
@@ -118,6 +119,16 @@ class Remaining:
             if max(high_s, high_then_s) <= CALM * min(high_s, high_then_s):
                 low_s, high_s = min(max(low_s, low_then_s), high_then_s), high_then_s
         self._told_s = (now_s + low_s, now_s + high_s)
+
+
+def counted(remaining: Remaining, runs: int) -> str:
+    """What stands behind the words of a progress: how long it still takes, and runs so far.
+
+    Args:
+        remaining: of the job.
+        runs: of the FMU.
+    """
+    return listed_words(remaining.left(), f"{runs} runs")
 
 
 class _Pace:
