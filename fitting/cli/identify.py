@@ -120,7 +120,10 @@ def run(args: argparse.Namespace) -> int:
     if not args.no_report:
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.identification")
-        print(f"report: {report.write_report(found, out)}")
+        with status_line(NAME, remaining.left) as tell:
+            tell(remaining.report())
+            page = report.write_report(found, out)
+        print(f"report: {page}")
     remove_earlier(out, (*FILES, "fmu/*.fmu"))
     return 0
 

@@ -179,11 +179,12 @@ def test_the_time_left_runs_down_while_estimates_waver_and_follows_what_they_say
 
 def test_figures_are_counted_and_their_page(clock: Clock) -> None:
     told = Remaining(EXPECTED, clock=clock)
+    assert (told.report(), told.left()) == ("figures and report", "5 to 20 s left")
     assert told.drawing(0, 7) == "figure 1 of 7"
-    assert told.left() == "4 to 16 s left"
+    assert told.left() == "5 to 20 s left"
     clock.now_s = 1.5
     assert told.drawing(1, 7) == "figure 2 of 7"
-    assert told.left() == "10 to 14 s left"  # six figures and the page took 1.5 s each, as this one
+    assert told.left() == "about 10 s left"  # six figures and the page, 1.5 s each
     clock.now_s = 10.5
     assert told.drawing(7, 7) == "report"
     assert told.left() == "about 2 s left"

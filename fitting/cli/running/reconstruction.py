@@ -98,6 +98,7 @@ def _drawn(
     ended: _Ending, result: Result, out: Path, style: str | None, remaining: Remaining
 ) -> Path:
     with status_line(NAME, remaining.left) as tell:
+        tell(remaining.report())
         return draw_report(
             ended.found,
             result,

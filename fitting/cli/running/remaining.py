@@ -75,6 +75,12 @@ class Remaining:
         count = f"{spent.evaluations} evaluations"
         return f"profiles of {self._expected.profiled} values: {spent.stage}, {count}"
 
+    def report(self) -> str:
+        """What is said before the first figure, whose number is not known yet."""
+        self._told_s = None
+        self._expect((0.0, 0.0))
+        return "figures and report"
+
     def drawing(self, done: int, of: int) -> str:
         """Where the figures are, in words.
 
@@ -83,7 +89,7 @@ class Remaining:
             of: figures in all.
         """
         now_s = self._clock()
-        if math.isnan(self._drawing_began_s):
+        if not done:
             self._drawing_began_s = now_s
         each = FIGURE_S
         if done:
