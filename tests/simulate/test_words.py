@@ -199,8 +199,8 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
                     "runs": 6,
                 },
             ),
-            "communication step: 10 ms, 1 in a sample; half of it changes a trace by 0.0e+00 of its "
-            "largest value, in 6 runs; the FMU advances in steps of its own of 0.002 s, which "
+            "communication step: 10 ms, 1 in a sample; half of it changes a trace by 0.0e+00 of "
+            "its largest value, in 6 runs; the FMU advances in steps of its own of 0.002 s, which "
             "cannot be shortened from outside: what Euler's method would leave is taken for its "
             "error; at most 2.0e-03",
         ),
