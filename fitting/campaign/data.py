@@ -31,7 +31,8 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
-from fitting.text.tables import Column, Table, parse_number, read_table
+from fitting.text.tables import Column, Table, parse_number, read_table, read_text
+from fitting.text.toml import read_toml
 from fitting.text.units import convert
 from fitting.text.written import Written
 
@@ -111,7 +112,10 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
         BadInput: one line with file, row, column or key, what was found, what is wanted.
     """
     path = Path(path)
-    file = read_campaign_file(path, kinds)
+    try:
+        file = read_campaign_file(path, kinds)
+    except BadInput as error:
+        raise BadInput(*error.args, *_missing_files(path, kinds)) from None
     experiments: tuple[MeasuredExperiment, ...] = ()
     sweep = None
     complaints: list[str] = []
@@ -146,6 +150,25 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
         files=tuple(files),
         measurements=measurements,
     )
+
+
+def _missing_files(path: Path, kinds: Sequence[type[MeasurementTable]]) -> list[str]:
+    """What is to be said of measured files that are not there, where keys are wrong besides."""
+    try:
+        data = read_toml(path)
+    except BadInput:
+        return []
+    named = [data.get(name) for name in ("experiments", "sweep", *(kind.TABLE for kind in kinds))]
+    tables = [table for each in named for table in (each if isinstance(each, list) else [each])]
+    files = [table.get("file") for table in tables if isinstance(table, Mapping)]
+    said: list[str] = []
+    for file in files:
+        if isinstance(file, str) and not (path.parent / file).exists():
+            try:
+                read_text(path.parent / file)
+            except BadInput as error:
+                said += error.args
+    return said
 
 
 def _check_one_unit(path: Path, file: WrittenCampaign) -> None:

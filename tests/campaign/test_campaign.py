@@ -331,7 +331,12 @@ READING = [
         "[continuation]\nbetta = 1\n",
         "unknown key 'betta'; did you mean 'beta'?",
     ),
-    (TOML, "beta = 0.1", "beta = 1.5", "[continuation] beta: found 1.5, wanted a factor below 1"),
+    (
+        TOML,
+        "beta = 0.1",
+        "beta = 1.5",
+        "[continuation] beta: found 1.5, wanted a factor above 0 and below 1",
+    ),
     (
         TOML,
         "nu_start = 0.1",
