@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         write_posterior,
     )
     from fitting.api.problem import Problem
+    from fitting.api.ringdown import Ringdown, ringdown
     from fitting.api.synthesis import synthesize, synthesize_curves
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
@@ -88,6 +89,7 @@ _HOMES = {
         "write_posterior",
     ),
     "api.problem": ("Problem",),
+    "api.ringdown": ("Ringdown", "ringdown"),
     "api.synthesis": ("synthesize", "synthesize_curves"),
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
@@ -139,6 +141,7 @@ __all__ = [
     "PosteriorCost",
     "Problem",
     "Pulse",
+    "Ringdown",
     "Sampling",
     "Setup",
     "StudyOptions",
@@ -167,6 +170,7 @@ __all__ = [
     "profile",
     "read_campaign",
     "report",
+    "ringdown",
     "simulate",
     "sweep",
     "synthesize",

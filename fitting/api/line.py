@@ -11,6 +11,7 @@ from typing import Any
 import numpy.typing as npt
 
 import fitting.resonance.line as resonance
+from fitting.api.ringdown import Ringdown
 from fitting.report.words import line as words
 from fitting.resonance.dip_reading import DipReading
 from fitting.resonance.line import WIRINGS, LineForm, LinePoints, line_of
@@ -118,11 +119,11 @@ def columns_of(**told: Any) -> Columns:
     return Columns(**{k: v for k, v in told.items() if k in known and v is not None})
 
 
-def write_line(found: Line, out: str | Path) -> tuple[Path, ...]:
+def write_line(found: Line | Ringdown, out: str | Path) -> tuple[Path, ...]:
     """Write line.json, line.csv and a figure of data, fit and residual.
 
     Args:
-        found: What `line` returned.
+        found: What `line` or `ringdown` returned.
         out: Folder, made where there is none.
 
     Returns:

@@ -174,7 +174,11 @@ class _Roles:
 
     def _axis(self) -> None:
         recording = self.recording
-        if self._give(usual(recording, FREQUENCY), "frequency"):
+        time = usual(recording, TIME)
+        held = usual(recording, FREQUENCY)
+        if time is not None and held is not None and _rises(time) and not _varies(held):
+            held = None  # what a lock-in demodulated at, beside what it recorded
+        if self._give(held, "frequency"):
             return
         in_hertz = [c for c in recording.channels if c.unit and is_frequency(c.unit)]
         named = [c for c in recording.channels if "freq" in plain_name(c)]
@@ -184,7 +188,7 @@ class _Roles:
             self._give(rising[0], "frequency", why=why)
             return
         in_seconds = [c for c in recording.channels if c.unit and same_kind(c.unit, "s")]
-        time = usual(recording, TIME) or next(iter(in_seconds), None)
+        time = time or next(iter(in_seconds), None)
         if self._give(time, "time"):
             self.remarks.append("it is a recording over time, not a sweep of the frequency")
         elif len(in_hertz) == 1:  # of a map in rows: it rises anew for each value of the control

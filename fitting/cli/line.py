@@ -1,15 +1,21 @@
-"""``fmu-fit line``: one resonance of one file: frequency, width, Q with errors; no campaign."""
+"""``fmu-fit line``: one resonance of one sweep or ringdown: frequency, width, Q with errors."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import fitting as ff
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.results import writes
 from fitting.cli.words.columns import add_columns, columns_of
 from fitting.cli.words.values import positive_quantity
+
+if TYPE_CHECKING:
+    from fitting.api.line import Columns
+    from fitting.report.table import Table
 
 NAME = "line"
 EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"
@@ -32,14 +38,26 @@ WIRINGS = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument(
-        "file", type=Path, metavar="FILE", help="a sweep, as an instrument wrote it"
+        "file", type=Path, metavar="FILE", help="a sweep or a ringdown, as an instrument wrote it"
     )
-    parser.add_argument("--from", dest="low", metavar="F", help='first frequency, as "30.26 kHz"')
-    parser.add_argument("--to", dest="high", metavar="F", help='last frequency, as "30.3 kHz"')
+    parser.add_argument(
+        "--from",
+        dest="low",
+        metavar="F",
+        help='first frequency, as "30.26 kHz"; of a ringdown the first time, as "2 ms"',
+    )
+    parser.add_argument(
+        "--to", dest="high", metavar="F", help='last frequency, as "30.3 kHz", or last time'
+    )
     parser.add_argument(
         "--wiring", choices=WIRINGS, help="what stands beside the line (found by comparing)"
     )
-    add_columns(parser)
+    parser.add_argument(
+        "--demodulated-at",
+        metavar="F",
+        help='of a demodulated ringdown: the frequency of the lock-in, as "1.2 MHz"',
+    )
+    add_columns(parser, over_time=True)
     parser.add_argument(
         "--out", type=Path, help="folder for line.json, line.csv and figure (none is written)"
     )
@@ -53,27 +71,67 @@ def run(args: argparse.Namespace) -> int:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
     from fitting.api.line import write_line
-    from fitting.report.table import terminal_text, text_lines, wrapped
-    from fitting.report.words.line import answer, forms_table, sentences
+    from fitting.api.ringdown import is_over_time
 
-    low, high = _range(args)
-    found = ff.line(
-        args.file, within_hz=(low, high), wiring=args.wiring or "", columns=columns_of(args)
-    )
-    hand_over(args, found)
-    for line in answer(found):
-        print(terminal_text(line))
-    for line in sentences(found):
-        print(*wrapped(line), sep="\n")
-    print(*text_lines(forms_table(found)), sep="\n")
+    columns = columns_of(args)
+    over_time = is_over_time(args.file, columns)
+    found = _ringdown(args, columns) if over_time else _line(args, columns)
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")
     return 0
 
 
-def _range(args: argparse.Namespace) -> tuple[float | None, float | None]:
+def _line(args: argparse.Namespace, columns: Columns) -> ff.Line:
+    """The line of a sweep, told."""
+    from fitting.report.words.line import answer, forms_table, sentences
+
+    if args.demodulated_at is not None:
+        raise ff.BadInput(
+            f"--demodulated-at: is of a ringdown, and {args.file} is a sweep; wanted it without"
+        )
+    found = ff.line(
+        args.file, within_hz=_range(args, "Hz"), wiring=args.wiring or "", columns=columns
+    )
+    hand_over(args, found)
+    _tell(answer(found), sentences(found), forms_table(found))
+    return found
+
+
+def _ringdown(args: argparse.Namespace, columns: Columns) -> ff.Ringdown:
+    """The line of a ringdown, told."""
+    from fitting.report.words.ringdown import answer, forms_table, sentences
+
+    if args.wiring is not None:
+        raise ff.BadInput(
+            f"--wiring: is of a sweep, and {args.file} is a recording over time; wanted it without"
+        )
+    at = args.demodulated_at
+    found = ff.ringdown(
+        args.file,
+        within_s=_range(args, "s"),
+        demodulated_at_hz=None
+        if at is None
+        else positive_quantity(at, "Hz", where="--demodulated-at"),
+        columns=columns,
+    )
+    hand_over(args, found)
+    _tell(answer(found), sentences(found), forms_table(found))
+    return found
+
+
+def _tell(answer: Sequence[str], sentences: Sequence[str], forms: Table) -> None:
+    from fitting.report.table import terminal_text, text_lines, wrapped
+
+    for line in answer:
+        print(terminal_text(line))
+    for line in sentences:
+        print(*wrapped(line), sep="\n")
+    print(*text_lines(forms), sep="\n")
+
+
+def _range(args: argparse.Namespace, unit: str) -> tuple[float | None, float | None]:
     low, high = (
-        None if text is None else positive_quantity(text, "Hz", where=option)
+        None if text is None else positive_quantity(text, unit, where=option)
         for text, option in ((args.low, "--from"), (args.high, "--to"))
     )
     if low is not None and high is not None and not low < high:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,8 +21,11 @@ from fitting.text.units import convert, same_kind
 #: Units of squares of amplitudes, with and without the density over frequency.
 POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
 
-#: What fits a recording over time.
+#: What fits a recording over time, and what is said of one that is no free decay.
 TIME_PAGE = "docs/how-to/traces.md"
+TIME_WAY = (
+    f"the FMU whose output was recorded, as fmu-fit init --fmu drafts a campaign: {TIME_PAGE}"
+)
 #: Unit of amplitudes that were levels over a milliwatt.
 ROOT_MW = "(mW)^0.5"
 
@@ -36,9 +40,11 @@ class Columns:
         phase: of phases.
         real: of real parts, X.
         imaginary: of imaginary parts, Y.
+        time: of times, of a recording over time.
         unit_frequency: unit of the frequencies, where the file tells none or a wrong one.
         unit_amplitude: unit of amplitudes, or of real and imaginary parts.
         unit_phase: unit of phases.
+        unit_time: unit of times.
         trace: which of the file's traces, from 1.
         chunk: which of the file's sweeps, as LabOne counts them.
     """
@@ -48,9 +54,11 @@ class Columns:
     phase: str = ""
     real: str = ""
     imaginary: str = ""
+    time: str = ""
     unit_frequency: str = ""
     unit_amplitude: str = ""
     unit_phase: str = ""
+    unit_time: str = ""
     trace: int = 1
     chunk: int | None = None
 
@@ -75,15 +83,14 @@ class Columns:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Roles:
-    """The columns of a file by what they are; None where there is none.
+class ValueRoles:
+    """The columns of a file's values by what they are; None where there is none.
 
     ``sizes`` holds amplitudes, or complex values; ``recognised`` what the file was found to be.
     """
 
     recognised: Recognised
     recording: Recording
-    frequency: Channel
     sizes: Channel | None = None
     phase: Channel | None = None
     real: Channel | None = None
@@ -96,10 +103,22 @@ class Roles:
         return whole or self.real is not None or self.phase is not None
 
     @property
+    def values(self) -> tuple[Channel, ...]:
+        """Every column of values that is taken."""
+        found = (self.sizes, self.phase, self.real, self.imaginary)
+        return tuple(channel for channel in found if channel is not None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Roles(ValueRoles):
+    """The columns of a sweep: the same, over frequency."""
+
+    frequency: Channel
+
+    @property
     def all(self) -> tuple[Channel, ...]:
         """Every column that is taken."""
-        found = (self.frequency, self.sizes, self.phase, self.real, self.imaginary)
-        return tuple(channel for channel in found if channel is not None)
+        return (self.frequency, *self.values)
 
 
 def roles_of(path: Path, columns: Columns) -> Roles:
@@ -116,98 +135,148 @@ def roles_of(path: Path, columns: Columns) -> Roles:
     columns = columns.checked()
     known = recognised(path, columns.selection)
     recording = read_recording(path, known.layout, columns.selection)
-    there = ", ".join(f"'{c.name}'" for c in recording.channels)
-
-    def column(told: str, *roles: str) -> Channel | None:
-        if told:
-            return recording.column(told)
-        found = next((f for f in map(known.role, roles) if f is not None), None)
-        return None if found is None else recording.column(found.name)
-
-    frequency = column(columns.frequency, "frequency")
+    frequency = column_of(known, recording, columns.frequency, "frequency")
     if frequency is None:
         what, way = "has no column that seems the frequency", ""
         if known.role("time") is not None:
             what = "is a recording over time"
-            way = f", or fmu-fit init, where it is no free decay with --fmu: {TIME_PAGE}"
+            way = f", or fmu-fit line (ff.ringdown) for a free decay, or {TIME_WAY}"
+        there = columns_there(recording)
         raise BadInput(
             f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency{way}"
         )
-    frequency = _with_unit(frequency, columns.unit_frequency)
+    frequency = with_unit(frequency, columns.unit_frequency)
+    found = value_roles_of(known, recording, columns, frequency)
+    complaints = []
+    if frequency.unit is None:
+        over_time = f'; of a recording over time --time "{frequency.name}" --unit-time s'
+        complaints.append(
+            f"{path}: tells no unit of its frequencies, column '{frequency.name}'; wanted it "
+            f"by --unit-frequency, as Hz or MHz{over_time * (not recording.headed)}"
+        )
+    complaints += phase_complaints(found)
+    if complaints:
+        raise BadInput(*complaints)
+    return Roles(
+        recognised=known,
+        recording=recording,
+        frequency=frequency,
+        sizes=found.sizes,
+        phase=found.phase,
+        real=found.real,
+        imaginary=found.imaginary,
+    )
+
+
+def column_of(known: Recognised, recording: Recording, told: str, *roles: str) -> Channel | None:
+    """The column that is told, or else the first one that seems to play one of some roles.
+
+    Args:
+        known: what the file was found to be.
+        recording: what was read of it.
+        told: name of the column; empty: it is not told.
+        roles: which ones.
+
+    Raises:
+        BadInput: there is no column of the name that is told.
+    """
+    if told:
+        return recording.column(told)
+    found = next((f for f in map(known.role, roles) if f is not None), None)
+    return None if found is None else recording.column(found.name)
+
+
+def value_roles_of(
+    known: Recognised, recording: Recording, columns: Columns, axis: Channel
+) -> ValueRoles:
+    """Which columns of a file are taken for its values, in the units that are told.
+
+    Args:
+        known: what the file was found to be.
+        recording: what was read of it.
+        columns: what is told of them.
+        axis: the column over which they stand.
+
+    Raises:
+        BadInput: there is none.
+    """
+
+    def column(told: str, *roles: str) -> Channel | None:
+        return column_of(known, recording, told, *roles)
+
     sizes = column(columns.amplitude) if columns.amplitude else None
+    phase = real = imaginary = None
     if columns.amplitude or columns.phase:
         sizes = sizes or column("", "amplitude")
         phase = column(columns.phase) if columns.phase else None
-        found = Roles(
-            recognised=known, recording=recording, frequency=frequency, sizes=sizes, phase=phase
-        )
     else:
-        real = column(columns.real, "re")
-        whole = column("", "complex")
+        real, whole = column(columns.real, "re"), column("", "complex")
         if columns.real or (real is not None and whole is None):
-            found = Roles(
-                recognised=known,
-                recording=recording,
-                frequency=frequency,
-                real=real,
-                imaginary=column(columns.imaginary, "im"),
-            )
+            imaginary = column(columns.imaginary, "im")
         else:
-            found = Roles(
-                recognised=known,
-                recording=recording,
-                frequency=frequency,
-                sizes=whole or column("", "amplitude"),
-                phase=None if whole is not None else column("", "phase"),
-            )
+            real, sizes = None, whole or column("", "amplitude")
+            phase = None if whole is not None else column("", "phase")
+    unit = columns.unit_amplitude
+    found = ValueRoles(
+        recognised=known,
+        recording=recording,
+        sizes=_with_unit_or_none(sizes, unit),
+        phase=_with_unit_or_none(phase, columns.unit_phase),
+        real=_with_unit_or_none(real, unit),
+        imaginary=_with_unit_or_none(imaginary, unit),
+    )
     if found.sizes is None and (found.real is None or found.imaginary is None):
-        _complain_of_cells(recording, found)
+        _complain_of_cells(recording, (axis, *found.values))
         raise BadInput(
-            f"{path}: has no column that seems an amplitude; there is: {there}; wanted its name by "
-            "--amplitude, or --real and --imaginary"
+            f"{recording.path}: has no column that seems an amplitude; there is: "
+            f"{columns_there(recording)}; wanted its name by --amplitude, or --real and --imaginary"
         )
-    return _united(found, columns)
+    return found
 
 
-def _complain_of_cells(recording: Recording, found: Roles) -> None:
+def columns_there(recording: Recording) -> str:
+    """Names of all columns, for complaints.
+
+    Args:
+        recording: what was read of a file.
+    """
+    return ", ".join(f"'{c.name}'" for c in recording.channels)
+
+
+def _complain_of_cells(recording: Recording, taken: tuple[Channel, ...]) -> None:
     """Name the cell that is no number in the only column that could be an amplitude."""
-    free = [c for c in recording.channels if c not in found.all and not c.is_complex]
+    names = {c.name for c in taken}
+    free = [c for c in recording.channels if c.name not in names and not c.is_complex]
     if len(free) == 1:
         recording.numbers(free[0])
 
 
-def _with_unit(channel: Channel, unit: str) -> Channel:
+def with_unit(channel: Channel, unit: str) -> Channel:
+    """A column in the unit that is told.
+
+    Args:
+        channel: the column.
+        unit: that is told; empty: it is not.
+    """
     return replace(channel, unit=unit) if unit else channel
 
 
 def _with_unit_or_none(channel: Channel | None, unit: str) -> Channel | None:
-    return None if channel is None else _with_unit(channel, unit)
+    return None if channel is None else with_unit(channel, unit)
 
 
-def _united(found: Roles, columns: Columns) -> Roles:
-    """The columns with the units that are told; complaints of those that are wanted."""
-    path, complaints = found.recording.path, []
-    phase = _with_unit_or_none(found.phase, columns.unit_phase)
-    if found.frequency.unit is None:
-        complaints.append(
-            f"{path}: tells no unit of its frequencies, column '{found.frequency.name}'; wanted it "
-            "by --unit-frequency, as Hz or MHz"
-        )
-    if phase is not None and phase.unit is None:
-        complaints.append(
-            f"{path}: tells no unit of its phases, column '{phase.name}'; wanted it by "
-            "--unit-phase, deg or rad"
-        )
-    if complaints:
-        raise BadInput(*complaints)
-    unit = columns.unit_amplitude
-    return replace(
-        found,
-        phase=phase,
-        sizes=_with_unit_or_none(found.sizes, unit),
-        real=_with_unit_or_none(found.real, unit),
-        imaginary=_with_unit_or_none(found.imaginary, unit),
-    )
+def phase_complaints(found: ValueRoles) -> list[str]:
+    """What is wanted where phases tell no unit.
+
+    Args:
+        found: columns of the values.
+    """
+    if found.phase is None or found.phase.unit is not None:
+        return []
+    return [
+        f"{found.recording.path}: tells no unit of its phases, column '{found.phase.name}'; wanted "
+        "it by --unit-phase, deg or rad"
+    ]
 
 
 def read_trace_of(path: Path, columns: Columns) -> Trace:
@@ -276,7 +345,7 @@ def lead(roles: Roles) -> tuple[str, str]:
     return f"{name}: {roles.recognised.words}.", f"Read: {_columns_words(roles)}."
 
 
-def values_in(roles: Roles) -> tuple[FloatArray | ComplexArray, str, list[str]]:
+def values_in(roles: ValueRoles) -> tuple[FloatArray | ComplexArray, str, list[str]]:
     """Amplitudes or complex values (n,) of a file, their unit, and what was made of them.
 
     Args:
@@ -344,13 +413,29 @@ def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str
 
 
 def _columns_words(roles: Roles) -> str:
-    names = {
-        "frequency": roles.frequency,
+    return columns_words({"frequency": roles.frequency, **value_names(roles)})
+
+
+def value_names(roles: ValueRoles) -> dict[str, Channel | None]:
+    """What each column of values is, in words.
+
+    Args:
+        roles: of the columns.
+    """
+    return {
         "amplitude": roles.sizes,
         "phase": roles.phase,
         "real part": roles.real,
         "imaginary part": roles.imaginary,
     }
+
+
+def columns_words(names: Mapping[str, Channel | None]) -> str:
+    """Columns with their units, as "time 't' (s) and amplitude 'R' (V)".
+
+    Args:
+        names: what each is, in words; None: there is none.
+    """
     return listed(
         f"{what} '{c.name}' ({c.unit or 'no unit told'})"
         for what, c in names.items()

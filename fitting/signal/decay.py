@@ -34,6 +34,10 @@ ALIKE = 1.5
 TONE_STEPS = 5
 #: Noise below this share of the largest value is rounding.
 ROUNDING = 1e-9
+#: Share of the squares of what is solved for that keeps it solvable.
+SINGULAR = 1e-14
+#: Logarithm up to which a mode is followed back from where it was found.
+LARGEST = 100.0
 
 
 def decay_start(values: FloatArray, states: int) -> int | None:
@@ -107,7 +111,8 @@ def _modes(y: FloatArray, states: int) -> ComplexArray:
 def _basis(z: ComplexArray, count: int, origin: int) -> FloatArray:
     """Real columns (count, states + 1) that the modes span, and a constant."""
     upper = z[z.imag >= 0.0]
-    powers = np.exp(np.log(upper) * (np.arange(count) - origin)[:, None])
+    powers = np.log(upper) * (np.arange(count) - origin)[:, None]
+    powers = np.exp(np.minimum(powers.real, LARGEST) + 1j * powers.imag)
     real = upper.imag <= 0.0
     columns = [powers.real, powers.imag[:, ~real], np.ones((count, 1))]
     return np.asarray(np.concatenate(columns, axis=1))
@@ -126,6 +131,8 @@ def _tails(basis: FloatArray, y: FloatArray, last: int) -> FloatArray:
     )[::-1]
     power = float(y[last:] @ y[last:])
     powers = np.concatenate([[power], power + np.cumsum(y[:last][::-1] ** 2)])[::-1]
+    # a mode that nothing is left of, or two of one kind, would leave them singular
+    grams = grams + SINGULAR * np.trace(gram) * np.eye(gram.shape[0])
     found = np.linalg.solve(grams, pushes[:, :, None])[:, :, 0]
     return np.asarray(np.maximum(powers - np.sum(found * pushes, axis=1), 0.0))
 

@@ -44,6 +44,7 @@ def minimise_squares(
     residual_sigma: float | None = None,
     rounds: int | None = None,
     gain: float = 1e-15,
+    slopes: Callable[[FloatArray], FloatArray] | None = None,
 ) -> LeastSquaresFit:
     """Minimise ``sum(residuals(x)**2)`` without bounds, by a trust-region Gauss-Newton method.
 
@@ -58,6 +59,7 @@ def minimise_squares(
         residual_sigma: standard deviation of a residual, if known, in its unit.
         rounds: evaluations at most, slopes not counted; None: as many as it takes.
         gain: relative fall of the sum of squares below which a step is the last one.
+        slopes: derivatives of the residuals at x, shape (m, n); None: differences.
 
     Raises:
         ValueError: fewer residuals than unknowns.
@@ -70,7 +72,7 @@ def minimise_squares(
     fit = least_squares(
         residuals,
         start,
-        jac="3-point",
+        jac="3-point" if slopes is None else slopes,
         method="trf",
         xtol=1e-15,
         ftol=gain,

@@ -25,18 +25,22 @@ UNITS: Mapping[str, str] = {
     "unit-amplitude": "unit of amplitudes or parts, as mV or dB",
     "unit-phase": "unit of the phases, deg or rad",
 }
+#: The same of a recording over time.
+TIME_COLUMNS: Mapping[str, str] = {"time": "column of times, of a recording over time"}
+TIME_UNITS: Mapping[str, str] = {"unit-time": "unit of the times, as s or ms"}
 
 
-def add_columns(parser: argparse.ArgumentParser) -> None:
+def add_columns(parser: argparse.ArgumentParser, *, over_time: bool = False) -> None:
     """Declare the options about a file's columns.
 
     Args:
         parser: of the command.
+        over_time: whether a file may hold a recording over time.
     """
     group = parser.add_argument_group("what the file does not tell")
-    for name, words in COLUMNS.items():
+    for name, words in ({**COLUMNS, **TIME_COLUMNS} if over_time else COLUMNS).items():
         group.add_argument(f"--{name}", metavar="COLUMN", help=words)
-    for name, words in UNITS.items():
+    for name, words in ({**UNITS, **TIME_UNITS} if over_time else UNITS).items():
         group.add_argument(f"--{name}", metavar="UNIT", help=words)
     group.add_argument(
         "--trace", type=whole_number(1), help="which of the file's traces, from 1 (the first)"
@@ -57,10 +61,13 @@ def columns_of(args: argparse.Namespace) -> Columns:
     """
     from fitting.api.line import columns_of as told  # takes numpy along, help does not
 
-    names = [*COLUMNS, *UNITS, "trace", "chunk"]
-    values = {name.replace("-", "_"): getattr(args, name.replace("-", "_")) for name in names}
+    wanted = {**COLUMNS, **TIME_COLUMNS, **UNITS, **TIME_UNITS}
+    values = {
+        name: getattr(args, name, None)
+        for name in (*(option.replace("-", "_") for option in wanted), "trace", "chunk")
+    }
     for name, value in values.items():
         if isinstance(value, str) and not value.strip():
             option = name.replace("_", "-")
-            raise BadInput(f"--{option}: is empty, wanted {COLUMNS.get(name) or UNITS[option]}")
+            raise BadInput(f"--{option}: is empty, wanted {wanted[option]}")
     return told(**values)

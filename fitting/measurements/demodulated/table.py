@@ -107,7 +107,7 @@ class DemodulatedTable(MeasurementTable):
         where = f"{self.file}: column '{column.name}'"
         factor = convert(1.0, unit_of(table, column, "time (s)"), "s", where=where)
         time_s = factor * table.numbers(column)
-        spacing_s(time_s, str(self.file), table.lines)
+        spacing_s(time_s, str(self.file), [f"row {n}" for n in table.lines])
         amplitudes = names.amplitude or table.find(names.X or "X") is None
         values, unit = self._amplitudes(table) if amplitudes else self._phasors(table)
         if names.phase:

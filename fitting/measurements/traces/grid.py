@@ -22,20 +22,20 @@ STRETCHES, FLAT, JUMP = 2, 3, 6.0
 ALONE = 8
 
 
-def spacing_s(time_s: FloatArray, source: str, rows: Sequence[int] = ()) -> float:
+def spacing_s(time_s: FloatArray, source: str, places: Sequence[str] = ()) -> float:
     """Spacing of evenly spaced times (n,).
 
     Args:
         time_s: as recorded, s.
         source: what complaints name the trace by.
-        rows: line of each time in its file.
+        places: where each time stands, as "row 12"; empty: its number.
 
     Raises:
         BadInput: too few times, times that do not rise, a gap, uneven ones.
     """
 
     def place(k: int) -> str:
-        return f"{source}: row {rows[k]}" if len(rows) else f"{source}: sample {k}"
+        return f"{source}: {places[k]}" if places else f"{source}: sample {k}"
 
     if time_s.ndim != 1 or time_s.size < LEAST_SAMPLES:
         raise BadInput(f"{source}: {time_s.size} samples, wanted at least {LEAST_SAMPLES}")

@@ -198,7 +198,7 @@ class TraceTable(MeasurementTable):
         """
         table, names = read_table(self.file), self.columns
         time = self._column(table, names.time or "time", "time (s)", "s")
-        spacing_s(time.values, str(self.file), table.lines)
+        spacing_s(time.values, str(self.file), [f"row {n}" for n in table.lines])
         seen = names.output or self.output or output
         driven = None
         if self.input is not None and self.signal is None:

@@ -1,0 +1,165 @@
+"""A file over time as what was recorded of a free decay: its columns are recognised, or told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fitting.campaign.instruments import Channel, Recording, read_recording
+from fitting.campaign.recognised import Recognised, recognised
+from fitting.measurements.traces.grid import spacing_s
+from fitting.resonance.decay_record import (
+    AMPLITUDES,
+    PHASORS,
+    DecayRecord,
+    decay_record_of,
+)
+from fitting.resonance.reading import (
+    Columns,
+    ValueRoles,
+    column_of,
+    columns_there,
+    columns_words,
+    phase_complaints,
+    value_names,
+    value_roles_of,
+    values_in,
+    with_unit,
+)
+from fitting.text.errors import BadInput
+from fitting.text.frequency import hertz_of
+from fitting.text.notation import hertz, listed
+from fitting.text.units import convert, is_frequency
+
+#: Names of columns that say that they hold amplitudes, in small letters.
+OF_AMPLITUDES = ("r", "amplitude", "magnitude", "mag", "amp", "level", "envelope")
+
+
+def is_over_time(path: Path, columns: Columns) -> bool:
+    """Whether a file holds a recording over time, and no sweep of the frequency.
+
+    Args:
+        path: of the file.
+        columns: what is told of its columns.
+
+    Raises:
+        BadInput: the file is not readable.
+    """
+    if columns.time or columns.frequency:
+        return bool(columns.time)
+    known = recognised(path, columns.selection)
+    return known.role("time") is not None and known.role("frequency") is None
+
+
+def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
+    """The record that a file over time holds, and how it was read, in sentences.
+
+    Args:
+        path: of the file.
+        columns: what is told of its columns.
+
+    Raises:
+        BadInput: no column of times or values, one that tells no unit, a cell that is no number,
+            times that are not even.
+    """
+    columns = columns.checked()
+    known = recognised(path, columns.selection)
+    recording = read_recording(path, known.layout, columns.selection)
+    time = column_of(known, recording, columns.time, "time")
+    if time is None:
+        raise BadInput(
+            f"{path}: has no column that seems the time; there is: {columns_there(recording)}; "
+            "wanted its name by --time"
+        )
+    time = with_unit(time, columns.unit_time)
+    roles = value_roles_of(known, recording, columns, time)
+    complaints = phase_complaints(roles)
+    if time.unit is None:
+        complaints.append(
+            f"{path}: tells no unit of its times, column '{time.name}'; wanted it by --unit-time, "
+            "as s or ms"
+        )
+    if complaints:
+        raise BadInput(*complaints)
+    where = f"{path}: column '{time.name}'"
+    time_s = convert(1.0, str(time.unit), "s", where=where) * recording.numbers(time)
+    spacing_s(time_s, str(path), recording.places)
+    values, unit, words = values_in(roles)
+    kind = _kind(roles, unit)
+    reference_hz, told = _reference(recording, columns)
+    made = decay_record_of(time_s, values, unit, str(path))
+    return replace(
+        made,
+        kind=kind,
+        reference_hz=reference_hz,
+        said=(
+            f"{path.name}: {known.words}.",
+            f"Read: {columns_words({'time': time, **_value_names(roles, kind)})}.",
+            *words,
+            *told,
+            *_others(known, recording, roles, time),
+        ),
+    )
+
+
+def _kind(roles: ValueRoles, unit: str) -> str:
+    """What was recorded, where names or units tell it: levels and powers are no samples."""
+    if roles.is_complex:
+        return PHASORS
+    sizes = roles.sizes
+    if sizes is None:
+        return ""
+    changed = unit != (sizes.unit or "1")
+    return AMPLITUDES if changed or sizes.name.lower() in OF_AMPLITUDES else ""
+
+
+def _value_names(roles: ValueRoles, kind: str) -> dict[str, Channel | None]:
+    """What each column of values is: one by itself may hold samples as well as amplitudes."""
+    names = value_names(roles)
+    return names if kind else {"values": roles.sizes}
+
+
+def _reference(recording: Recording, columns: Columns) -> tuple[float, tuple[str, ...]]:
+    """What was demodulated at, Hz, where a column that does not change tells it; else NaN.
+
+    Raises:
+        BadInput: the column that is told changes.
+    """
+    named = recording.column(columns.frequency) if columns.frequency else None
+    named = None if named is None else with_unit(named, columns.unit_frequency)
+    found = [named] if named is not None else [c for c in recording.channels if _tells(c)]
+    for channel in found:
+        values = recording.numbers(channel)
+        where = f"{recording.path}: column '{channel.name}'"
+        if np.ptp(values) > 0.0:
+            if named is None:
+                continue
+            raise BadInput(
+                f"{where}: changes from {np.min(values):.9g} to {np.max(values):.9g}; wanted the "
+                "one frequency at which the record was demodulated"
+            )
+        if channel.unit is None:
+            raise BadInput(f"{where}: tells no unit; wanted it by --unit-frequency, as Hz or MHz")
+        told = float(hertz_of(values[:1], channel.unit, where=where)[0])
+        return told, (f"Demodulated at {hertz(told)}, as column '{channel.name}' tells.",)
+    return math.nan, ()
+
+
+def _tells(channel: Channel) -> bool:
+    return bool(channel.unit) and not channel.is_complex and is_frequency(str(channel.unit))
+
+
+def _others(
+    known: Recognised, recording: Recording, roles: ValueRoles, time: Channel
+) -> tuple[str, ...]:
+    """Columns that may have been meant as well, where nothing tells which one is."""
+    guessed = {c.name for c in known.columns if c.guessed}
+    taken = {c.name for c in (*roles.values, time)}
+    if not guessed & taken:
+        return ()
+    left = [c for c in recording.channels if c.name not in taken and not _tells(c)]
+    others = listed(f"'{c.name}'" for c in left)
+    return (f"There is also {others}: --amplitude takes another column.",) if others else ()

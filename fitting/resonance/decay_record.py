@@ -1,0 +1,114 @@
+"""What was recorded of a free decay: samples, demodulated values or amplitudes over time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.measurements.traces.grid import LEAST_SAMPLES, spacing_s
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import number
+
+#: What was recorded: the motion itself, X and Y, or amplitudes alone; None: it has to be seen.
+SAMPLES, PHASORS, AMPLITUDES = KINDS = ("samples", "phasors", "amplitudes")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DecayRecord:
+    """A recording over time.
+
+    Attributes:
+        source: what complaints name it by.
+        time_s: evenly spaced, shape (n,), s.
+        values: samples or amplitudes, or complex ones that were demodulated, shape (n,).
+        unit: of the values.
+        kind: one of `KINDS`; empty: samples or amplitudes, as the values tell.
+        reference_hz: what was demodulated at, Hz; NaN: nobody told.
+        said: how the file was read, in sentences.
+    """
+
+    source: str
+    time_s: FloatArray
+    values: FloatArray | ComplexArray
+    unit: str
+    kind: str = ""
+    reference_hz: float = math.nan
+    said: tuple[str, ...] = ()
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether it was demodulated with its phase."""
+        return np.iscomplexobj(self.values)
+
+    @property
+    def spacing_s(self) -> float:
+        """Between two samples, s."""
+        return float(self.time_s[-1] - self.time_s[0]) / (self.time_s.size - 1)
+
+    @property
+    def top(self) -> float:
+        """The largest modulus, in ``unit``."""
+        return float(np.max(np.abs(self.values)))
+
+    def within(self, low_s: float | None, high_s: float | None) -> DecayRecord:
+        """The part between two times.
+
+        Args:
+            low_s: s, None: from the first.
+            high_s: s, None: to the last.
+
+        Raises:
+            BadInput: too few samples are left.
+        """
+        if low_s is None and high_s is None:
+            return self
+        low = -math.inf if low_s is None else low_s
+        high = math.inf if high_s is None else high_s
+        kept = np.flatnonzero((self.time_s >= low) & (self.time_s <= high))
+        first, last = number(float(self.time_s[0]), 6), number(float(self.time_s[-1]), 6)
+        if kept.size < LEAST_SAMPLES:
+            raise BadInput(
+                f"{self.source}: {kept.size} samples lie between --from and --to, wanted at least "
+                f"{LEAST_SAMPLES}; its samples run from {first} to {last} s"
+            )
+        words = f"Taken: {kept.size} of {self.time_s.size} samples."
+        return replace(self.part(int(kept[0]), int(kept[-1]) + 1), said=(*self.said, words))
+
+    def part(self, first: int, end: int) -> DecayRecord:
+        """The samples from one to another.
+
+        Args:
+            first: number of the first one.
+            end: of the one behind the last.
+        """
+        return replace(self, time_s=self.time_s[first:end], values=self.values[first:end])
+
+
+def decay_record_of(
+    time_s: npt.ArrayLike, values: npt.ArrayLike, unit: str, source: str = "arrays"
+) -> DecayRecord:
+    """A checked record of arrays.
+
+    Args:
+        time_s: evenly spaced, shape (n,), s.
+        values: samples or amplitudes, or complex ones that were demodulated, shape (n,).
+        unit: of the values.
+        source: what complaints name it by.
+
+    Raises:
+        BadInput: shapes that differ, values that are no numbers, times that are not even.
+    """
+    t, y = np.asarray(time_s, dtype=float), np.asarray(values)
+    y = y.astype(complex if np.iscomplexobj(y) else float)
+    if t.ndim != 1 or t.shape != y.shape:
+        raise BadInput(f"{source}: times {t.shape} and values {y.shape}; wanted (n,) for both")
+    for name, numbers in (("time", t), ("value", y)):
+        for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
+            raise BadInput(f"{source}: {name} number {i + 1} is {numbers[i]}, wanted a finite one")
+    spacing_s(t, source)
+    kind = PHASORS if np.iscomplexobj(y) else ""
+    return DecayRecord(source=source, time_s=t, values=y, unit=unit, kind=kind)
