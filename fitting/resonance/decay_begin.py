@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.ndimage import median_filter
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import fdtrc
 
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, DecayRecord
@@ -63,7 +63,8 @@ def held_samples(amplitudes: FloatArray) -> int:
     y = np.mean(amplitudes[: count * each].reshape(count, each) ** 2, axis=1)
     y = y / np.max(y)
     # the scatter of squares goes with the amplitude, and as the square of the noise in it
-    scatter = np.sqrt(np.maximum(median_filter(y, SMOOTH, mode="nearest"), SMALLEST_RESIDUAL))
+    about = sliding_window_view(np.pad(y, SMOOTH // 2, mode="edge"), SMOOTH)
+    scatter = np.sqrt(np.maximum(np.median(about, axis=1), SMALLEST_RESIDUAL))
     squares = [_least(y, scatter, begin) for begin in range(int(LATEST * count))]
     best, freedom = int(np.argmin(squares)), count - UNKNOWNS
     if freedom < 1 or squares[best] <= count * SMALLEST_RESIDUAL**2:

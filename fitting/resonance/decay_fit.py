@@ -66,6 +66,7 @@ class FittedDecay:
         structure: what the order of the residuals tells.
         curve: as fitted, (n,), in the record's unit.
         lines: the same over the largest value; of amplitudes none.
+        rival: another form for which the errors hold, too; mostly empty.
     """
 
     name: str
@@ -84,6 +85,7 @@ class FittedDecay:
     structure: Structure
     curve: FloatArray | ComplexArray
     lines: DecayingLines | None = None
+    rival: str = ""
 
     @property
     def rows(self) -> int:

@@ -59,8 +59,9 @@ MOST = 200_000
 SWINGS = 0.3
 #: Standard errors, and decays of the amplitude over the record, that a line needs to decay.
 DECAYS_SIGMA, DECAYS = 2.0, 0.02
-#: Akaike's criterion by which a form that was not expected has to be better.
-PLAINLY = 10.0
+#: Akaike's criterion by which a form that was not expected has to be better, and below which noise
+#: alone may make one of two the better one.
+PLAINLY, ALLOWED = 10.0, 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +148,8 @@ class Ringdown:
         reference_hz: what was demodulated at, Hz; NaN: nobody told.
         form: the form that was taken, see ``forms``.
         forms: every form that was tried, the one that was taken first.
+        rival: another form of amplitudes that describes the samples nearly as well, for which the
+            errors hold, too; mostly empty.
         second: a further line that was fitted beside it; None without.
         beside: the constant, its modulus if phases were recorded, in ``unit``; of "noise" the noise
             of X, and of Y; and its error.
@@ -188,6 +191,7 @@ class Ringdown:
     reference_hz: float
     form: str
     forms: tuple[DecayForm, ...]
+    rival: str
     second: DecayingLine | None
     beside: float
     beside_std: float
@@ -256,14 +260,28 @@ def _seen_kind(record: DecayRecord) -> str:
 
 
 def _of_amplitudes(record: DecayRecord, *, known: bool) -> list[FittedDecay]:
-    """Forms of amplitudes: in Rice's noise where they are known to be such, else on a constant."""
+    """Forms of amplitudes: in Rice's noise where they are known to be such, else the closer one."""
     constant = fit_amplitudes(record, CONSTANT)
     if np.any(record.values.real < 0.0):
         return [constant]
     noise = fit_amplitudes(record, NOISE)
-    usual, other = (noise, constant) if known else (constant, noise)
-    there, here = _criteria([other, usual])
-    return [other, usual] if here - there > PLAINLY else [usual, other]
+    there, here = _criteria([constant, noise])
+    if known:
+        return [constant, noise] if here - there > PLAINLY else [noise, constant]
+    first, other = (noise, constant) if here <= there else (constant, noise)
+    if abs(here - there) < ALLOWED:
+        first = _covering(first, other)
+    return [first, other]
+
+
+def _covering(form: FittedDecay, rival: FittedDecay) -> FittedDecay:
+    """A form with errors that hold for another one, too, which the samples do not tell from it.
+
+    Source: `fitting.resonance.rival_forms`, of sweeps.
+    """
+    here, there = (np.array([*f.frequency_hz, *f.width_hz, *f.amplitude]) for f in (form, rival))
+    wider = rival.errors + np.abs(there - here) / ratio95(form.freedom)
+    return replace(form, errors=np.fmax(form.errors, wider), rival=rival.name)
 
 
 def _of_lines(record: DecayRecord) -> list[FittedDecay]:
@@ -372,6 +390,7 @@ def _told(record: DecayRecord, forms: Sequence[FittedDecay], first: int) -> Ring
             _form(record, form, criterion - min(criteria))
             for form, criterion in zip(forms, criteria, strict=True)
         ),
+        rival=best.rival,
         second=_second(lines) if len(lines) > 1 else None,
         beside=best.beside.real if record.kind != PHASORS else abs(best.beside),
         beside_std=best.beside_std,

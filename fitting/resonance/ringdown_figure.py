@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
@@ -24,7 +26,9 @@ def ringdown_figure(found: Ringdown) -> Figure:
     t = np.array(found.points.time_s)[::every]
     measured, fitted = (values[::every] for values in _values(found))
     x = Axis("time t", "s")
-    words = (
+    frequency = quantity(found.frequency_hz, found.frequency_std_hz, "Hz")
+    words = f"f = {frequency}, " if math.isfinite(found.frequency_hz) else ""
+    words += (
         f"width {quantity(found.width_hz, found.width_std_hz, 'Hz')}, decay time "
         f"{with_error(found.decay_time_s, found.decay_time_std_s, 's')}"
     )
@@ -65,9 +69,11 @@ def _record(
     unit, samples = "" if found.unit == "1" else found.unit, found.kind == SAMPLES
     sizes = (np.asarray(v.real if samples else np.abs(v)) for v in (measured, fitted))
     seen, curve = sizes
+    # a decay goes on falling below what was recorded in its noise
+    low = None if samples or not np.any(seen) else 0.3 * float(np.quantile(seen[seen > 0.0], 0.01))
     return Panel(
         x=x,
-        y=Axis("recorded" if samples else "amplitude", unit, log=not samples),
+        y=Axis("recorded" if samples else "amplitude", unit, log=not samples, low=low),
         layers=(
             Layer(Role.MEASURED, Form.POINTS, t, seen, label="recorded"),
             Layer(Role.SIMULATED, Form.CURVE, t, curve, label="fitted decay"),

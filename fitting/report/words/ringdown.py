@@ -74,6 +74,7 @@ def sentences(found: Ringdown) -> list[str]:
         _ringdown(found),
         _taken(found),
         *_beside(found),
+        *_rival(found),
         *_moving(found),
         *_second(found),
         *_reference(found),
@@ -119,6 +120,16 @@ def _beside(found: Ringdown) -> list[str]:
     if found.kind == PHASORS:
         return [f"The constant is {size}: what leaks of the reference, or an offset of the input."]
     return [f"The constant is {size}: a zero of the detector."]
+
+
+def _rival(found: Ringdown) -> list[str]:
+    """A form for which the errors hold, too."""
+    if not found.rival:
+        return []
+    return [
+        f"The errors hold for {found.rival}, too, {FORM_WORDS[found.rival]}, which these samples "
+        f"do not plainly tell from {found.form}."
+    ]
 
 
 def _moving(found: Ringdown) -> list[str]:
