@@ -38,6 +38,9 @@ _SUBSCRIPT = str.maketrans("0123456789+−-", "₀₁₂₃₄₅₆₇₈₉₊
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A unit as `prefixed` makes it where no prefix will do.
 _POWER_FIRST = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]")
+#: Errors that stand beside their value without a power of ten, and the largest one that is drawn
+#: out of both.
+_PLAIN_ERRORS, _MOST_EXPONENT = (1e-11, 1e7), 300
 #: Decimal digits that a float tells.
 _DIGITS = 15
 #: Digits of a value that is told without its error, at least.
@@ -284,7 +287,8 @@ def number(value: float, digits: int = 6) -> str:
 def with_error(value: float, error: float, unit: str = "") -> str:
     """Value ± error, the value rounded where the error's second digit stands, with its unit.
 
-    A unit that begins with a power of ten multiplies both: "(1.2 ± 0.1) × 10³⁰ 1/s".
+    A power of ten that would fill the number with zeros multiplies both, as one does with which the
+    unit begins: "(1.2 ± 0.1) × 10³⁰ 1/s".
 
     Args:
         value: the number.
@@ -294,10 +298,15 @@ def with_error(value: float, error: float, unit: str = "") -> str:
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
+    power_first = _POWER_FIRST.match(unit)
+    exponent = math.floor(math.log10(max(abs(value), error)))
+    plain = _PLAIN_ERRORS[0] <= error < _PLAIN_ERRORS[1] or abs(exponent) > _MOST_EXPONENT
+    if plain or power_first:
+        both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
+        return f"({both})\u00a0×{tail}" if power_first else f"{both}{tail}"
+    value, error = value / 10.0**exponent, error / 10.0**exponent
     both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
-    if _POWER_FIRST.match(unit):  # it multiplies both
-        return f"({both})\u00a0×{tail}"
-    return f"{both}{tail}"
+    return f"({both})\u00a0×\u00a0{power_of_ten(exponent)}{tail}"
 
 
 def rounded_alike(value: float, *others: float, error: float) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import math
 import re
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from fitting.text import notation
@@ -73,6 +73,24 @@ def test_value_and_error_are_rounded_alike(value: float, error: float) -> None:
     shown, _, wrong = notation.with_error(value, error, "Hz").removesuffix("Hz").partition("±")
     assert abs(read(shown) - value) <= 0.0501 * error + 1e-8 * abs(value)
     assert read(wrong) == pytest.approx(error, rel=0.06)
+
+
+@given(st.floats(0.1, 9.9), st.floats(0.01, 0.99), st.sampled_from([-40, -14, 9, 31, 120]))
+def test_far_from_one_a_power_of_ten_stands_behind_both(
+    value: float, error: float, power: int
+) -> None:
+    """An error of two digits, whatever the power: not "9.95626814 × 10³¹ ± 7.6 × 10²⁹"."""
+    scale = 10.0**power
+    shown = notation.with_error(value * scale, error * scale, "V")
+    digits, times, rest = shown.partition(")\u00a0×\u00a010")
+    assert times
+    best, wrong = (read(word) for word in digits.removeprefix("(").split("\u00a0±\u00a0"))
+    exponent = int(
+        rest.removesuffix("\u00a0V").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+    )
+    assert wrong * 10.0**exponent == pytest.approx(error * scale, rel=0.06)
+    assert abs(best * 10.0**exponent - value * scale) <= 0.0501 * error * scale
+    assert len(digits) < 22
 
 
 def test_published_style_of_errors() -> None:
@@ -212,6 +230,7 @@ def test_a_printed_range_is_hardly_wider(ends: tuple[float, float, float]) -> No
 @given(st.floats(-1.0, 1.0), st.floats(-20.0, 20.0), st.integers(3, 7))
 def test_printed_bounds_are_never_inside(share: float, power: float, digits: int) -> None:
     value = share * 10.0**power
+    assume(value == 0.0 or abs(value) > 1e-300)  # smaller ones have no full digits
     below, above = (read(notation.bound(value, digits, up=up)) for up in (False, True))
     assert holds(below, value, above)
     assert above - below <= 2.0 * 10.0 ** (1 - digits) * abs(value) + 1e-300
