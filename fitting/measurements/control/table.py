@@ -171,7 +171,7 @@ class ReadControlSweep:
         if self.table.output:
             yield partial(binder.real, self.table.output, where, READABLE, "observed")
         yield partial(above_zero, self.table.sigma, unit)
-        for spectrum in self.spectra:
+        for spectrum in self.spectra[:1]:  # one column: what is wrong with it is told once
             yield partial(binder.settings, spectrum.controls)
 
     def _drive(self, spectrum: MeasuredSpectrum, setup: Setup, where: str) -> FloatArray:
