@@ -196,8 +196,8 @@ def ranges(draw: st.DrawFn) -> tuple[float, float, float]:
 
 
 def holds(low: float, value: float, high: float) -> bool:
-    """Whether a value lies within bounds, which are known to 15 digits."""
-    slack = 4e-15 * max(abs(low), abs(high), abs(value))
+    """Whether a value lies within bounds, which are known to 15 digits: to half of the last one."""
+    slack = 5e-15 * max(abs(low), abs(high), abs(value))
     return low - slack <= value <= high + slack
 
 
