@@ -38,9 +38,10 @@ _SUBSCRIPT = str.maketrans("0123456789+−-", "₀₁₂₃₄₅₆₇₈₉₊
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A unit as `prefixed` makes it where no prefix will do.
 _POWER_FIRST = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]")
-#: Errors that stand beside their value without a power of ten, and the largest one that is drawn
-#: out of both.
-_PLAIN_ERRORS, _MOST_EXPONENT = (1e-11, 1e7), 300
+#: A value and its error stand without a power of ten from a size of the larger of them, up to a size
+#: of the error (a long value with a small error keeps its digits); and the largest power of ten that
+#: is drawn out of both.
+_PLAIN_FROM, _PLAIN_ERROR, _MOST_EXPONENT = 1e-6, 1e7, 300
 #: Decimal digits that a float tells.
 _DIGITS = 15
 #: Digits of a value that is told without its error, at least.
@@ -299,9 +300,10 @@ def with_error(value: float, error: float, unit: str = "") -> str:
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
     power_first = _POWER_FIRST.match(unit)
-    exponent = math.floor(math.log10(max(abs(value), error)))
-    plain = _PLAIN_ERRORS[0] <= error < _PLAIN_ERRORS[1] or abs(exponent) > _MOST_EXPONENT
-    if plain or power_first:
+    size = max(abs(value), error)
+    exponent = math.floor(math.log10(size))
+    plain = size >= _PLAIN_FROM and error < _PLAIN_ERROR
+    if plain or power_first or abs(exponent) > _MOST_EXPONENT:
         both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
         return f"({both})\u00a0×{tail}" if power_first else f"{both}{tail}"
     value, error = value / 10.0**exponent, error / 10.0**exponent
