@@ -38,10 +38,11 @@ _SUBSCRIPT = str.maketrans("0123456789+−-", "₀₁₂₃₄₅₆₇₈₉₊
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A unit as `prefixed` makes it where no prefix will do.
 _POWER_FIRST = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]")
-#: A value and its error stand without a power of ten from a size of the larger of them, up to a size
-#: of the error (a long value with a small error keeps its digits); and the largest power of ten that
-#: is drawn out of both.
-_PLAIN_FROM, _PLAIN_ERROR, _MOST_EXPONENT = 1e-6, 1e7, 300
+#: A value and its error stand without a power of ten where the larger is at least this, and the
+#: error less than that: a long value with a small error keeps its digits.
+_PLAIN_FROM, _PLAIN_ERROR = 1e-6, 1e7
+#: The largest power of ten that is drawn out of both.
+_MOST_EXPONENT = 300
 #: Decimal digits that a float tells.
 _DIGITS = 15
 #: Digits of a value that is told without its error, at least.
