@@ -263,6 +263,7 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
         background=choice.background,
         unit=measured.unit,
         notes=measured.notes,
+        left_out=measured.left_out,
     )
 
 

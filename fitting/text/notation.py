@@ -43,6 +43,8 @@ _POWER_FIRST = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]")
 _PLAIN_FROM, _PLAIN_ERROR = 1e-6, 1e7
 #: The largest power of ten that is drawn out of both.
 _MOST_EXPONENT = 300
+#: Power of ten below which a factor has no full digits, and is zero at last.
+_LEAST_POWER = -306
 #: Decimal digits that a float tells.
 _DIGITS = 15
 #: Digits of a value that is told without its error, at least.
@@ -165,7 +167,7 @@ def prefixed(size: float, unit: str) -> tuple[float, str]:
     if unit not in _TAKES_PREFIX or not _PREFIXED[0] <= size < _PREFIXED[1]:
         if 1e-3 <= size < 1e6:
             return 1.0, unit_text(unit)
-        power = 3 * math.floor(math.log10(size) / 3.0)
+        power = max(3 * math.floor(math.log10(size) / 3.0), _LEAST_POWER)
         return 10.0**power, f"{power_of_ten(power)} {unit_text(unit)}".strip()
     if unit in ("s", "rad") and size >= 1.0:
         return 1.0, unit
