@@ -262,9 +262,11 @@ def _step(decision: Decision) -> str:
     shortest, longest = (float(decision.numbers[key]) for key in ("step_s", "longest_s"))
     factor, unit = prefixed(shortest, "s")
     count = int(decision.numbers["per_sample"])
+    pair = ", extrapolated with a run of half as many"
+    how = pair if "extrapolated" in decision.numbers else ""
     if longest > shortest:
-        return f"{number(shortest / factor, 4)} {unit} and longer, up to {count} in a sample"
-    return f"{number(shortest / factor, 4)} {unit}, {count} in a sample"
+        return f"{number(shortest / factor, 4)} {unit} and longer, up to {count} in a sample{how}"
+    return f"{number(shortest / factor, 4)} {unit}, {count} in a sample{how}"
 
 
 _CHOICES: Mapping[Kind, Callable[[Decision], str]] = {

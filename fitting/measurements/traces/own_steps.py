@@ -36,11 +36,13 @@ class Look:
         window: of the samples.
         signal: what is held over the steps, and seen at the samples.
         fine: how many steps.
+        half: the same over half as many.
     """
 
     window: Window
     signal: HeldSignal
     fine: int
+    half: HeldSignal
 
     @cached_property
     def closer(self) -> Window:
@@ -79,12 +81,12 @@ class Look:
 
 
 def looked_finely(samples: int) -> int:
-    """Communication steps between two samples of a closer look.
+    """Communication steps between two samples of a closer look, an even number.
 
     Args:
         samples: of the trace.
     """
-    return max(FEWEST, min(MOST, LOOKED // samples))
+    return 2 * (max(FEWEST, min(MOST, LOOKED // samples)) // 2)
 
 
 def euler_leaves(values: FloatArray, *, late: bool) -> float:

@@ -264,12 +264,13 @@ class TraceRecord:
         """A closer look at its run under the input; None: nothing but its start moves it.
 
         Args:
-            fine: steps between two samples.
+            fine: steps between two samples, an even number.
         """
         if not self.is_driven:
             return None
         count = min(self.y.size, max(2, LOOKED // fine))
-        return Look(self.window(count), self._held(fine, count), fine)
+        signal, half = self._held(fine, count), self._held(fine // 2, count)
+        return Look(self.window(count), signal, fine, half)
 
     @cached_property
     def shifts(self) -> npt.NDArray[np.intp]:

@@ -6,12 +6,20 @@ twice as many, and rho = D_j/D_(j-1), what is left at n 2^j is taken for
     D_j/(1 - rho),   rho at least 1/2
 
 which is a geometric series: more than it is for any method of first order or higher.
+
+An input whose mean is held over every step leaves even powers of the step, where it is smooth
+within steps. Of two runs y(h) and y(2h) under it
+
+    (4 y(h) - y(2h))/3
+
+has lost the second power (Richardson). Its own changes bound what is left of it in the same way,
+whatever the powers are; it is taken where it keeps what was wanted and one run does not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +59,7 @@ class StepPlan:
     few: FewSamples | None = None
     tolerance: float = 0.0
     few_error: float = 0.0
+    extrapolated: bool = False
 
     @property
     def step_s(self) -> float:
@@ -74,11 +83,66 @@ def first_steps(spacing_s: float, own_s: float | None) -> tuple[int, float]:
     return steps, own_s if misfit > WHOLE and own_s > spacing_s else 0.0
 
 
+@dataclass(frozen=True)
+class StepRuns:
+    """Runs of a trace at some parameters: ``driven`` under its input, and ``others``."""
+
+    driven: Sequence[FloatArray]
+    others: Sequence[FloatArray] = ()
+
+    @property
+    def count(self) -> int:
+        """How many runs."""
+        return len(self.driven) + len(self.others)
+
+    def change(self, finer: StepRuns) -> float:
+        """The largest change to runs of shorter steps, over the largest value.
+
+        Args:
+            finer: the same runs.
+        """
+        before, after = (*self.driven, *self.others), (*finer.driven, *finer.others)
+        return max(map(_change, before, after))
+
+    def extrapolated(self, finer: StepRuns) -> StepRuns:
+        """The finer runs, those under the input without the second power of the step.
+
+        Args:
+            finer: the same runs, of half the step.
+        """
+        return StepRuns(list(map(extrapolated, self.driven, finer.driven)), finer.others)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The finest runs, ``seen``, what they changed, and the bound of those before them."""
+
+    seen: StepRuns
+    change: float = 0.0
+    bound: float = np.inf
+
+    def then(self, finer: StepRuns) -> _Found:
+        """What finer runs say of these; nothing where there are none."""
+        if not (self.seen.driven or self.seen.others):
+            return _Found(finer)
+        change, last = self.seen.change(finer), self.change
+        rho = max(0.5, change / last) if last > 0.0 else 0.5
+        bound = change / (1.0 - rho) if rho < STALLED else UNKNOWN * change
+        return _Found(finer, change, bound)
+
+
+def extrapolated(coarse: FloatArray, fine: FloatArray) -> FloatArray:
+    """A run (n,) without the second power of its step, (4 y(h) - y(2h))/3.
+
+    Args:
+        coarse: of twice the step, shape (n,).
+        fine: shape (n,).
+    """
+    return (4.0 * fine - coarse) / 3.0
+
+
 def planned_steps(
-    plan: StepPlan,
-    simulated: Callable[[int], Sequence[FloatArray]],
-    wanted: float,
-    samples: int,
+    plan: StepPlan, simulated: Callable[[int], StepRuns], wanted: float, samples: int
 ) -> StepPlan:
     """The plan with as many steps as are wanted for an accuracy.
 
@@ -88,33 +152,29 @@ def planned_steps(
         wanted: largest error, relative to the largest value.
         samples: of a run.
     """
-    steps, runs = plan.per_sample, 0
-    before = simulated(steps)
-    runs += len(before)
-    last, bound, change = 0.0, 0.0, 0.0
+    steps, one = plan.per_sample, _Found(simulated(plan.per_sample))
+    two = _Found(StepRuns(()))
+    runs = one.seen.count
     for _ in range(MOST_HALVINGS):
-        after = simulated(2 * steps)
-        runs += len(after)
-        change = max(map(_change, before, after))
-        rho = max(0.5, change / last) if last > 0.0 else 0.5
-        bound = change / (1.0 - rho) if rho < STALLED else UNKNOWN * change
-        if bound <= wanted or 4 * steps * samples > MOST_STEPS:
+        finer = simulated(2 * steps)
+        runs += finer.count
+        both = one.seen.extrapolated(finer)
+        one, two = one.then(finer), two.then(both)
+        if min(one.bound, two.bound) <= wanted or 4 * steps * samples > MOST_STEPS:
             break
-        steps, before, last = 2 * steps, after, change
-    return StepPlan(
-        label=plan.label,
-        spacing_s=plan.spacing_s,
+        steps *= 2
+    else:
+        steps //= 2  # the last runs told of those before
+    pair = bool(finer.driven) and one.bound > wanted and two.bound < one.bound
+    found = two if pair else one
+    return replace(
+        plan,
         per_sample=steps,
-        bound=bound,
-        change=change,
+        bound=found.bound,
+        change=found.change,
         runs=runs,
-        own_s=plan.own_s,
+        extrapolated=pair,
     )
-
-
-def _change(coarse: FloatArray, fine: FloatArray) -> float:
-    largest = float(np.max(np.abs(fine), initial=0.0))
-    return float(np.max(np.abs(fine - coarse), initial=0.0)) / largest if largest > 0.0 else 0.0
 
 
 def step_decision(plans: Sequence[StepPlan]) -> Decision:
@@ -135,6 +195,7 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
             "change": worst.change,
             "runs": sum(plan.runs for plan in plans),
             "own_s": max(plan.own_s for plan in plans),
+            **_extrapolated(plans),
             **_stands(plans),
             **_few(plans),
         },
@@ -147,7 +208,18 @@ def _stands(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
     return {"stands_s": longest} if longest else {}
 
 
+def _extrapolated(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
+    """How many traces are extrapolated."""
+    count = sum(plan.extrapolated for plan in plans)
+    return {"extrapolated": count} if count else {}
+
+
 def _few(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
     """Of how many samples decays are simulated, the most, and how many follow."""
     most = max((p.few for p in plans if p.few), key=lambda few: few.samples, default=None)
     return {} if most is None else {"few": most.indices.size, "of": most.samples}
+
+
+def _change(coarse: FloatArray, fine: FloatArray) -> float:
+    largest = float(np.max(np.abs(fine), initial=0.0))
+    return float(np.max(np.abs(fine - coarse), initial=0.0)) / largest if largest > 0.0 else 0.0

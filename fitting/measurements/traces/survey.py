@@ -18,7 +18,13 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.traces.decay_run import Pulsed, few_samples, read_decay
 from fitting.measurements.traces.own_steps import Look, euler_leaves, looked_finely
-from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
+from fitting.measurements.traces.step_plan import (
+    StepPlan,
+    StepRuns,
+    extrapolated,
+    first_steps,
+    planned_steps,
+)
 from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
@@ -44,11 +50,27 @@ class Asked(NamedTuple):
         driven: under its input.
         decay: after a pulse; of a few samples where the plan says so.
         further: whatever else.
+        coarse: as `driven`, of half as many steps: both are extrapolated.
     """
 
     driven: int | None = None
     decay: int | None = None
     further: int | None = None
+    coarse: int | None = None
+
+    def under_input(self, batch: Batch, output: str) -> FloatArray | None:
+        """The output (n,) under the input; None: none was asked for.
+
+        Args:
+            batch: that has simulated the runs.
+            output: its name.
+        """
+        if self.driven is None:
+            return None
+        fine = batch.samples(self.driven, output)
+        if self.coarse is None:
+            return fine
+        return extrapolated(batch.samples(self.coarse, output), fine)
 
 
 class Begun(Pulsed, Protocol):
@@ -174,6 +196,8 @@ class Survey(Generic[T]):
             batch.ask(values, look.closer, look.held_signal, output),
             batch.ask(values, look.window, look.signal, output),
         ]
+        if steps.extrapolated:
+            asked.append(batch.ask(values, look.window, look.half, output))
         try:
             batch.simulate(self.workers)
         except NoAnswer:
@@ -181,15 +205,16 @@ class Survey(Generic[T]):
         except FmuFailure:  # it refuses short steps
             batch.forget()
             return steps
-        seen, fine_values = (batch.samples(run, output) for run in asked)
+        seen = batch.samples(asked[0], output)
+        finest = Asked(driven=asked[1], coarse=asked[2] if steps.extrapolated else None)
         stands_s, runs = look.standing_s(seen), steps.runs + len(asked)
         if stands_s:
             count = steps.step_s / stands_s
             late = abs(count - round(count)) > UNEVEN * count
             bound = min(1.0, steps.bound + euler_leaves(seen, late=late))
             return replace(steps, runs=runs, bound=bound, stands_s=stands_s)
-        coarse = self._simulated(points[:1], steps.per_sample)[0]
-        change = _change(coarse[: fine_values.size], fine_values)
+        coarse = self._under_input(points[0], steps)
+        change = _change(coarse[: look.window.samples], finest.under_input(batch, output))
         if change <= steps.bound or 2.0 * change <= left:
             bound = steps.bound if change <= steps.bound else 2.0 * change
             return replace(steps, runs=runs, bound=bound)
@@ -275,18 +300,27 @@ class Survey(Generic[T]):
         """The model with these steps of the trace."""
         return replace(self.model, plan=replace(self.model.plan, steps=(steps,)))
 
-    def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
+    def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> StepRuns:
         """Outputs of its runs at all points, with so many steps between two samples."""
         model, batch = self._with(self._plan(per_sample)), self.batch
         output = self.kind.output(self.trace)
-        asked = [
-            run
-            for p in points
-            for run in self.kind.ask(model, self.trace, p, batch, 0)
-            if run is not None
-        ]
+        asked = [self.kind.ask(model, self.trace, p, batch, 0) for p in points]
         batch.simulate(self.workers)
-        return [batch.samples(run, output) for run in asked]
+        others = [run for runs in asked for run in (runs.decay, runs.further) if run is not None]
+        return StepRuns(
+            [batch.samples(runs.driven, output) for runs in asked if runs.driven is not None],
+            [batch.samples(run, output) for run in others],
+        )
+
+    def _under_input(self, p: FloatArray, steps: StepPlan) -> FloatArray:
+        """Output under the input as planned, (n,); of a trace that is driven."""
+        output = self.kind.output(self.trace)
+        runs = self.kind.ask(self._with(steps), self.trace, p, self.batch, 0)
+        self.batch.simulate(self.workers)
+        found = runs.under_input(self.batch, output)
+        if found is None:
+            raise TypeError(f"{self.trace.source}: nothing drives it")
+        return found
 
     def _that_run(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
         """The points that the FMU takes, the first in any case: it may refuse a part of the box."""

@@ -155,14 +155,16 @@ class Traces(TracesTogether[TraceRecord]):
         """
         values = model.values(p, trace.label or None, trace.settings)
         plan = model.plan.step_plan(self.key(trace))
-        driven = decay = None
-        output = self.output(trace)
+        driven = decay = coarse = None
+        output, steps = self.output(trace), 1 if plan is None else plan.per_sample
         if trace.is_driven:
-            signal = trace.signal(1 if plan is None else plan.per_sample)
-            driven = batch.ask(values, trace.window(), signal, output, owner)
+            driven = batch.ask(values, trace.window(), trace.signal(steps), output, owner)
+            if plan is not None and plan.extrapolated:
+                half = trace.signal(steps // 2)
+                coarse = batch.ask(values, trace.window(), half, output, owner)
         if trace.start == UNKNOWN:
             decay = ask_decay(trace, values, plan, batch, output, owner)
-        return Asked(driven=driven, decay=decay)
+        return Asked(driven=driven, decay=decay, coarse=coarse)
 
     def followed(
         self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
@@ -181,11 +183,10 @@ class Traces(TracesTogether[TraceRecord]):
         self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
     ) -> tuple[FloatArray, FloatArray]:
         """Values (n,) of a trace as the model has it, and what is solved for, (n, k)."""
-        driven = runs.driven
-        output, count = self.output(trace), trace.y.size
+        count = trace.y.size
         base, columns = np.zeros(count), []
-        if driven is not None:
-            seen = batch.samples(driven, output)
+        seen = runs.under_input(batch, self.output(trace))
+        if seen is not None:
             if trace.gain == FIT:
                 columns.append(seen)
             else:
