@@ -277,6 +277,10 @@ def _derived(n: int) -> list[Variable]:
         )
         for i in _modes(n)
     ]
+    made += [
+        steady(f"Q{i}", None, f"quality factor eta{i}/width{i}; NaN without damping", 1e5)
+        for i in _modes(n)
+    ]
     return made
 
 
@@ -314,7 +318,7 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         return sum((w * x for w, x in zip(self._row("readout"), q)), 0j)
 
     def steady_outputs(self) -> Sequence[float]:
-        """Return quadratures, sidebands, errors, and the unpumped modes' frequencies and widths."""
+        """Return quadratures, sidebands, errors, and what the modes are without pump."""
         solver = self.running()
         p = solver.p
         n = self.modes
@@ -365,14 +369,15 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         return float(max((max(f.below, len(f.sidebands) - 1 - f.below) for f in found), default=0))
 
     def _unpumped(self) -> list[float]:
-        """Return eigenfrequencies and line widths of the coupled modes without pump."""
+        """Return eigenfrequencies, line widths and Qs of the coupled modes without pump."""
         solver = self.running()
         m = solver.steady.matrices if isinstance(solver, ModesRungeKutta) else solver.matrices
         widths = [
             sum(d * row[i] * row[i] for d, row in zip(solver.p.d, m.shapes))
             for i in range(self.modes)
         ]
-        return [*m.eta, *widths]
+        factors = [eta / width if width > 0.0 else math.nan for eta, width in zip(m.eta, widths)]
+        return [*m.eta, *widths, *factors]
 
     # -- the solver -----------------------------------------------------------------------------
 

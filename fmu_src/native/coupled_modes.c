@@ -343,6 +343,10 @@ bool model_steady(struct slave *slave, double *outputs, struct report *report)
         for (int k = 0; k < MODES; ++k)
             *next += slave->motion.run.p.modes.d[k] * m->shapes[k][i] * m->shapes[k][i];
     }
+    for (int i = 0; i < MODES; ++i, ++next) {
+        const double width = next[-MODES];
+        *next = width > 0.0 ? m->eta[i] / width : NAN;
+    }
     return true;
 }
 
@@ -525,16 +529,19 @@ static double between(const struct matrices *m, const struct linear_system *chan
     return sum;
 }
 
-/* Of eigenfrequencies and widths; widths of modes that coincide turn with any change. */
+/* Of eigenfrequencies, widths and quality factors; widths of modes that coincide turn with any
+ * change. */
 static void write_unpumped(const struct matrices *m, const struct parameters *p,
                            const struct linear_system *change, double *outputs)
 {
     for (int i = 0; i < MODES; ++i) {
-        double width = 0.0;
+        double width = 0.0, still = 0.0;
         outputs[i] = between(m, change, i, i) / (2.0 * m->eta[i]);
-        for (int k = 0; k < MODES; ++k)
+        for (int k = 0; k < MODES; ++k) {
             width += real_double(change->damping[(MODES + 1) * k]) * m->shapes[k][i] *
                      m->shapes[k][i];
+            still += p->modes.d[k] * m->shapes[k][i] * m->shapes[k][i];
+        }
         for (int j = 0; j < MODES; ++j) {
             const double gap = (m->eta[i] - m->eta[j]) * (m->eta[i] + m->eta[j]);
             const double mixed = j == i ? 0.0 : between(m, change, j, i);
@@ -548,6 +555,8 @@ static void write_unpumped(const struct matrices *m, const struct parameters *p,
                 width += 2.0 * p->modes.d[k] * m->shapes[k][i] * m->shapes[k][j] * mixed / gap;
         }
         outputs[MODES + i] = width;
+        outputs[2 * MODES + i] =
+            still > 0.0 ? (outputs[i] - m->eta[i] * width / still) / still : NAN;
     }
 }
 

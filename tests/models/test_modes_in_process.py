@@ -325,6 +325,8 @@ def test_eigenfrequencies_and_widths_are_those_of_numpy(p: Values, solver: int) 
     assert found == pytest.approx(np.sqrt(squares) / TWO_PI, rel=1e-12)
     widths = np.diag(shapes.T @ modes(p).damping @ shapes) / TWO_PI
     assert slave.get(*(f"width{i + 1}" for i in range(n))) == pytest.approx(widths, rel=1e-10)
+    factors = np.sqrt(squares) / TWO_PI / widths
+    assert slave.get(*(f"Q{i + 1}" for i in range(n))) == pytest.approx(factors, rel=1e-10)
 
 
 def test_a_mode_that_grows_out_of_range_ends_the_run() -> None:
