@@ -23,7 +23,7 @@ PARAMETERS = (
     ff.Parameter("stiffness", K, bounds=(3.5e3, 4.5e3)),
 )
 #: Ten samples in a period of the beam, 318 Hz, whose force was recorded.
-T: FloatArray = np.arange(150) * 3.1e-4
+T = np.linspace(0.0, 149 * 3.1e-4, 150)
 U = 1e-3 * np.sin(2.0 * np.pi * (200.0 + 1000.0 * T) * T)
 
 
@@ -65,7 +65,7 @@ def test_corners_between_the_samples_keep_it_as_well(beam: ff.Fmu, seed: int) ->
     rng = np.random.default_rng(seed)
     corners = np.cumsum(rng.integers(3, 40, 80)) * 1e-5
     u = 1e-3 * rng.standard_normal(corners.size)
-    every: FloatArray = np.arange(150 * 31) * 1e-5
+    every = np.linspace(0.0, (150 * 31 - 1) * 1e-5, 150 * 31)
     y = exact(every, np.interp(every, corners, u))[::31]
     step, left = planned(beam, y, driven=(corners, u))
     assert float(np.max(np.abs(left))) <= step.bound <= ACCURACY
