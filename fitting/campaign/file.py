@@ -513,6 +513,11 @@ class WrittenNoise(Keys):
     threshold: Positive = 4.0
     """Peaks whose studentised residual exceeds it are named in a warning."""
 
+    @property
+    def is_told(self) -> bool:
+        """Whether it says how large the noise is, or what is done with outliers."""
+        return bool(self.relative or self.absolute is not None or self.outliers != OUTLIERS[0])
+
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenDerived(Keys):
@@ -756,6 +761,12 @@ class WrittenCampaign(Keys):
             )
         if self.drift.ends and experiments is None:
             raise Refused("drifts over experiments, but there are none", "drift")
+        if experiments is None and self.sweep is None and self.noise.is_told:
+            raise Refused(
+                "is of the amplitudes of [experiments] and [sweep], and there is neither; wanted "
+                "'sigma' in the tables of further measurements, 'averages' of a noise spectrum",
+                "noise",
+            )
         lines = 0 if self.drive is None else len(self.drive.lines)
         keys = ("peaks", "peak_sigmas", "phases", "x", "y")
         for key in keys if experiments is not None else ():

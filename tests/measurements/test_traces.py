@@ -530,6 +530,9 @@ def test_bad_files_are_told_in_a_sentence(
         pytest.param('gain = "fit"', "states = 3", 'with start = "unknown" only', id="states"),
         pytest.param('gain = "fit"', 'begin = "found"', "for a free decay, with", id="begin"),
         pytest.param('sigma = "140 mV"', 'sigma = "0 V"', "wanted more than zero", id="sigma"),
+        pytest.param(
+            "[fmu]", "[noise]\nrelative = 0.01\n[fmu]", "[sweep], and there is neither", id="noise"
+        ),
     ],
 )
 def test_bad_keys_are_told_in_a_sentence(
