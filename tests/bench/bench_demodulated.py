@@ -93,12 +93,11 @@ def coverage(fmu: ff.Fmu, scene: Scene, count: int, *, profiles: bool) -> None:
     for seed in range(count):
         problem, truth = scene.made(fmu, np.random.default_rng(seed))
         fit = ff.fit(problem, method=QUICK, starts=1)
-        if profiles:
-            fit = ff.profile(fit)
+        found = ff.profile(fit) if profiles else fit
         for name, true in truth.items():
-            low, high = fit[name].interval()
+            low, high = found[name].interval()
             inside.setdefault(name, []).append(low <= true <= high)
-            deviations.setdefault(name, []).append((fit[name].value - true) / fit[name].std)
+            deviations.setdefault(name, []).append((found[name].value - true) / found[name].std)
     for name, held in inside.items():
         spread = float(np.sqrt(np.nanmean(np.square(deviations[name]))))  # not all have an error
         print(
