@@ -180,7 +180,7 @@ def _held(files: Files, offer: Offer, fitted: Sequence[str]) -> tuple[str, ...]:
 
 def _derived(offer: Offer, fitted: Sequence[str], *, held: bool) -> tuple[str, ...]:
     """Numbers of the model that are reported; where modes are held, those of the fitted one."""
-    found = [name for name in offer.derived if name not in fitted]
+    found = [name for name in (*offer.derived, *offer.qualities) if name not in fitted]
     marks = {name.rpartition("_")[2] for name in fitted if name in offer.places and "_" in name}
     of_mode = tuple(name for name in found if name.rpartition("_")[2] in marks)
     return of_mode if held and of_mode else tuple(found)

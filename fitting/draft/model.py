@@ -25,6 +25,7 @@ PLACE = re.compile(
     r"_?(\d*|plus|minus)"
 )
 STEADY = re.compile(r"periodic|steady|stationary")
+QUALITY = re.compile(r"\bquality factor\b")
 #: Units that tell a damping, and what a resonance frequency follows from.
 WIDTH_UNITS, PLACE_UNITS = ("N*s/m", "kg/s", "ohm", "S"), ("N/m", "F", "1/F")
 #: Outputs beside the observed one that are reported, at most.
@@ -52,6 +53,7 @@ class Offer:
         widths: parameters that set how wide it is.
         steady: the switch that starts the FMU on its periodic orbit; empty: none.
         derived: outputs that are numbers of the model, as its eigenfrequency.
+        qualities: outputs that are quality factors.
     """
 
     description: FmuDescription
@@ -62,6 +64,7 @@ class Offer:
     widths: tuple[str, ...]
     steady: str
     derived: tuple[str, ...]
+    qualities: tuple[str, ...]
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -107,6 +110,7 @@ def offer_of(description: FmuDescription) -> Offer:
         widths=tuple(v.name for v in widths),
         steady=next((v.name for v in switch if STEADY.search(_words(v))), ""),
         derived=tuple(v.name for v in numbers)[:MOST_DERIVED],
+        qualities=tuple(v.name for v in real if QUALITY.search(v.description.lower())),
     )
 
 

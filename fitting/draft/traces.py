@@ -104,7 +104,7 @@ class TraceDraft:
 
     ``start`` are start values of the FMU; with ``decays`` the traces are ringdowns from a state
     that nobody knows, which a pulse at the input spans; with ``late`` they begin inside the
-    records.
+    records. ``derived`` are outputs that are reported.
     """
 
     source: Source
@@ -116,6 +116,7 @@ class TraceDraft:
     start: Mapping[str, float] = field(default_factory=dict)
     decays: bool = False
     late: bool = False
+    derived: tuple[str, ...] = ()
 
     def text(self, folder: Path | None) -> str:
         """The text of the campaign.
@@ -138,6 +139,7 @@ class TraceDraft:
             "observe": {"output": self.output},
             "trace": [self._trace(file, k, folder, remarks) for k, file in enumerate(self.files)],
             "parameters": [parameter_table(box, k, remarks) for k, box in enumerate(self.boxes)],
+            **({"derived": {"outputs": list(self.derived)}} if self.derived else {}),
             "continuation": dict(CONTINUATION),
         }
         remarks["continuation", "nu_start"] = "the prior only helps at the start"
@@ -318,6 +320,7 @@ def _decaying(
         start=silenced(offer),
         decays=True,
         late=late,
+        derived=offer.qualities if len(offer.qualities) == 1 else (),  # those of one mode
     )
 
 

@@ -606,6 +606,7 @@ def test_a_ringdown_is_drafted_with_the_drives_off(tmp_path: Path) -> None:
     assert boxes["d1"]["lower"] < width < boxes["d1"]["upper"]
     assert any("tones are off" in each for each in said)
     assert written["continuation"]["misfit"] == "squares"
+    assert written["derived"]["outputs"] == ["Q1"]
 
 
 def test_a_record_that_does_not_decay_is_no_ringdown() -> None:

@@ -49,7 +49,7 @@ def test_what_one_line_does_not_tell_is_held_and_named(line: Path, tmp_path: Pat
     path, said = init([line], "CoupledOscillator", out=tmp_path)
     assert any("own start values: eta_minus and d1" in sentence for sentence in said)
     # lambda, f1 and f2 would be those of the held mode
-    assert tomllib.loads(path.read_text("utf-8"))["derived"]["outputs"] == ["width_plus"]
+    assert tomllib.loads(path.read_text("utf-8"))["derived"]["outputs"] == ["width_plus", "Q_plus"]
 
 
 def test_a_duffing_string_is_driven_so_weakly_that_its_line_is_one(
