@@ -52,7 +52,7 @@ def measured_lines(
     if math.isfinite(memory_bytes):
         lines.append(
             f"memory: {memory_bytes / 1e6:.0f} MB until here, all processes together; a fit takes "
-            "more, about twice as much of one long record, several times as much of many"
+            "more, up to three times as much of one long record, several times as much of many"
         )
     return [
         *lines,
