@@ -130,6 +130,8 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
         Verdict.LINEARISED: str(verdict),
     }
     words = said.get(verdict, f"{verdict}: {found.reason}")
+    if isinstance(found, ParameterResult) and not math.isnan(found.box_end):
+        words += f", beyond its box (ends at {number(found.box_end)} {found.unit}".rstrip() + ")"
     if verdict.has_value and found.is_outside:
         words += "; the value lies outside its 95 % interval"
     return words
