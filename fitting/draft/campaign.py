@@ -13,6 +13,7 @@ from typing import Any
 from fitting.draft.files import Files, SweepFile, TableFile
 from fitting.draft.model import Offer
 from fitting.draft.values import Box
+from fitting.measurements.noise.record import THERMAL, WHITE
 from fitting.resonance.form import FANO, SLOPED
 from fitting.resonance.reading import Roles
 from fitting.signal.peaks import OFFSET, SLOPE
@@ -311,7 +312,7 @@ def _add_sweeps(
             if fitted
             else "what the file means: peak or rms"
         )
-        beside = "" if sweep.line is None else sweep.line.forms[0].name
+        beside = "" if sweep.driven_line is None else sweep.driven_line.forms[0].name
         if beside == FANO:
             tables["sweep"]["background"] = "complex"
             remarks["sweep", "background"] = "of the line by itself, found by comparing"
@@ -342,13 +343,13 @@ def _complex(
     if sweep.turned:
         made["conjugate"] = True
         remarks[(*at, "conjugate")] = "the phase rises over the resonance"
-    if sweep.line is None:
+    if sweep.driven_line is None:
         return made
-    background = BACKGROUNDS.get(sweep.line.forms[0].name)
+    background = BACKGROUNDS.get(sweep.driven_line.forms[0].name)
     if background:
         made["background"] = background
         remarks[(*at, "background")] = "complex, beside the line: found by comparing"
-    if sweep.line.forms[0].delayed:
+    if sweep.driven_line.forms[0].delayed:
         made["delay"] = "fit"
         remarks[(*at, "delay")] = "of the cable: found by comparing"
     return made
@@ -358,10 +359,19 @@ def _noise(
     sweep: SweepFile, k: int, count: int, folder: Path | None, remarks: Remarks
 ) -> dict[str, Any]:
     """A spectrum of what nobody drove: level and floor are solved for."""
-    at, roles = ("noise_spectrum", k), sweep.roles
-    made: dict[str, Any] = {"file": relative_path(sweep.path, folder), "force": "white"}
+    at, roles, look = ("noise_spectrum", k), sweep.roles, sweep.noise
+    own = sweep.has_own_forces
+    made: dict[str, Any] = {"file": relative_path(sweep.path, folder)}
     remarks[(*at, "file")] = "averages = N tells how many periodograms were averaged"
-    remarks[(*at, "force")] = '"thermal", with a temperature, tells the read-out'
+    made["force"] = THERMAL if own else WHITE
+    remarks[(*at, "force")] = (
+        "each mode has a force of its own, as heat has; a temperature tells the read-out"
+        if own
+        else '"thermal", with a temperature, tells the read-out'
+    )
+    if look is not None and look.holds:
+        made["holds"] = look.holds
+        remarks[(*at, "holds")] = "the unit does not tell it"
     if count > 1:
         made["label"] = sweep.path.stem
     density = "" if roles.sizes is None else roles.sizes.name

@@ -18,7 +18,15 @@ from fitting.draft.source import Source
 from fitting.draft.traces import Recording, decays, traces_of
 from fitting.draft.trial import Trial
 from fitting.draft.two_modes import COUPLED, DRIVEN, TwoModes
-from fitting.draft.values import Box, Seen, boxes_of, coupled_boxes, seen_of, strength_box
+from fitting.draft.values import (
+    STRONGER,
+    Box,
+    Seen,
+    boxes_of,
+    coupled_boxes,
+    seen_of,
+    strength_box,
+)
 from fitting.resonance.form import FANO, SLOPED, WORDS_BESIDE, WORDS_BESIDE_COMPLEX
 from fitting.resonance.line import Line
 from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
@@ -44,10 +52,9 @@ TAKEN = {
 }
 #: What is said of a noise spectrum.
 NOISE = (
-    "A noise spectrum with one line: f = {f}, width {width} by its amplitudes. The campaign fits "
-    "the density, each point as an average of periodograms scatters, with a level and a white "
-    "floor that are solved for. How many were averaged is taken from the scatter; averages = N "
-    "under [[noise_spectrum]] states it."
+    "The campaign fits the density, each point as an average of periodograms scatters, with a "
+    "level and a white floor that are solved for. How many were averaged is taken from the "
+    "scatter; averages = N under [[noise_spectrum]] states it."
 )
 #: The same of two modes of which the first is driven and seen, and moves the second.
 COUPLING = "lambda12"
@@ -151,7 +158,8 @@ def _taken(files: Files, source: Source) -> tuple[str, ...]:
     kind = "" if files.modes is None else files.modes.kind
     return (
         f"Taken: {TAKEN.get(kind, TAKEN[''])}. Other shares of the drive and of the detector may "
-        "give the same two lines, which one sweep does not tell: what is found holds under this.",
+        f"give the same two lines, which one {files.where} does not tell: what is found holds "
+        "under this.",
     )
 
 
@@ -220,7 +228,7 @@ def _beyond_fmu(line: Line) -> list[str]:
 
 def _undescribed(files: Files, source: Source) -> str:
     """What the campaign's FMU does not describe of a sweep of amplitudes, and what would help."""
-    lines = [sweep.line for sweep in files.sweeps if not (sweep.is_complex or sweep.is_noise)]
+    lines = [sweep.driven_line for sweep in files.sweeps if not sweep.is_complex]
     if files.table is not None:
         return ""
     for line in lines:
@@ -246,16 +254,16 @@ def _said(files: Files) -> list[str]:
     said: list[str] = []
     for sweep in files.sweeps:
         said += sweep.said
-        kind = "amplitude and phase" if sweep.is_complex else "amplitudes"
-        if sweep.line is not None:
-            f = quantity(sweep.line.frequency_hz, sweep.line.frequency_std_hz, "Hz")
-            width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
-            if sweep.is_noise:
-                said.append(NOISE.format(f=f, width=width))
-                continue
+        kind, line = "amplitude and phase" if sweep.is_complex else "amplitudes", sweep.driven_line
+        if sweep.is_noise and sweep.noise is not None:
+            said += [*sweep.noise.words, NOISE]
+            continue
+        if line is not None:
+            f = quantity(line.frequency_hz, line.frequency_std_hz, "Hz")
+            width = quantity(line.width_hz, line.width_std_hz, "Hz")
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
-            said += _beside(sweep.line)
-            said += [] if sweep.is_complex else _beyond_fmu(sweep.line)
+            said += _beside(line)
+            said += [] if sweep.is_complex else _beyond_fmu(line)
         elif sweep.two is not None and files.line is None:
             places = listed(
                 f"{hertz(f, digits=7)} ({hertz(w, digits=3)} wide)"
@@ -298,7 +306,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         of_pair = _start_of_pair(modes, fitted)
         start |= {name: value for name, (value, _) in of_pair.items()}
         words |= {name: why for name, (_, why) in of_pair.items()}
-    line, seen = files.line, seen_of(files.line, files.two)
+    line, seen = files.line, seen_of(files.line, files.two, files.where)
     held = _held(files, offer, fitted)
     boxes = boxes_of(source.workers, offer, fitted, _by_name(fitted, offer, seen), start)
     if modes is not None:
@@ -394,7 +402,10 @@ def _strength(files: Files, offer: Offer, seen: Sequence[Seen]) -> Box:
     ratio = files.two.ratio
     one, two = (each.frequency_hz * each.width_hz for each in seen)
     start = math.copysign(abs(ratio) * two / one, ratio.real)
-    why = "heights, widths and places of the two lines in the sweep: g2 goes with their product"
+    why = f"heights, widths and places of the two lines in the {files.where}: g2 goes with them"
+    if any(sweep.has_own_forces for sweep in files.sweeps):  # heat drives no mode against another
+        box = strength_box(offer, STRENGTH, start, why)
+        return replace(box, lower=max(box.lower, start / STRONGER))
     return strength_box(offer, STRENGTH, start, f"{why}; its sign with the phase between them")
 
 

@@ -221,6 +221,87 @@ def test_a_power_spectral_density_becomes_a_noise_spectrum_that_finds_the_truth(
     assert "Not described by this campaign" not in told
 
 
+F_LINES = ETA + np.linspace(-200.0, 500.0, 301)
+
+
+def two_line_density() -> FloatArray:
+    """Two modes with forces of their own: densities add up; 100 periodograms are averaged."""
+    upper = 0.5 * np.abs(mode(F_LINES, ETA + 300.0, 1.5 * WIDTH)) ** 2
+    density = np.abs(mode(F_LINES, ETA, WIDTH)) ** 2 + upper + 0.02
+    scatter = np.random.default_rng(8).gamma(100.0, 0.01, F_LINES.size)
+    return np.asarray(1e-12 * density * scatter)
+
+
+def test_a_density_of_two_lines_becomes_a_noise_spectrum_that_finds_both(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header = "Frequency (Hz),PSD (V^2/Hz)"
+    file = write_csv(tmp_path / "psd.csv", header, F_LINES, two_line_density())
+    found = fitted(tmp_path, [str(file)])
+    truth = {"f1": ETA, "d1": WIDTH, "f2": ETA + 300.0, "d2": 1.5 * WIDTH}
+    for name, value in truth.items():
+        each = found.parameters[name]
+        assert abs(each.value - value) < 4.0 * each.std, name
+    [table] = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))[
+        "noise_spectrum"
+    ]
+    assert table["force"] == "thermal"
+    told = " ".join(capsys.readouterr().out.split())
+    assert "A noise spectrum with two lines: f = 30" in told
+    assert "as of modes with forces of their own" in told
+    assert "sweep" not in told.partition("output:")[0].lower()
+
+
+@pytest.mark.parametrize(
+    ("header", "power", "holds"),
+    [
+        ("f (Hz),ASD (V/√Hz)", 0.5, None),
+        ("f (Hz),noise (V/sqrt(Hz))", 0.5, None),
+        ("f (Hz),level (dBm/Hz)", 0.0, None),
+        ("f (Hz),PSD", 1.0, "density"),
+        ("f (Hz),amplitude spectral density", 0.5, "root"),
+        ("f (Hz),S (V)", 0.5, "root"),
+        ("f (Hz),reading", 1.0, "density"),
+    ],
+)
+def test_unit_name_or_scatter_tell_a_noise_spectrum(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    header: str,
+    power: float,
+    holds: str | None,
+) -> None:
+    """The same densities, their roots, or levels (power 0); a scatter that is a guess is said."""
+    density = two_line_density()
+    numbers = density**power if power else 10.0 * np.log10(density)
+    file = write_csv(tmp_path / "n.csv", header, F_LINES, numbers)
+    assert main(["init", str(file), "--out", str(tmp_path / "out"), "--yes"]) == 0
+    [table] = tomllib.loads((tmp_path / "out" / "campaign.toml").read_text("utf-8"))[
+        "noise_spectrum"
+    ]
+    assert table.get("holds") == holds
+    told = " ".join(capsys.readouterr().out.split())
+    guessed = header.endswith(("S (V)", "reading"))
+    assert ("kind: noise, a guess" in told) is guessed
+    if guessed:
+        again = ["init", str(file), "--out", str(tmp_path / "sweep"), "--yes", "--kind", "sweep"]
+        main(again)
+        assert (
+            "kind: sweep, as asked for" in " ".join(capsys.readouterr().out.split())
+            or not (tmp_path / "sweep" / "campaign.toml").exists()
+        )
+
+
+def test_a_sweep_with_noise_of_one_size_stays_a_sweep(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen = np.abs(mode(F, ETA, WIDTH) + noise(F.size, 3e-2, 1))
+    file = write_csv(tmp_path / "s.csv", "f (Hz),S", F, seen)
+    assert main(["init", str(file), "--out", str(tmp_path / "out"), "--yes"]) == 0
+    assert "kind:" not in capsys.readouterr().out
+    assert "noise_spectrum" not in (tmp_path / "out" / "campaign.toml").read_text("utf-8")
+
+
 def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None:
     seen = np.abs(mode(F, ETA, WIDTH) + noise(F.size, 2e-3, 1) + (0.3 - 0.2j))
     path, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen), out=tmp_path / "o")
