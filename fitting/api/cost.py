@@ -103,7 +103,7 @@ def cost(
 
 
 def expected_of(
-    problem: Problem, method: Tikhonov, starts: int | None, *, profiles: bool, refits: int
+    problem: Problem, method: Tikhonov | None, starts: int | None, *, profiles: bool, refits: int
 ) -> Expected:
     """What `cost` expects, without a run of the FMU.
 

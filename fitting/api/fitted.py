@@ -20,6 +20,7 @@ from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
+from fitting.fit.likelihood.likelihood import Spent
 from fitting.fit.options import Options, usual_misfit
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import Schedule
@@ -46,6 +47,7 @@ __all__ = [
     "Inference",
     "KeptLevels",
     "Progress",
+    "Spent",
     "Tikhonov",
     "Value",
     "Valued",
@@ -532,7 +534,7 @@ def profile(
     *,
     budget: int = BUDGET,
     bootstrap: int = 0,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[Spent], None] | None = None,
 ) -> Inference:
     """Walk profile likelihoods: intervals and verdicts that do not rest on a linearisation.
 
@@ -547,7 +549,8 @@ def profile(
             linearised errors.
         budget: Evaluations of the model at most.
         bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
-        progress: Called before every batch with the evaluations so far.
+        progress: Called when a stage begins and before every batch, with the stage in words and
+            the evaluations in it and before it.
 
     Raises:
         BadInput: a name that the fit has not.
@@ -571,7 +574,7 @@ def profile(
         bootstrap=bootstrap,
         only=asked,
         sweeps=fit.inferred.sweeps,
-        progress=progress or (lambda evaluations: None),
+        progress=progress or (lambda spent: None),
     )
     found = infer(fit.record, request)
     if found.fit is not fit.record:  # profiles came by a lower minimum

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,14 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
 
-__all__ = ["draw_report", "identify", "report", "with_part"]
+__all__ = [
+    "IdentificationOptions",
+    "draw_report",
+    "identified",
+    "identify",
+    "report",
+    "with_part",
+]
 
 
 def identify(
@@ -51,16 +58,28 @@ def identify(
         BadInput: the problem cannot be planned, or the fit is of another one.
         FmuFailure: the FMU failed.
     """
+    asked = IdentificationOptions(expected=expected, bootstrap=bootstrap, seed=seed, budget=budget)
+    return identified(problem, at, asked)
+
+
+def identified(
+    problem: Problem, at: Valued | Result | None, asked: IdentificationOptions
+) -> Identification:
+    """As `identify`, told how far it is.
+
+    Args:
+        problem: What is looked for, and from what.
+        at: A fit to set out from; None: the problem's start and reference values.
+        asked: Limits, and who is told.
+
+    Raises:
+        BadInput: the problem cannot be planned, or the fit is of another one.
+        FmuFailure: the FMU failed.
+    """
     check_problem("identify", problem)
     fitted = at.result if isinstance(at, Valued) else at
-    asked = IdentificationOptions(
-        values=None if fitted is None else fitted.fitted_values,
-        alternative=None if fitted is None else fitted.alternative,
-        expected=expected,
-        bootstrap=bootstrap,
-        seed=seed,
-        budget=budget,
-    )
+    if fitted is not None:
+        asked = replace(asked, values=fitted.fitted_values, alternative=fitted.alternative)
     record = problem.record
     provenance: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -69,7 +88,7 @@ def identify(
         units = {name: description.variables[name].unit or "" for name in record.outputs}
         provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
     knowledge = identify_through(record, problem.respond, units, asked)
-    provenance["seed"] = str(seed)
+    provenance["seed"] = str(asked.seed)
     return Identification(
         title=record.title,
         synthetic=record.synthetic,
@@ -83,9 +102,7 @@ def with_part(
     problem: Problem,
     found: Identification,
     settings: Mapping[str, Scalar],
-    *,
-    seed: int = 1,
-    budget: int = BUDGET,
+    asked: IdentificationOptions,
 ) -> Identification:
     """The same with what was measured at some settings, and what that determines alone.
 
@@ -93,16 +110,14 @@ def with_part(
         problem: What was identified.
         found: What all its measurements determine.
         settings: Values that places have, by name, as `Problem.part` takes them.
-        seed: Of further starts.
-        budget: Evaluations of the model at most.
+        asked: Limits, and who is told.
 
     Raises:
         BadInput: settings that name no part of the measurements.
         FmuFailure: the FMU failed.
     """
     alone = problem.part(settings)
-    expected = not found.knowledge.data
-    own = identify(alone, expected=expected, seed=seed, budget=budget)
+    own = identified(alone, None, replace(asked, expected=not found.knowledge.data, bootstrap=0))
     places, total = len(_places(alone)), len(_places(problem))
     part = PartAlone(settings=dict(settings), places=places, total=total, knowledge=own.knowledge)
     return replace(found, part=part)
@@ -155,7 +170,13 @@ def report(
         return page
 
 
-def draw_report(found: Valued, result: Result, out: Path, style: str = "report") -> Path:
+def draw_report(
+    found: Valued,
+    result: Result,
+    out: Path,
+    style: str = "report",
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> Path:
     """Figures and report.html of a result; the path of the page.
 
     Args:
@@ -163,13 +184,16 @@ def draw_report(found: Valued, result: Result, out: Path, style: str = "report")
         result: Its result, with what was added to it.
         out: Folder.
         style: One of STYLES.
+        progress: Is told how many figures are drawn, of how many.
     """
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
     shown = shown_fit(found.source.record)
-    if style == "paper":
-        importlib.import_module("fitting.report.figures.reconstruction").write_paper_figures(
-            result, shown, out
-        )
-    written: Path = page.write_report(result, shown, out)
-    return written
+    if style != "paper":
+        return Path(page.write_report(result, shown, out, progress))
+    # for print every figure is drawn in two widths, then for the page
+    importlib.import_module("fitting.report.figures.reconstruction").write_paper_figures(
+        result, shown, out, lambda done, of: progress(done, of + of // 2)
+    )
+    last = page.write_report(result, shown, out, lambda done, of: progress(2 * of + done, 3 * of))
+    return Path(last)

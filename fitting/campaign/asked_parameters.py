@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 from fitting.campaign.binder import Binder
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places
-from fitting.text.errors import BadInput
-from fitting.text.units import convert, parse_quantity
+from fitting.fmu.variables import VariableLike
+from fitting.text.errors import BadInput, gathered
+from fitting.text.units import convert, dimension_of, parse_quantity
 from fitting.text.written import Written, in_unit
 
 
@@ -67,21 +69,45 @@ def bind_parameters(
 def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Parameter:
     if choice.name in binder.free_names:
         return _bind_coefficient(choice, where)
-    variable = binder.real(choice.name, where, ("parameter",), "fitted")
+    try:
+        variable = binder.real(choice.name, where, ("parameter",), "fitted")
+    except BadInput as error:
+        raise BadInput(*error.args, *_misfits(choice, choice.unit, where)) from None
     if choice.unit and variable.unit:  # else every number that has this unit complains
-        convert(1.0, choice.unit, variable.unit, where=f"{where} unit")
-    numbers = {}
-    for key, written in _with_units(choice).items():
-        if key in ("lower", "upper", "start"):
-            numbers[key] = binder.number(variable, written)
-        else:  # a difference or a prior: the FMU's range does not bind it
-            numbers[key] = in_unit(written, variable.unit)
+        try:
+            convert(1.0, choice.unit, variable.unit, where=f"{where} unit")
+        except BadInput as error:
+            raise BadInput(*error.args, *_misfits(choice, variable.unit, where)) from None
+    written = _with_units(choice)
+    readers = (partial(_number, key, each, variable, binder) for key, each in written.items())
+    numbers = dict(zip(written, gathered(readers), strict=True))
     made = _parameter(choice, variable.unit or choice.unit or "1", numbers, where)
     return replace(
         made,
         least=-math.inf if variable.min is None else variable.min,
         most=math.inf if variable.max is None else variable.max,
     )
+
+
+def _number(key: str, written: Written, variable: VariableLike, binder: Binder) -> float:
+    if key in ("lower", "upper", "start"):
+        return binder.number(variable, written)
+    return in_unit(written, variable.unit)  # the FMU's range binds no difference and no prior
+
+
+def _misfits(choice: AskedParameter, unit: str | None, where: str) -> Sequence[str]:
+    """What is to be said of its numbers with units of their own, where another thing is wrong."""
+    try:
+        if unit:
+            dimension_of(unit, where=f"{where} unit")
+        gathered(
+            partial(in_unit, written, unit)
+            for written in choice.numbers.values()
+            if isinstance(written.value, str)
+        )
+    except BadInput as error:
+        return error.args
+    return ()
 
 
 def _bind_coefficient(choice: AskedParameter, where: str) -> Parameter:
@@ -96,7 +122,8 @@ def _bind_coefficient(choice: AskedParameter, where: str) -> Parameter:
             f'{where}: a coefficient of laws has no unit, wanted unit = "Hz/V", for example; a '
             'plain number has the unit "1"'
         )
-    numbers = {key: in_unit(each, unit) for key, each in written.items()}
+    readers = (partial(in_unit, each, unit) for each in written.values())
+    numbers = dict(zip(written, gathered(readers), strict=True))
     return replace(_parameter(choice, unit, numbers, where), role="coefficient")
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
 
 from fitting.campaign.data import Campaign
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.units import base_unit, convert, dimension_of, parse_quantity
 from fitting.text.written import Written, in_unit
 
@@ -151,6 +152,18 @@ class Binder:
             return self._control(name, written)
         return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
 
+    def settings(self, asked: Mapping[str, Written]) -> dict[str, Scalar]:
+        """Values of several variables or control quantities, as `setting` takes each.
+
+        Args:
+            asked: as the file has them, by name.
+
+        Raises:
+            BadInput: a line for each that cannot be had.
+        """
+        values = gathered(partial(self.setting, name, written) for name, written in asked.items())
+        return dict(zip(asked, values, strict=True))
+
     def _control(self, name: str, written: Written) -> float:
         """A number of a control quantity in its unit."""
         unit = written.unit
@@ -177,33 +190,42 @@ def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
         BadInput: a variable that is not there, or cannot be set or read; force or forbid of what
             is no reduction.
     """
+    gathered(annotation_readers(campaign, binder))
     choice, where = campaign.file.accuracy, f"{campaign.path}: [accuracy]"
-    for name in (choice.tolerance, choice.substep):
-        if name is not None:
-            binder.real(name, where, SETTABLE, "set")
-    reductions = []
-    for entry in choice.reductions:
-        if entry.bound is not None and "{output}" not in entry.bound:
-            binder.real(
-                entry.bound,
-                f"{campaign.path}: [accuracy.reductions '{entry.name}'] bound",
-                READABLE,
-                "read",
-            )
-        settings = {name: binder.setting(name, w) for name, w in entry.set.items()}
-        reductions.append(Reduction(entry.name, settings, bound=entry.bound, cost=entry.cost))
-    full = {name: binder.setting(name, w) for name, w in choice.full.items()}
+    reductions = tuple(
+        Reduction(e.name, binder.settings(e.set), bound=e.bound, cost=e.cost)
+        for e in choice.reductions
+    )
     try:
         return AccuracyAnnotation(
             tolerance=choice.tolerance,
             substep=choice.substep,
-            full=full,
-            reductions=tuple(reductions),
+            full=binder.settings(choice.full),
+            reductions=reductions,
             force=choice.force,
             forbid=choice.forbid,
         )
     except BadInput as error:
         raise BadInput(f"{where} {error}") from error
+
+
+def annotation_readers(campaign: Campaign, binder: Binder) -> Iterator[Callable[[], object]]:
+    """What looks at each name and value of the [accuracy] table by itself.
+
+    Args:
+        campaign: campaign as it was read.
+        binder: of the campaign to its FMU.
+    """
+    choice, where = campaign.file.accuracy, f"{campaign.path}: [accuracy]"
+    for name in (choice.tolerance, choice.substep):
+        if name is not None:
+            yield partial(binder.real, name, where, SETTABLE, "set")
+    for entry in choice.reductions:
+        if entry.bound is not None and "{output}" not in entry.bound:
+            inside = f"{campaign.path}: [accuracy.reductions '{entry.name}'] bound"
+            yield partial(binder.real, entry.bound, inside, READABLE, "read")
+        yield partial(binder.settings, entry.set)
+    yield partial(binder.settings, choice.full)
 
 
 def _of_kind(variable: VariableLike) -> str:

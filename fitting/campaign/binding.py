@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,9 +16,9 @@ from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
 from fitting.campaign.conflicts import check_conflicts, settings_by_place
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
-from fitting.campaign.file import SAMPLES_PER_PERIOD
+from fitting.campaign.driving import bind_drive
 from fitting.campaign.kind import labels_of
-from fitting.campaign.laws import Known, Laws
+from fitting.campaign.laws import Known
 from fitting.campaign.measured import MeasuredExperiment
 from fitting.campaign.names import check_names
 from fitting.campaign.noise import (
@@ -34,7 +35,7 @@ from fitting.campaign.stated import bind_sigmas, drift_priors, with_offsets
 from fitting.campaign.unnamed_tones import check_tones
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, gathered
 from fitting.text.units import base_unit, convert
 from fitting.text.written import Written
 
@@ -58,12 +59,11 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             not match, a value outside the FMU's range, a variable set in two ways; a line each.
     """
     file, top, places = campaign.file, str(campaign.path), places_of_file(campaign.path)
-    laws = Laws(file.laws, file.constants, source=f"{places.top}{places.laws}")
-    check_names(campaign, variables, laws, places)
+    laws = check_names(campaign, variables, places)
     binder = Binder(variables, laws.names)
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
     campaign = _in_unit_of_output(campaign, output, binder)
-    drive = _bind_drive(campaign, binder)
+    drive = bind_drive(campaign, binder)
     drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
     experiments = _bind_experiments(campaign, binder, drive, drift, output)
     for name in file.derived.outputs:
@@ -71,7 +71,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     setup = Setup(
         drive=drive,
         output=output.name,
-        start_values={name: binder.setting(name, w) for name, w in file.fmu.start.items()},
+        start_values=binder.settings(file.fmu.start),
         steady_start=file.observe.steady_start,
         line_width_hz=file.observe.line_width,
         accuracy=USUAL_ACCURACY if file.accuracy.amplitude is None else file.accuracy.amplitude,
@@ -81,7 +81,8 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         source=top,
     )
     sweep = _bind_sweep(campaign, binder)
-    further = {name: m.bind(binder, setup) for name, m in campaign.measurements.items()}
+    readers = (partial(m.bind, binder, setup) for m in campaign.measurements.values())
+    further = dict(zip(campaign.measurements, gathered(readers), strict=True))
     labels = [*(e.label for e in experiments), *labels_of(further.values())]
     bound = BoundCampaign(
         title=file.title,
@@ -168,36 +169,6 @@ def free_scale(sweep: SweepData | None, noise: Noise) -> list[Parameter]:
     return [scale_parameter(sigma, swept=sweep.use == "fit")]
 
 
-def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
-    choice, where = campaign.file.drive, f"{campaign.path}: [drive]"
-    if choice is None:
-        return Drive()
-    if choice.kind == "input":
-        target = binder.real(choice.input or "", f"{where} input", ("input",), "driven")
-        units = ["Hz"]
-    else:
-        drives = ("parameter", "input")
-        tones = [binder.real(n, f"{where} frequencies", drives, "set") for n in choice.frequencies]
-        targets = [
-            binder.real(n, f"{where} amplitudes", drives, "set") for n in choice.amplitudes or ()
-        ]
-        target, units = targets[0], [tone.unit or "Hz" for tone in tones]
-        if len(set(units)) > 1:
-            raise BadInput(f"{where} frequencies: the FMU has them in different units: {units}")
-    amplitude = binder.number(target, choice.level)
-    if amplitude <= 0.0:
-        raise BadInput(f"{choice.level.where}: found {amplitude:.6g}, wanted a positive amplitude")
-    return Drive(
-        frequency_names=choice.frequencies,
-        amplitude_names=choice.amplitudes or (),
-        input=choice.input,
-        amplitude=amplitude,
-        samples_per_period=choice.samples_per_period or SAMPLES_PER_PERIOD,
-        frequency_unit=units[0],
-        highest_order=choice.highest_order,
-    )
-
-
 def _bind_experiments(
     campaign: Campaign,
     binder: Binder,
@@ -206,8 +177,12 @@ def _bind_experiments(
     output: VariableLike,
 ) -> tuple[Experiment, ...]:
     bound = []
-    for measured, position in zip(campaign.experiments, drift.positions, strict=True):
-        experiment = bind_experiment(measured, binder, drive, output)
+    known = gathered(
+        partial(bind_experiment, measured, binder, drive, output)
+        for measured in campaign.experiments
+    )
+    each = zip(campaign.experiments, known, drift.positions, strict=True)
+    for measured, experiment, position in each:
         settings = dict(experiment.settings)
         for name, (before, after) in drift.ends.items():
             if name in settings:
@@ -263,7 +238,7 @@ def _observed(measured: MeasuredExperiment, binder: Binder, output: VariableLike
 def _experiment_settings(
     measured: MeasuredExperiment, binder: Binder, drive: Drive
 ) -> dict[str, Scalar]:
-    settings = {name: binder.setting(name, w) for name, w in measured.settings.items()}
+    settings = binder.settings(measured.settings)
     if drive.kind == "tones":
         for name, tone in zip(drive.frequency_names, measured.tones_hz, strict=True):
             where = measured.settings[name].where
@@ -280,7 +255,7 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
         frequency_hz=measured.frequency_hz,
         amplitude_v=measured.amplitude_v,
         phase_rad=measured.phase_rad,
-        settings={name: binder.setting(name, w) for name, w in choice.set.items()},
+        settings=binder.settings(choice.set),
         setting_sigma=bind_sigmas(choice.set_sigma, binder),
         use=choice.use,
         scale=choice.scale,
@@ -288,6 +263,7 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
         background=choice.background,
         unit=measured.unit,
         notes=measured.notes,
+        left_out=measured.left_out,
     )
 
 

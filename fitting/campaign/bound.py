@@ -51,7 +51,7 @@ class SweepData:
     """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``.
 
     ``setting_sigma`` are declared errors of settings; ``label`` is what values of its own are named
-    by, empty where it has none.
+    by, empty where it has none. ``left_out`` says which points of the file are not here, and why.
     """
 
     frequency_hz: FloatArray
@@ -66,6 +66,7 @@ class SweepData:
     notes: Mapping[str, str] | None = None
     setting_sigma: Mapping[str, float] = field(default_factory=dict)
     label: str = ""
+    left_out: str = ""
 
     @cached_property
     def far_off(self) -> tuple[tuple[int, float], ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -26,12 +27,14 @@ from fitting.campaign.measured import (
     Spectrum,
 )
 from fitting.signal.amplitudes import to_peak
+from fitting.signal.clipped_top import clipped_top
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.frequency import hertz_of
-from fitting.text.notation import hertz
-from fitting.text.tables import Column, Table, parse_number, read_table
+from fitting.text.notation import hertz, quantity
+from fitting.text.tables import Column, Table, parse_number, read_table, read_text
+from fitting.text.toml import read_toml
 from fitting.text.units import convert
 from fitting.text.written import Written
 
@@ -111,7 +114,10 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
         BadInput: one line with file, row, column or key, what was found, what is wanted.
     """
     path = Path(path)
-    file = read_campaign_file(path, kinds)
+    try:
+        file = read_campaign_file(path, kinds)
+    except BadInput as error:
+        raise BadInput(*error.args, *_missing_files(path, kinds)) from None
     experiments: tuple[MeasuredExperiment, ...] = ()
     sweep = None
     complaints: list[str] = []
@@ -148,6 +154,25 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
     )
 
 
+def _missing_files(path: Path, kinds: Sequence[type[MeasurementTable]]) -> list[str]:
+    """What is to be said of measured files that are not there, where keys are wrong besides."""
+    try:
+        data = read_toml(path)
+    except BadInput:
+        return []
+    named = [data.get(name) for name in ("experiments", "sweep", *(kind.TABLE for kind in kinds))]
+    tables = [table for each in named for table in (each if isinstance(each, list) else [each])]
+    files = [table.get("file") for table in tables if isinstance(table, Mapping)]
+    said: list[str] = []
+    for file in files:
+        if isinstance(file, str) and not (path.parent / file).exists():
+            try:
+                read_text(path.parent / file)
+            except BadInput as error:
+                said += error.args
+    return said
+
+
 def _check_one_unit(path: Path, file: WrittenCampaign) -> None:
     """Peaks and sweep are compared with each other, so they must share the detector's unit."""
     if file.experiments is None or file.sweep is None:
@@ -167,6 +192,18 @@ def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
     phase_rad = None
     if raw.phase is not None:
         phase_rad = raw.phase * convert(1.0, raw.phase_unit, "rad", where=f"{raw.path}: phase")
+    cut, left_out = clipped_top(amplitude_v), ""
+    # a ratio of maxima has none without them: there the scale is told to be in doubt
+    if np.any(cut) and written.use == "fit" and written.scale != "maximum":
+        at = np.flatnonzero(cut)
+        limit = quantity(float(np.max(amplitude_v)), math.nan, how.amplitude.unit)
+        left_out = (
+            f"{raw.path}: {raw.places[at[0]]} to {raw.places[at[-1]]} are left out, {at.size} "
+            f"points of the sweep: the largest of them are equal, {limit}, as an instrument makes "
+            "them at its limit."
+        )
+        frequency_hz, amplitude_v = frequency_hz[~cut], amplitude_v[~cut]
+        phase_rad = None if phase_rad is None else phase_rad[~cut]
     return MeasuredSweep(
         frequency_hz=frequency_hz,
         amplitude_v=amplitude_v,
@@ -174,6 +211,7 @@ def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
         source=written.file,
         unit=how.amplitude.unit,
         notes=dict(raw.notes),
+        left_out=left_out,
     )
 
 

@@ -13,9 +13,10 @@ measurement is fitted at is stated by itself and has a delta of its own: `campai
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 import numpy as np
 
@@ -73,8 +74,7 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
     choice = campaign.file.drift
     ends = {}
     for name, both in choice.ends.items():
-        variable = binder.real(name, both.before.where, SETTABLE, "set")
-        ends[name] = (binder.number(variable, both.before), binder.number(variable, both.after))
+        ends[name] = (_end(name, both.before, binder), _end(name, both.after, binder))
     positions = _positions(campaign)
     if choice.model == "linear" or not ends:
         return Drifting(ends, positions, ())
@@ -88,6 +88,27 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
         positions,
         tuple(p for prior in made for p in _corrections(campaign, positions, prior)),
     )
+
+
+def drift_readers(campaign: Campaign, binder: Binder) -> Iterator[Callable[[], object]]:
+    """What looks at each value of the [drift] table by itself.
+
+    Args:
+        campaign: campaign as it was read.
+        binder: of the campaign to its FMU.
+    """
+    choice = campaign.file.drift
+    for name, both in choice.ends.items():
+        yield partial(_end, name, both.before, binder)
+        if name in binder.variables:  # else it is one complaint
+            yield partial(_end, name, both.after, binder)
+    known = [name for name in choice.ends if name in binder.variables]
+    if choice.prior is not None and known:
+        yield partial(prior_of_drift, campaign, binder, (known[0],), "")
+
+
+def _end(name: str, written: Written, binder: Binder) -> float:
+    return binder.number(binder.real(name, written.where, SETTABLE, "set"), written)
 
 
 def _positions(campaign: Campaign) -> tuple[float, ...]:

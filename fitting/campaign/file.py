@@ -12,13 +12,14 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
-from fitting.signal.amplitudes import Amplitude, declared_amplitude
+from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import ADDED, BACKGROUNDS, FLOOR_KINDS
 from fitting.signal.scale import SCALES
@@ -27,6 +28,7 @@ from fitting.text.errors import BadInput
 from fitting.text.keys import (
     Count,
     Counts,
+    Factor,
     FileName,
     Frequencies,
     Keys,
@@ -50,6 +52,7 @@ from fitting.text.keys import (
     Weight,
     WholeNumber,
     listed,
+    looked_at,
     refusing,
 )
 from fitting.text.schema import read_record
@@ -214,7 +217,9 @@ class WrittenTrace(Keys):
     """
 
     amplitude: Annotated[
-        Text, Missing('wanted "V peak", "V rms" or "dBm"; files do not tell which they mean')
+        Text,
+        looked_at(partial(check_amplitude, where="")),
+        Missing('wanted "V peak", "V rms" or "dBm"; files do not tell which they mean'),
     ]
     """What the file's amplitudes mean: "V peak", "V rms", "dBm" or another detector unit
     likewise, as "m peak"."""
@@ -523,7 +528,7 @@ class ContinuationSettings(Keys):
 
     nu_start: Weight = 0.1
     """First ν, zero or more."""
-    beta: Positive = 0.1
+    beta: Factor = 0.1
     """Factor from one ν to the next, below 1."""
     iterations: Repeats = 9
     """Number of ν."""
@@ -533,17 +538,13 @@ class ContinuationSettings(Keys):
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
     r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""
     starts: Repeats = 3
-    """The campaign's own start, and the lowest minima that a search of the box finds; 1: no
-    search."""
+    """The campaign's own start, the lowest minima of a search of the box, and places where J
+    is flat; 1: no search."""
     seed: WholeNumber = 1
     """Of the search."""
     estimator: Annotated[Text, OneOf(ESTIMATORS)] = LIKELIHOOD
     """Whose estimate is reported as the value: "likelihood": the most likely one; "algorithm2":
     the paper's, at the last nu. Errors and intervals are the likelihood's."""
-
-    def __post_init__(self) -> None:
-        if self.beta >= 1.0:
-            raise Refused(f"found {self.beta}, wanted a factor below 1", "beta")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,15 +10,15 @@ It is worked out in SI base units, so that every number may be written in its ow
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, FmuFailure, did_you_mean
+from fitting.text.errors import BadInput, FmuFailure, did_you_mean, gathered
 from fitting.text.formula import Formula, alike
 from fitting.text.units import convert, dimension_of, parse_quantity
 from fitting.text.written import Written, as_written
@@ -159,16 +159,22 @@ class Laws:
     controls: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, formula in self.parsed.items():
-            if not formula.names:
-                raise BadInput(
-                    f"{formula.where}: '{formula.text}' names nothing; wanted a parameter or a "
-                    f"control quantity in it (fixed values of '{name}' are start values)"
-                )
+        readers: list[Callable[[], object]] = []
+        readers += [partial(self._check_formula, name) for name in self.formulas]
+        readers += [partial(_number, n, value, self.source) for n, value in self.constants.items()]
+        gathered(readers)
         for name in self.numbers:
             if name not in self.names:
                 hint = did_you_mean(name, sorted(self.names))
                 raise BadInput(f"{self.source} the constant '{name}' is named by no law{hint}")
+
+    def _check_formula(self, name: str) -> None:
+        formula = Formula(self.formulas[name], f"{self.source} {name}")
+        if not formula.names:
+            raise BadInput(
+                f"{formula.where}: '{formula.text}' names nothing; wanted a parameter or a "
+                f"control quantity in it (fixed values of '{name}' are start values)"
+            )
 
     @cached_property
     def parsed(self) -> dict[str, Formula]:

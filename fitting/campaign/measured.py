@@ -50,7 +50,8 @@ class Spectrum:
 class MeasuredSweep:
     """The FRF sweep: ``frequency_hz``, ``amplitude_v`` peak, ``phase_rad`` or None, (n,) each.
 
-    ``unit`` is the detector's; ``notes`` are header entries of the instrument.
+    ``unit`` is the detector's; ``notes`` are header entries of the instrument; ``left_out`` says
+    which points of the file are not among them, and why.
 
     Raises:
         BadInput: as `Spectrum`, fewer than 8 points, or every amplitude zero.
@@ -62,6 +63,7 @@ class MeasuredSweep:
     source: Path = NO_FILE
     unit: str = "V"
     notes: Mapping[str, str] = field(default_factory=dict)
+    left_out: str = ""
 
     def __post_init__(self) -> None:
         _as_arrays(self, "frequency_hz", "amplitude_v", "phase_rad")

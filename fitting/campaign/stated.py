@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from fitting.campaign.binder import Binder, is_real
 from fitting.campaign.bound import BoundCampaign, SweepData
@@ -24,7 +25,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.fmu.variables import SETTABLE
 from fitting.signal.scale import half_power_width
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, gathered
 from fitting.text.units import convert, same_kind
 from fitting.text.written import Written, in_unit
 
@@ -101,13 +102,15 @@ def bind_sigmas(asked: Mapping[str, Written], binder: Binder) -> dict[str, float
     Raises:
         BadInput: no such Real variable that can be set, another unit, a number not above zero.
     """
-    found = {}
-    for name, written in asked.items():
-        variable = binder.real(name, written.where, SETTABLE, "set")
-        sigma = found[name] = in_unit(written, variable.unit)
-        if not sigma > 0.0:
-            raise BadInput(f"{written.where}: found {written.value!r}, wanted more than zero")
-    return found
+    values = gathered(partial(_sigma, name, written, binder) for name, written in asked.items())
+    return dict(zip(asked, values, strict=True))
+
+
+def _sigma(name: str, written: Written, binder: Binder) -> float:
+    sigma = in_unit(written, binder.real(name, written.where, SETTABLE, "set").unit)
+    if not sigma > 0.0:
+        raise BadInput(f"{written.where}: found {written.value!r}, wanted more than zero")
+    return sigma
 
 
 def with_offsets(bound: BoundCampaign, binder: Binder, drift: DriftPriors) -> BoundCampaign:

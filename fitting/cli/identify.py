@@ -80,7 +80,9 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, result or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    from fitting.api.jobs import with_part
+    from fitting.api.cost import expected_of
+    from fitting.api.jobs import IdentificationOptions, identified, with_part
+    from fitting.cli.running.remaining import Remaining, counted
     from fitting.report.words.identification import identification_lines
     from fitting.result.result import read_result
     from fitting.text.records import write_json
@@ -89,23 +91,23 @@ def run(args: argparse.Namespace) -> int:
     campaign = ff.read_campaign(args.campaign)
     out = _out(args)
     fitted = read_result(args.at) if args.at is not None else None
-    with (
-        fmu_for([campaign], out, args.workers) as fmu,
-        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs"),
-    ):
+    with fmu_for([campaign], out, args.workers) as fmu:
         problem = ff.Problem.of(campaign, fmu)
         if settings:
             problem.part(settings)  # complained of before the long run
-        found = ff.identify(
-            problem,
-            fitted,
-            expected=args.expected,
-            bootstrap=args.bootstrap,
-            seed=args.seed,
-            budget=args.budget,
-        )
-        if settings:
-            found = with_part(problem, found, settings, seed=args.seed, budget=args.budget)
+        expected = expected_of(problem, None, 1, profiles=True, refits=args.bootstrap)
+        remaining = Remaining(expected, drawn=not args.no_report)
+        with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
+            asked = IdentificationOptions(
+                expected=args.expected,
+                bootstrap=args.bootstrap,
+                seed=args.seed,
+                budget=args.budget,
+                progress=lambda spent: tell(remaining.walking(spent)),
+            )
+            found = identified(problem, fitted, asked)
+            if settings:
+                found = with_part(problem, found, settings, asked)
     found = replace(
         found,
         at=found.at if fitted is None else args.at.as_posix(),
@@ -118,7 +120,10 @@ def run(args: argparse.Namespace) -> int:
     if not args.no_report:
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.identification")
-        print(f"report: {report.write_report(found, out)}")
+        with status_line(NAME, remaining.left) as tell:
+            tell(remaining.report())
+            page = report.write_report(found, out)
+        print(f"report: {page}")
     remove_earlier(out, (*FILES, "fmu/*.fmu"))
     return 0
 

@@ -24,6 +24,7 @@ from fitting.design.continued import Continued, Responses, SweepRows, continued_
 from fitting.design.information import Place, Series
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.plan import Plan
@@ -139,7 +140,7 @@ def _planned(series: Series, choices: Sequence[DriveChoice]) -> Plan:
     model = series.model(series.bound.alternatives[0])
     for choice in choices:
         [curve] = _curves(model, [choice])
-        plan = curve.planned(frequencies_hz(choice), points, series.workers)
+        plan = plan_curve(curve, frequencies_hz(choice), points, series.workers)
         model = replace(model, plan=plan)
     return model.plan
 

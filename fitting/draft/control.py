@@ -319,7 +319,9 @@ class _Written:
         made: dict[str, Any] = (
             {"model": name} if model else {"file": relative_path(Path(name), folder)}
         )
+        made["taken"] = ["g2"]
         made["start"] = {self.steady: True, "A2": 0.0, "g2": 0.0}
+        remarks["fmu", "taken"] = "nobody measured it: leave it out where you know it to be so"
         remarks["fmu", "start", self.steady] = "the FMU begins on its periodic orbit"
         remarks["fmu", "start", "A2"] = "one tone drives"
         remarks["fmu", "start", "g2"] = "it drives mode 1 alone, a guess"

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.notation import listed
 
 #: Options that are listed in a question, at most.
 MOST_SHOWN = 12
+#: How often a person is asked a question.
+MOST_ASKED = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +65,9 @@ class Answers:
         if told:
             return self._checked(question, told, f"--{question.key}")
         if self.ask is not None and len(question.options) > 1:
-            answer = self.ask(question)
+            answer = self._asked(question, self.ask)
             if answer:
-                return self._checked(question, answer, question.key)
+                return answer
         if not question.default:
             raise BadInput(
                 f"--{question.key}: nothing suits by itself, wanted one of "
@@ -75,6 +77,19 @@ class Answers:
         hint = f"; --{question.key} takes another" if others else ""
         self.said.append(f"{question.key}: {listed(question.default)}, {question.why}{hint}.")
         return question.default
+
+    def _asked(self, question: Question, ask: Ask) -> tuple[str, ...]:
+        """What a person answers, asked again where that is no option; empty: the default."""
+        asked, refused = question, BadInput()
+        for _ in range(MOST_ASKED):
+            answer = ask(asked)
+            if not answer:
+                return ()
+            try:
+                return self._checked(question, answer, question.key)
+            except BadInput as error:
+                asked, refused = replace(question, words=f"{error}"), error
+        raise refused
 
     def _checked(self, question: Question, answer: Sequence[str], where: str) -> tuple[str, ...]:
         for name in answer:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import noise_of, shared
-from fitting.fit.objective import Objective, evaluate_many, weights
+from fitting.fit.objective import Objective, Point, evaluate_many, weights
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import SAME, Minimum, Search, search_box
 from fitting.fit.search.twins import Twin, find_twins
@@ -111,11 +111,13 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
         outcome = _with_twins(course, outcome)
         if schedule.starts > 1:
             outcome = _searched(course, outcome, solved)
-            for x, begun in _promising(course, outcome):
+            outcome, begins = _promising(course, outcome)
+            for x, begun in begins:
                 outcome = _with_start(course, outcome, x, begun)
                 if sum(chain.joined is None for chain in outcome.chains) == schedule.starts:
                     break
-            for x in _flat_places(course, outcome):
+            outcome, places = _flat_places(course, outcome)
+            for x in places:
                 outcome = _lower_or_joined(_with_start(course, outcome, x, x), outcome.best)
     except KeyboardInterrupt:
         return replace(outcome, interrupted=True)
@@ -225,7 +227,18 @@ def _mirrored(course: Course, search: Search, mirror: Twin) -> Search:
     return replace(search, minima=tuple(minima), evaluations=0, runs=0, mirrored=True)
 
 
-def _promising(course: Course, outcome: Outcome) -> list[tuple[FloatArray, FloatArray]]:
+def _evaluated(
+    course: Course, outcome: Outcome, places: Sequence[FloatArray]
+) -> tuple[Outcome, list[Point]]:
+    """The objective at some places, and the outcome that has counted what it took."""
+    points = evaluate_many(course.objective, places) if places else []
+    spent = Counts(evaluations=len(points), runs=sum(point.runs for point in points))
+    return replace(outcome, further=outcome.further + spent), points
+
+
+def _promising(
+    course: Course, outcome: Outcome
+) -> tuple[Outcome, list[tuple[FloatArray, FloatArray]]]:
     """Minima that may have a lower J than Algorithm 2, and where they were come to from.
 
     None where it stands itself, and one of those that are twins of each other. What is as likely as
@@ -245,20 +258,18 @@ def _promising(course: Course, outcome: Outcome) -> list[tuple[FloatArray, Float
             continue
         places.append(minimum.x)
         kept.append(minimum)
-    if not kept:
-        return []
-    points = evaluate_many(objective, [minimum.x for minimum in kept])
+    outcome, points = _evaluated(course, outcome, [minimum.x for minimum in kept])
     least = min([outcome.chains[0].steps[-1].j_fit, *(point.j_fit for point in points)])
     enough = HOPELESS * least + LEFT * float(np.sum(objective.data.sigma))
     as_low, _ = search.apart_by_height() if search is not None else ([], [])
-    return [
+    return outcome, [
         (minimum.x, minimum.begun)
         for minimum, point in zip(kept, points, strict=True)
         if point.j_fit <= enough or any(minimum is low for low in as_low)
     ]
 
 
-def _flat_places(course: Course, outcome: Outcome) -> list[FloatArray]:
+def _flat_places(course: Course, outcome: Outcome) -> tuple[Outcome, list[FloatArray]]:
     """Places far along an edge of the box where J is as low as at its least, but for a thousandth.
 
     Along what the data leave open a sum of absolute values is flat but for cusps, and which of them
@@ -267,7 +278,7 @@ def _flat_places(course: Course, outcome: Outcome) -> list[FloatArray]:
     """
     best, settings = outcome.best, course.settings
     if best is None or settings.misfit == "squares":
-        return []
+        return outcome, []
     objective, x = course.objective, np.array(best.steps[-1].x)
     box, nu = Box(objective.parameters), weights(objective, best.nu, settings.misfit)
     places: list[FloatArray] = []
@@ -279,7 +290,7 @@ def _flat_places(course: Course, outcome: Outcome) -> list[FloatArray]:
             for place in PLACES
             if abs(cube[edge] - place) >= ANOTHER
         ]
-    points = evaluate_many(objective, places) if places else []
+    outcome, points = _evaluated(course, outcome, places)
     enough = (1.0 + FLAT) * best.steps[-1].j
     flat: list[FloatArray] = []
     for place, point in zip(places, points, strict=True):
@@ -287,7 +298,7 @@ def _flat_places(course: Course, outcome: Outcome) -> list[FloatArray]:
         known = any(box.apart(image, other) < ANOTHER / 2 for image in images for other in flat)
         if total(point, nu, settings.misfit) <= enough and not known:
             flat.append(place)
-    return flat
+    return outcome, flat
 
 
 def _lower_or_joined(outcome: Outcome, best: Chain | None) -> Outcome:

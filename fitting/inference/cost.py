@@ -8,10 +8,12 @@ searches go on, and profiles that come by a better point begin anew.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
+from fitting.inference.stages import Stage
 
 #: Least and most: a count of evaluations, runs, seconds.
 Range = tuple[float, float]
@@ -22,8 +24,15 @@ LEVELS: Range = (3.0, 90.0)
 #: further start (none where the search finds no other minimum; two minima may be lowered for it).
 SEARCH: Range = (1.0, 60.0)
 FURTHER: Range = (0.0, 90.0)
-#: Jacobians of a profile, both ways, with its share of the search for other minima.
-PROFILE: Range = (8.0, 120.0)
+#: Jacobians of the search for other minima than the fit's; of the walks of a profile, both ways,
+#: and of what is looked for beyond the box, for each value; and of the search for what has no
+#: effect, for each parameter.
+MINIMA: Range = (14.0, 95.0)
+WALKS: Range = (4.0, 35.0)
+BEYOND: Range = (0.0, 20.0)
+DIRECTIONS: Range = (0.0, 18.0)
+#: What a stage is at most expected to take yet, as a share of what it has taken beyond its most.
+OVERDUE = 0.25
 #: Jacobians of a refit of the bootstrap.
 REFIT: Range = (0.4, 4.0)
 #: Runs in which the range of a derived output over the box is looked for.
@@ -37,7 +46,8 @@ class Expected:
     ``parameters`` are searched for, ``levels`` of nu from the campaign's start and ``starts`` in
     all for each of the ``alternatives``; ``profiled`` values have a profile, ``outputs`` of them
     are derived; ``refits`` are those of the bootstrap. ``search``, ``profiles`` and ``bootstrap``
-    are least and most evaluations, ``output_runs`` runs beside them.
+    are least and most evaluations, ``stages`` those of the profiles in their order;
+    ``output_runs`` runs beside them.
     """
 
     parameters: int
@@ -49,6 +59,7 @@ class Expected:
     refits: int
     search: Range
     profiles: Range
+    stages: Mapping[Stage, Range]
     bootstrap: Range
     output_runs: Range
 
@@ -56,6 +67,19 @@ class Expected:
     def jacobian(self) -> int:
         """Evaluations of a Jacobian by central differences."""
         return 2 * self.parameters + 1
+
+    def left(self, stage: str, evaluations: int) -> Range:
+        """Evaluations that are left from within one of the stages of profiles and refits.
+
+        Args:
+            stage: one of `Stage`, in words.
+            evaluations: that this stage has taken.
+        """
+        stages = {**self.stages, Stage.REFITS: self.bootstrap}
+        names = list(stages)
+        (low, high), *later = (stages[name] for name in names[names.index(Stage(stage)) :])
+        here = max(low - evaluations, 0.0), max(high - evaluations, OVERDUE * evaluations)
+        return added(here, *later)
 
     @property
     def evaluations(self) -> Range:
@@ -78,6 +102,12 @@ def expected(problem: Problem, options: Options, *, profiles: bool, refits: int)
     outputs = len(problem.outputs) if profiles else 0
     profiled = shared + outputs if profiles else 0
     jacobian = 2.0 * unknowns + 1.0
+    stages = {
+        Stage.MINIMA: times(jacobian if profiles else 0.0, MINIMA),
+        Stage.WALKS: times(profiled * jacobian, WALKS),
+        Stage.BEYOND: times(profiled * jacobian, BEYOND),
+        Stage.DIRECTIONS: times(unknowns * jacobian if profiles else 0.0, DIRECTIONS),
+    }
     path = added((schedule.levels, schedule.levels), LEVELS)
     if schedule.starts > 1:
         path = added(path, SEARCH, times(schedule.starts - 1, FURTHER))
@@ -90,7 +120,8 @@ def expected(problem: Problem, options: Options, *, profiles: bool, refits: int)
         outputs=outputs,
         refits=refits,
         search=times(alternatives * jacobian, path),
-        profiles=times(profiled * jacobian, PROFILE),
+        profiles=added(*stages.values()),
+        stages=stages,
         bootstrap=times(refits * jacobian, REFIT),
         output_runs=times(outputs, OUTPUT_RANGE),
     )

@@ -16,7 +16,12 @@ import numpy as np
 
 from fitting.campaign.parameters import canonical, outside_box, to_model
 from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.likelihood import (
+    Likelihood,
+    LikelihoodEvaluator,
+    Spent,
+    likelihood_of,
+)
 from fitting.fit.likelihood.lockstep import Exhausted, Request
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
@@ -40,7 +45,14 @@ from fitting.inference.likelihood.exploration import (
     extended,
     other_minima,
 )
-from fitting.inference.likelihood.knowledge import Adequacy, Effort, Equivalent, Knowledge, Profile
+from fitting.inference.likelihood.knowledge import (
+    Adequacy,
+    Bootstrap,
+    Effort,
+    Equivalent,
+    Knowledge,
+    Profile,
+)
 from fitting.inference.likelihood.mirrored import Model, mirrored
 from fitting.inference.likelihood.outside import (
     Outside,
@@ -53,6 +65,7 @@ from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
 from fitting.inference.sampled_twins import sampling_sentences
+from fitting.inference.stages import Stage
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
@@ -83,7 +96,8 @@ class InferenceOptions:
     which their noise was taken wider. `closer` is another form of a line that leaves
     far less of a sweep than the model, `scale_off` the factor by which the scale of peaks may be
     off for the top of its sweep. `models` are the alternatives among which exact twins beyond
-    the box are looked for. `progress` is told the evaluations so far.
+    the box are looked for. `progress` is told how far it is, the stages those of
+    `fitting.inference.stages`.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -104,7 +118,7 @@ class InferenceOptions:
     closer: Adequacy | None = None
     scale_off: float = math.nan
     models: tuple[Model, ...] = ()
-    progress: Callable[[int], None] = lambda evaluations: None
+    progress: Callable[[Spent], None] = lambda spent: None
 
 
 def determine(
@@ -132,6 +146,7 @@ def determine(
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
     likelihood = _likelihood(objective, solution, noise, tuple(boxes), data=options.data)
     evaluator = LikelihoodEvaluator(likelihood, options.budget, options.progress)
+    evaluator.begin(Stage.MINIMA)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     _log.info(
         "profiles: most likely point at χ² = %.6g on %.6g degrees of freedom",
@@ -139,6 +154,7 @@ def determine(
         optimum.degrees_of_freedom,
     )
     found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
+    evaluator.begin(Stage.BEYOND)
     outside = _outside(evaluator, found, options) if options.beyond else []
     found = _come_in(evaluator, found, outside, boxes, options)
     optimum = found.optimum
@@ -157,13 +173,10 @@ def determine(
     if options.only:  # what nobody asked for was not walked: nothing is said of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
     _log_of(profiles)
+    evaluator.begin(Stage.DIRECTIONS)
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
     idle = identifiability.without_effect(evaluator, optimum, profiles)
-    resampled = None
-    if options.bootstrap > 1:
-        resampled = bootstrap_of(
-            optimum, profiles, options.bootstrap, options.seed, options.executor
-        )
+    resampled = _resampled(evaluator, optimum, profiles, options)
     rates = [rate for m in objective.data.measurements for rate in m.sampled_hz]
     spent = Effort(evaluator.evaluations, evaluator.derived, evaluator.runs)
     named = [p.name for p in parameters]
@@ -206,6 +219,20 @@ def _likelihood(
         return replace(likelihood, scatter=noise.scatter)
     [point] = evaluate_many(objective, [solution])
     return replace(likelihood, shift=point.residuals)
+
+
+def _resampled(
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    profiles: Mapping[str, Profile],
+    options: InferenceOptions,
+) -> Bootstrap | None:
+    """The bootstrap, where one is asked for."""
+    if options.bootstrap < 2:
+        return None
+    evaluator.begin(Stage.REFITS)
+    drawn = (options.bootstrap, options.seed, options.executor)
+    return bootstrap_of(optimum, profiles, *drawn, options.progress)
 
 
 def _log_of(profiles: Mapping[str, Profile]) -> None:
@@ -260,6 +287,7 @@ def _explore(
 
     No interval is told then: walks serve to find a better point, if the search of the box did not.
     """
+    evaluator.begin(Stage.WALKS)
     ranges = _ranges(optimum, boxes, options)
     share = 1.0 if _adequacy(optimum, options).describes else FOR_MISFIT
     with evaluator.within(share):

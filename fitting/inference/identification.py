@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.campaign.parameters import references, search_bounds, starts, to_search
 from fitting.fit.likelihood.descent import most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, Spent, likelihood_with
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem
@@ -29,7 +29,7 @@ class IdentificationOptions:
 
     Without `values` (by parameter, of a fit of one `alternative`) the search sets out from the
     campaign's start and reference values. With `expected` the data are taken to be what the model
-    says there, with the campaign's noise.
+    says there, with the campaign's noise. `progress` is told how far it is.
     """
 
     values: Mapping[str, float] | None = None
@@ -38,6 +38,7 @@ class IdentificationOptions:
     bootstrap: int = 0
     seed: int = 1
     budget: int = BUDGET
+    progress: Callable[[Spent], None] = lambda spent: None
 
 
 def identify(
@@ -86,6 +87,7 @@ def identify(
         alternatives=equal_fits,
         data=not request.expected,
         bootstrap=request.bootstrap,
+        progress=request.progress,
     )
     return determine(objective, begins[0], noise, options)
 

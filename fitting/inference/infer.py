@@ -13,7 +13,7 @@ import numpy as np
 from fitting.campaign.parameters import outside_box, search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.descent import let_out, most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, Spent, likelihood_with
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
@@ -104,8 +104,8 @@ class InferenceRequest:
     `units` are those of the derived outputs; without `profiles` intervals are those of the
     linearised problem; `only` names the values whose profiles are walked (all, if empty); `budget`
     is of simulation runs; `bootstrap` synthetic data sets are fitted anew; `sweeps` what those
-    of this fit show, where it was found before; `progress` is told the evaluations of the
-    profiles so far.
+    of this fit show, where it was found before; `progress` is told how far the profiles
+    are.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -114,7 +114,7 @@ class InferenceRequest:
     bootstrap: int = 0
     only: tuple[str, ...] = ()
     sweeps: SweepFindings | None = None
-    progress: Callable[[int], None] = lambda evaluations: None
+    progress: Callable[[Spent], None] = lambda spent: None
 
 
 def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:

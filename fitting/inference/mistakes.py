@@ -61,13 +61,15 @@ class SweepFindings:
 
     `lines` are by series, `faults` sentences on what makes a sweep no line; `doubts` how far the
     scale that peaks take from such a sweep may be off, |ln| of its factor, by series; `agreement`
-    with the peaks, a series each, none where a sweep itself is at fault.
+    with the peaks, a series each, none where a sweep itself is at fault; `left_out` sentences on
+    points that are not fitted.
     """
 
     lines: Mapping[str, SweepLine] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
     doubts: Mapping[str, float] = field(default_factory=dict)
     agreement: tuple[SweepAgreement, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def scale_off(self) -> float:
@@ -96,6 +98,7 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         doubts=_doubts(problem, found),
         # a sweep that is no line contradicts the peaks for that reason
         agreement=() if faults else sweep_agreement(solution),
+        left_out=tuple(s.left_out for s in sweeps.values() if s is not None and s.left_out),
     )
 
 

@@ -146,6 +146,7 @@ def fit_warnings(
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
         *(w for line in lines for w in warned(Kind.LINE, line_warnings(line, fitted=fitted))),
         *warned(Kind.SWEEP, sweeps.faults),
+        *warned(Kind.SWEEP, sweeps.left_out),
         *warned(Kind.SCALE_FACTOR, contradiction_sentences(sweeps.agreement)),
     ]
 

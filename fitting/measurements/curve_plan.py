@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.signal.rational import Interpolation, Interpolations
 from fitting.simulate.budget import Basis, Decision, Kind
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Scalar
 
 #: Changes by values that are left out tell the error to this factor (300 random scenes, with and
 #: without noise: tests/bench/bench_curve.py).
@@ -35,9 +35,10 @@ class CurvePlan:
     """Runs for the response of one place over `points` frequencies, from `low_hz` to `high_hz`.
 
     Interpolated, where `basis` is RATIONAL, between `supports_hz` (m,) and `others_hz` (m,) to
-    within `tolerance` of itself, with one run at half the drive at `half_hz`. Else every point is
-    simulated: `found` is the relative error that stood in the way, `tolerance` what was wanted,
-    `tried` the number of runs that were not enough.
+    within `tolerance` of itself, with one run at half the drive that has `half_hz` among its tones.
+    A run has `tones` of them, which changes responses by no more than `superposed`, relative. Else
+    every point is simulated: `found` is the relative error that stood in the way, `tolerance` what
+    was wanted, `tried` the number of runs that were not enough.
     """
 
     place: Place
@@ -49,6 +50,8 @@ class CurvePlan:
     supports_hz: tuple[float, ...] = ()
     others_hz: tuple[float, ...] = ()
     half_hz: float = 0.0
+    tones: int = 1
+    superposed: float = 0.0
     found: float = 0.0
     tried: int = 0
 
@@ -65,7 +68,45 @@ class CurvePlan:
     @property
     def runs(self) -> int:
         """Runs of an evaluation, where its checks hold."""
-        return self.nodes_hz.size + 1 if self.is_interpolated else self.points
+        return len(self.groups) + 1 if self.is_interpolated else self.points
+
+    @property
+    def bound(self) -> float:
+        """Relative error that the interpolation and the tones beside each other may cost."""
+        return self.tolerance + self.superposed
+
+    @cached_property
+    def groups(self) -> tuple[IntArray, ...]:
+        """Positions in `nodes_hz` of the tones of every run, as far apart as they can be."""
+        order, runs = np.argsort(self.nodes_hz), self.nodes_hz.size // self.tones
+        return tuple(order[k::runs] for k in range(runs))
+
+    @cached_property
+    def half_run(self) -> int:
+        """Which of `groups` has `half_hz`."""
+        return next(k for k, g in enumerate(self.groups) if self.half_hz in self.nodes_hz[g])
+
+    @property
+    def of_single_tones(self) -> CurvePlan:
+        """The same with a run for each of `nodes_hz`."""
+        return replace(self, tones=1, superposed=0.0)
+
+    def in_order(self, values: ComplexArray) -> ComplexArray:
+        """Responses at `nodes_hz`, of those in the order in which `groups` have them.
+
+        Args:
+            values: shape (k, 2 m).
+        """
+        return values[:, np.argsort(np.concatenate(self.groups))]
+
+    def at_half(self, values: ComplexArray) -> ComplexArray:
+        """Responses to half the drive at `half_hz` (k,), of those of its run.
+
+        Args:
+            values: shape (k, tones).
+        """
+        tones_hz = self.nodes_hz[self.groups[self.half_run]]
+        return values[:, int(np.flatnonzero(tones_hz == self.half_hz)[0])]
 
     def holds(self, frequency_hz: FloatArray) -> bool:
         """Whether all frequencies lie in the range that was planned.
@@ -131,7 +172,8 @@ def curve_decision(curves: Sequence[CurvePlan]) -> Decision:
     if taken:
         numbers["degree"] = max(len(c.supports_hz) - 1 for c in taken)
         numbers["safety"] = SAFETY
-        bound = max(c.tolerance for c in taken)
+        numbers["tones"] = max(c.tones for c in taken)
+        bound = max(c.bound for c in taken)
         return Decision(kind=Kind.CURVE, basis=Basis.RATIONAL, bound=bound, numbers=numbers)
     worst = max(curves, key=lambda c: c.found)
     numbers |= {"found": worst.found, "wanted": worst.tolerance, "tried": worst.tried}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
@@ -12,11 +12,14 @@ from fitting.fmu import InputSignal
 from fitting.measurements.plan import Plan
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.grid import Grid, window_on
-from fitting.signal.window import Window, plan_window
+from fitting.signal.window import Window, plan_window, whole_steps
 from fitting.simulate.batch import alike
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.units import convert
+
+#: Longest common period of tones that share a run, as a part of the time to settle.
+COMMON = 0.1
 
 
 @lru_cache(maxsize=4096)
@@ -29,11 +32,26 @@ def _window(
     grid: Grid,
 ) -> Window:
     """A window, planned once: the same ones come back in every evaluation."""
+    planned = partial(window_on, grid) if grid.step_s else plan_window
     mixtures_hz = mixed_hz(tones_hz, order)
-    if grid.step_s:
-        found = window_on(grid, read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
+    found = planned(read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
+    return replace(found, longest_s=grid.longest_s)
+
+
+@lru_cache(maxsize=4096)
+def _superposed(tones_hz: tuple[float, ...], settle_s: float, held_s: float, grid: Grid) -> Window:
+    """Likewise, for tones of which no mixtures are kept off, in a window that is short.
+
+    Held steps all have the same length, that their images are alike from run to run.
+    """
+    if grid.step_s or held_s:
+        on = grid if grid.step_s else Grid(step_s=held_s, longest_s=grid.longest_s)
+        found = window_on(on, tones_hz, settle_s, longest_s=COMMON * settle_s)
+        if held_s:
+            settle_s, steps = whole_steps(settle_s, on.step_s), round(found.step_s / on.step_s)
+            found = replace(found, settle_s=settle_s, held_steps=steps)
     else:
-        found = plan_window(read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
+        found = plan_window(tones_hz, settle_s, longest_s=COMMON * settle_s)
     return replace(found, longest_s=grid.longest_s)
 
 
@@ -128,39 +146,52 @@ class DrivenModel:
             tone_hz: frequency of the tone, Hz.
             label: of the place whose own parameters act, None for a sweep.
         """
-        return self.one_tone_of(self.values(p, label, settings)) | self.tone_values(tone_hz)
+        return self.tones_of(self.values(p, label, settings)) | self.tone_values((tone_hz,))
 
-    def one_tone_of(self, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """Start values for one tone, but for those of the tone itself: other amplitudes zero.
+    def tones_of(self, values: Mapping[str, Scalar], count: int = 1) -> dict[str, Scalar]:
+        """Start values for some tones of one amplitude, but for those of the tones themselves.
+
+        All have the first one's amplitude, others have none.
 
         Args:
             values: start values, by name.
+            count: number of the tones.
         """
         drive, found = self.setup.drive, dict(values)
         if drive.kind == "tones":
-            found.pop(drive.frequency_names[0], None)
-            found.update(dict.fromkeys(drive.amplitude_names[1:], 0.0))
+            for name in drive.frequency_names[:count]:
+                found.pop(name, None)
+            first, *others = drive.amplitude_names
+            found.update(dict.fromkeys(others[: count - 1], found[first]))
+            found.update(dict.fromkeys(others[count - 1 :], 0.0))
         return found
 
-    def tone_values(self, tone_hz: float) -> dict[str, Scalar]:
-        """Start values that a single tone has of its own; none where the tool applies it.
+    def tone_values(self, tones_hz: Sequence[float]) -> dict[str, Scalar]:
+        """Start values that tones have of their own; none where the tool applies them.
 
         Args:
-            tone_hz: frequency of the tone, Hz.
+            tones_hz: frequencies of the tones, Hz, not more than the FMU has names for.
         """
         drive = self.setup.drive
         if drive.kind != "tones":
             return {}
-        return {drive.frequency_names[0]: _in_unit(tone_hz, drive.tone_unit)}
+        values = (_in_unit(tone, drive.tone_unit) for tone in tones_hz)
+        return dict(zip(drive.frequency_names, values, strict=False))
+
+    @property
+    def most_tones(self) -> int | None:
+        """The number of tones that a run can have; None: any, the tool applies them."""
+        drive = self.setup.drive
+        return len(drive.frequency_names) if drive.kind == "tones" else None
 
     def with_part(self, part: float, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """Start values of a single tone with a part of the drive's amplitude.
+        """Start values with a part of the amplitude of the drive's first tone.
 
-        Where the tool applies the tone, its signal has the part (`signal`), and nothing changes.
+        Where the tool applies the tones, their signal has the part (`signal`), and nothing changes.
 
         Args:
             part: of the amplitude.
-            values: start values under the tone, by name.
+            values: start values, by name.
         """
         drive = self.setup.drive
         if drive.kind == "input" and drive.input is not None:
@@ -176,6 +207,32 @@ class DrivenModel:
         """
         return self.window((tone_hz,), (tone_hz,))
 
+    def superposed_window(self, tones_hz: tuple[float, ...], fastest_hz: float) -> Window:
+        """Settling and samples under several tones of a linear FMU: no mixtures are kept off.
+
+        A common period that is no small part of the settling is given up for a tone fit.
+
+        Args:
+            tones_hz: frequencies of the tones (n,), Hz.
+            fastest_hz: as for which tones are held over steps, Hz, where the tool applies them.
+
+        Raises:
+            BadInput: no samples keep them apart.
+        """
+        held_s = self.single_tone_window(fastest_hz).input_step_s if self.holds_tones else 0.0
+        return _superposed(tones_hz, self.plan.settle_s, held_s, self.plan.grid)
+
+    @property
+    def holds_tones(self) -> bool:
+        """Whether the tool applies tones, as steps."""
+        return self._held > 0
+
+    @property
+    def _held(self) -> int:
+        """Steps in a period of the fastest tone for which the tool holds it; 0: the FMU drives."""
+        drive = self.setup.drive
+        return drive.samples_per_period if drive.kind == "input" else 0
+
     def window(self, read_hz: tuple[float, ...], tones_hz: tuple[float, ...]) -> Window:
         """Settling and samples to read lines (n,) of a response to tones (k,), Hz.
 
@@ -183,10 +240,8 @@ class DrivenModel:
             read_hz: lines that are read, Hz.
             tones_hz: frequencies of the tones, Hz.
         """
-        drive = self.setup.drive
-        held = drive.samples_per_period if drive.kind == "input" else 0
-        order = max(drive.highest_order, self.plan.order)
-        return _window(read_hz, tones_hz, self.plan.settle_s, held, order, self.plan.grid)
+        order = max(self.setup.drive.highest_order, self.plan.order)
+        return _window(read_hz, tones_hz, self.plan.settle_s, self._held, order, self.plan.grid)
 
     def drive(
         self, values: Mapping[str, Scalar], tones_hz: tuple[float, ...], output: str

@@ -9,47 +9,26 @@ was not, up to one at every frequency.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 
-from fitting.measurements.curve_plan import SAFETY, CurvePlan, DraftedCurve, Place
+from fitting.measurements.curve_plan import CurvePlan, DraftedCurve, Place
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.plan import Plan
-from fitting.signal.rational import Interpolation
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Variation, Workers
-from fitting.simulate.budget import Basis
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
-from fitting.text.errors import FmuFailure, NoAnswer
 
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")
-#: Uncertainty at some parameter vectors, and the interpolation at each of them.
-Stage = tuple[float, list[Interpolation]]
 #: Yields whenever what it has asked of the batch is wanted; returns the response, (k, m) phasors.
 Responding = Generator[None, None, ComplexArray]
 
-#: Fewer frequencies than this are simulated one by one: interpolating saves too little.
-LEAST_POINTS = 30
-#: Of the wanted accuracy, what an interpolation may cost at most, and where it may not matter how
-#: much that is: differences of two evaluations are then as good as those of the runs themselves.
-SHARE, NOISE = 0.1, 1e-9
-#: A plan adds runs until the uncertainty at its own parameters is this, or is no longer falling.
-GOAL = 1e-11
-#: Part of the tolerance that may be uncertain at the parameters of the plan, for those of a fit.
-MARGIN = 0.1
-#: Uncertainties that are this many times the least one are as good: rounding and noise.
-ALIKE = 3.0
 #: Rounds of two more runs, at most.
 ROUNDS = 8
-#: Frequencies at which a plan compares an interpolation with runs, beside its own.
-SURVEYED = 12
-#: Nodes to begin with, by which a curve of degree two is interpolated and checked.
-FIRST_NODES = 6
 
 
 @dataclass(frozen=True)
@@ -65,7 +44,9 @@ class ResponseCurve:
     P = X(u) A exp(i phase), with the phase of its start values; a tone that is applied to an input
     has the phase 0. The amplitude A of the drive is in P.
 
-    `settings` are those of the place; `label` is its label, None where it has none.
+    `settings` are those of the place; `label` is its label, None where it has none. Where the tool
+    holds tones over steps, it does so as for `fastest_hz`, that what images of the steps add is a
+    smooth function of the tone as well; None: as each tone itself wants it.
     """
 
     model: DrivenModel
@@ -73,6 +54,7 @@ class ResponseCurve:
     output: str = ""
     _: KW_ONLY
     label: str | None = None
+    fastest_hz: float | None = None
 
     @cached_property
     def place(self) -> Place:
@@ -102,7 +84,8 @@ class ResponseCurve:
             found = yield from self._simulated(table, first, frequency_hz, batch)
         else:
             points, place = np.unique(frequency_hz, return_inverse=True)
-            found = yield from self._interpolated(table, first, points, batch, planned)
+            curve = replace(self, fastest_hz=planned.high_hz)
+            found = yield from curve._interpolated(table, first, points, batch, planned)
             found = found[:, place]
         return found[group]
 
@@ -123,22 +106,67 @@ class ResponseCurve:
             owner: which evaluation pays for the runs.
             part: of the drive's amplitude.
         """
-        tones = self._tones(tones_hz, part)
+        tones = self._tones(map(self._window, tones_hz[:, np.newaxis]), part)
         return self._asked(self._start_values(p, part), tones, batch, owner)
 
-    def _tones(self, tones_hz: FloatArray, part: float = 1.0) -> list[Variation]:
-        """What runs at single tones have of their own, whatever the parameters are."""
+    def windows(self, planned: CurvePlan) -> list[Window]:
+        """Settling and samples of the runs of a plan at the full drive, by its `groups`.
+
+        Args:
+            planned: frequencies and tones of the runs.
+
+        Raises:
+            BadInput: no samples keep the tones of a run apart.
+        """
+        return [self._window(planned.nodes_hz[group]) for group in planned.groups]
+
+    def _window(self, tones_hz: FloatArray) -> Window:
+        tones = tuple(map(float, tones_hz))
+        if len(tones) == 1 and not (self.fastest_hz and self.model.holds_tones):
+            return self.model.single_tone_window(tones[0])
+        return self.model.superposed_window(tones, self.fastest_hz or max(tones))
+
+    def ask_nodes(self, p: FloatArray, windows: Sequence[Window], batch: Batch) -> list[int]:
+        """Ask for the runs of a plan at the full drive: their numbers in the batch.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            windows: of the runs, as `windows` gave them.
+            batch: where runs are asked for; equal runs are simulated once.
+        """
+        start = self._start_values(p, count=len(windows[0].tones_hz))
+        return [run for run, _ in self._asked(start, self._tones(windows), batch, 0)]
+
+    def ask_alone(self, p: FloatArray, window: Window, batch: Batch) -> list[int]:
+        """Ask for a run at each tone of a window, without the others: numbers in the batch.
+
+        A drive that is held is so over the same steps as with all of them.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            window: settling and samples of the run with all of them.
+            batch: where runs are asked for; equal runs are simulated once.
+        """
+        tones = [
+            Variation(self.model.tone_values((tone,)), window, self.model.signal(window, (tone,)))
+            for tone in window.tones_hz
+        ]
+        return batch.ask_varied(self._start_values(p), tones, self.place.output, 0)
+
+    def _tones(self, windows: Iterable[Window], part: float = 1.0) -> list[Variation]:
+        """What runs of these windows have of their own, whatever the parameters are."""
         found = []
-        for tone in map(float, tones_hz):
-            window = self.model.single_tone_window(tone)
+        for window in windows:
             signal = self.model.signal(window, window.tones_hz, part)
-            found.append(Variation(self.model.tone_values(tone), window, signal))
+            found.append(Variation(self.model.tone_values(window.tones_hz), window, signal))
         return found
 
-    def _start_values(self, p: FloatArray, part: float = 1.0) -> dict[str, Scalar]:
-        """What runs at single tones have in common."""
-        values = self.model.one_tone_of(self.model.values(p, self.label, self.settings))
-        return values if part == 1.0 else self.model.with_part(part, values)
+    def _start_values(self, p: FloatArray, part: float = 1.0, count: int = 1) -> dict[str, Scalar]:
+        """What runs at so many tones have in common."""
+        values = self.model.values(p, self.label, self.settings)
+        if part != 1.0:
+            values = self.model.with_part(part, values)
+        return self.model.tones_of(values, count)
 
     def _asked(
         self, values: dict[str, Scalar], tones: Sequence[Variation], batch: Batch, owner: int
@@ -172,36 +200,6 @@ class ResponseCurve:
         batch.simulate(workers)
         return self.read(batch, asked)
 
-    def planned(
-        self,
-        frequency_hz: FloatArray,
-        points: Sequence[FloatArray],
-        workers: Workers,
-        top_hz: float | None = None,
-    ) -> Plan:
-        """The model's plan with this curve: where to simulate it for these frequencies.
-
-        Args:
-            frequency_hz: where the response will be wanted (m,), Hz.
-            points: parameter vectors (n,) at which it is measured, those that the FMU takes.
-            workers: processes that run the FMU.
-            top_hz: where the measured response is largest, Hz; None where that is not known.
-        """
-        plan, wanted = self.model.plan, np.unique(frequency_hz)
-        left = 0.0 if plan.budget is None else plan.budget.left
-        left = min(SHARE * self.model.setup.accuracy, left)
-        if wanted.size < LEAST_POINTS or left <= 0.0 or plan.curve(self.place, wanted) is not None:
-            return plan
-        near = wanted[wanted.size // 2] if top_hz is None else top_hz
-        top = float(wanted[int(np.argmin(np.abs(wanted - near)))])
-        survey = CurveSurvey(self, wanted, top, left, workers)
-        try:
-            return plan.with_curve(survey.curve_plan(points))
-        except NoAnswer:
-            raise
-        except FmuFailure:  # a drive that it refuses at half its amplitude
-            return plan
-
     def _simulated(
         self, table: FloatArray, first: IntArray, points: FloatArray, batch: Batch
     ) -> Responding:
@@ -220,19 +218,22 @@ class ResponseCurve:
         planned: CurvePlan,
     ) -> Responding:
         """By the plan's runs, by more where a check says so, by all where that does not help."""
-        nodes, half = planned.nodes_hz, np.array([planned.half_hz])
-        tones, half_tones = self._tones(nodes), self._tones(half, 0.5)
+        count, windows = planned.tones, self.windows(planned)
+        tones, half_tones = self._tones(windows), self._tones([windows[planned.half_run]], 0.5)
         asked, halves = [], []
         for k in map(int, first):
-            start = self._start_values(table[k])
-            asked.append(self._asked(start, tones, batch, k))
-            halves.append(self._asked(self.model.with_part(0.5, start), half_tones, batch, k))
+            whole, half = (self._start_values(table[k], part, count) for part in (1.0, 0.5))
+            asked.append(self._asked(whole, tones, batch, k))
+            halves.append(self._asked(half, half_tones, batch, k))
         yield
-        values = np.array([self.read(batch, runs) for runs in asked]).reshape(-1, nodes.size)
-        half_values = np.array([self.read(batch, run)[0] for run in halves])
+        values = planned.in_order(np.array([self.read(batch, runs) for runs in asked]))
+        half_values = planned.at_half(np.array([self.read(batch, run) for run in halves]))
         drafted = planned.drafted(points, values, half_values)
         found, rest = drafted.values, np.flatnonzero(~drafted.known)
-        if rest.size:
+        if rest.size and count > 1:  # once more as if nothing were known of several tones
+            alone = planned.of_single_tones
+            found[rest] = yield from self._interpolated(table, first[rest], points, batch, alone)
+        elif rest.size:
             drafts = [
                 DraftedCurve(
                     points=points,
@@ -268,157 +269,6 @@ class ResponseCurve:
             points = drafts[0].points
             found[rest] = yield from self._simulated(table, first[rest], points, batch)
         return found
-
-
-@dataclass(frozen=True)
-class CurveSurvey:
-    """How a curve is planned: few runs are tried until all that is known agrees with them.
-
-    `points` (m,) are the frequencies that are wanted, `top_hz` the one of the largest response as
-    far as that is known, `left` the relative error that the interpolation may cost.
-    """
-
-    curve: ResponseCurve
-    points: FloatArray
-    top_hz: float
-    left: float
-    workers: Workers
-
-    def curve_plan(self, vectors: Sequence[FloatArray]) -> CurvePlan:
-        """Which runs to make, from runs at some parameter vectors.
-
-        Args:
-            vectors: parameter vectors (n,), the first in any case.
-        """
-        change = self._change_by_half(vectors[0])
-        if change > self.left:
-            return self._point_by_point(Basis.NONLINEAR, change)
-        kept = [p for k, p in enumerate(vectors) if k == 0 or self._runs(p)]
-        uncertainty, curves = best(self._stages(kept))
-        if uncertainty > MARGIN * self.left:
-            tried = curves[0].frequency_hz.size
-            irregular = self._point_by_point(Basis.IRREGULAR, uncertainty, tried)
-            return replace(irregular, tolerance=MARGIN * self.left)
-        tolerance = min(max(NOISE, uncertainty / MARGIN), self.left)
-        nonlinear = max(map(self._nonlinearity, kept, curves))
-        if nonlinear > tolerance:
-            return self._point_by_point(Basis.NONLINEAR, nonlinear)
-        chosen = curves[0]
-        loudest = int(np.argmax(np.abs(chosen.supports)))
-        return replace(
-            self._point_by_point(Basis.RATIONAL, uncertainty),
-            tolerance=tolerance,
-            supports_hz=tuple(map(float, chosen.supports_hz)),
-            others_hz=tuple(map(float, chosen.others_hz)),
-            half_hz=float(chosen.supports_hz[loudest]),
-        )
-
-    def _point_by_point(self, basis: Basis, found: float, tried: int = 0) -> CurvePlan:
-        return CurvePlan(
-            place=self.curve.place,
-            low_hz=float(self.points[0]),
-            high_hz=float(self.points[-1]),
-            points=self.points.size,
-            basis=basis,
-            tolerance=self.left,
-            found=min(found, 1.0),
-            tried=tried,
-        )
-
-    def _change_by_half(self, p: FloatArray) -> float:
-        """Relative change of the response at its measured top, but for the half, by half the drive.
-
-        Asked first: an FMU that is not linear is to be run no more than that.
-        """
-        top = np.array([self.top_hz])
-        [whole], [half] = (self.curve.simulated(p, top, self.workers, part) for part in (1.0, 0.5))
-        return float(abs(2.0 * half / whole - 1.0)) if whole else 1.0
-
-    def _runs(self, p: FloatArray) -> bool:
-        """Whether the FMU takes these parameters: it may refuse a part of the box."""
-        try:
-            self.curve.simulated(p, np.array([self.top_hz]), self.workers)
-        except NoAnswer:
-            raise
-        except FmuFailure:
-            return False
-        return True
-
-    def _stages(self, vectors: Sequence[FloatArray]) -> list[Stage]:
-        """Interpolations through more and more runs, the same for all parameter vectors."""
-        ends = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, FIRST_NODES)))
-        first = self.points[np.round(ends * (self.points.size - 1)).astype(int)]
-        if self.top_hz not in first:
-            inner = slice(1, FIRST_NODES - 1)
-            first[inner][int(np.argmin(np.abs(first[inner] - self.top_hz)))] = self.top_hz
-        spread = np.linspace(0, self.points.size - 1, SURVEYED + 2)[1:-1]
-        survey_hz = self.points[np.round(spread).astype(int)]
-        supports, others = first[[0, 2, 5]], first[[1, 3, 4]]
-        batch = Batch()
-        values = self._values(vectors, np.concatenate([supports, others, survey_hz]), batch)
-        curves = [
-            Interpolation(supports_hz=supports, supports=v[:3], others_hz=others, others=v[3:6])
-            for v in values
-        ]
-        stages: list[Stage] = []
-        while True:
-            pairs = zip(curves, values, strict=True)
-            errors = [self._errors(curve, survey_hz, seen[6:]) for curve, seen in pairs]
-            stages.append((max(map(max, errors)), curves))
-            full = curves[0].frequency_hz.size + 2 >= self.points.size
-            if full or len(stages) > ROUNDS or self._is_enough([u for u, _ in stages]):
-                return stages
-            worst = int(np.argmax([max(each) for each in errors]))
-            places = curves[worst].wanted_hz(self.points)
-            uncertain, off = errors[worst]
-            if off > uncertain:  # what runs beside it say counts more than its own uncertainty
-                apart = np.abs(curves[worst].function(survey_hz) / values[worst][6:] - 1.0)
-                seen = float(survey_hz[int(np.argmax(apart))])
-                places = (seen, places[1] if places[1] != seen else places[0])
-            more = self._values(vectors, np.array(places), batch)
-            curves = [c.with_values(places, v) for c, v in zip(curves, more, strict=True)]
-
-    def _errors(
-        self, curve: Interpolation, survey_hz: FloatArray, values: ComplexArray
-    ) -> tuple[float, float]:
-        """What it says itself of its relative error, and what runs say at a few frequencies."""
-        with np.errstate(all="ignore"):
-            off = np.max(np.abs(curve.function(survey_hz) / values - 1.0))
-        uncertain = SAFETY * np.max(curve.uncertainty(self.points))
-        return float(uncertain), float(off) if np.isfinite(off) else np.inf
-
-    def _is_enough(self, uncertainties: Sequence[float]) -> bool:
-        """Whether more runs are not worth it: at the goal, or good enough and no longer better."""
-        if uncertainties[-1] <= GOAL:
-            return True
-        before, last = uncertainties[:-2], uncertainties[-2:]
-        if not before or min(uncertainties) > MARGIN * self.left:
-            return False
-        return min(last) > min(before) / ALIKE
-
-    def _nonlinearity(self, p: FloatArray, curve: Interpolation) -> float:
-        """Relative change by half the drive at the top of the interpolation, but for the half."""
-        here = curve.function(self.points)
-        top = int(np.argmax(np.abs(here)))
-        [half] = self.curve.simulated(p, self.points[[top]], self.workers, 0.5)
-        return float(abs(2.0 * half / here[top] - 1.0))
-
-    def _values(
-        self, vectors: Sequence[FloatArray], frequency_hz: FloatArray, batch: Batch
-    ) -> list[ComplexArray]:
-        asked = [self.curve.ask(p, frequency_hz, batch) for p in vectors]
-        batch.simulate(self.workers)
-        return [self.curve.read(batch, each) for each in asked]
-
-
-def best(stages: Sequence[Stage]) -> Stage:
-    """The first of the stages that is about as certain as the most certain one.
-
-    Args:
-        stages: uncertainty and interpolations, by the number of their runs.
-    """
-    least = max(GOAL, min(uncertainty for uncertainty, _ in stages))
-    return next(stage for stage in stages if stage[0] <= ALIKE * least)
 
 
 def together(tasks: Sequence[Generator[None, None, Answer]]) -> Generator[None, None, list[Answer]]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Setup, SweepData
 from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigmas
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import (
@@ -259,7 +260,7 @@ class Sweep(MeasurementKind):
         if not self._needs_points:
             return model.plan
         top_hz = float(self.frequency_hz[int(np.argmax(self.amplitude_v))])
-        return self._curve(model).planned(self.frequency_hz, points, workers, top_hz)
+        return plan_curve(self._curve(model), self.frequency_hz, points, workers, top_hz)
 
     @property
     def _needs_points(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,7 +55,12 @@ OPEN = ("values", "agreement")
 KNOWLEDGE_FIGURES = (numbers.PROFILES, numbers.TOGETHER, numbers.OUTPUTS)
 
 
-def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
+def write_report(
+    result: Result,
+    data: ShownCampaign,
+    out_dir: Path,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> Path:
     """Draw the figures (`out_dir`/figures), write `report.html`, `values.csv` and `values.tex`.
 
     Returns the path of the page.
@@ -66,12 +71,14 @@ def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
         result: of a reconstruction.
         data: what is shown of the campaign.
         out_dir: where the files go.
+        progress: is told how many figures are drawn, of how many.
 
     Raises:
         BadInput: the folder cannot be written.
     """
     write_values(result, out_dir)
-    return write_page(page_of(result, data, write_figures(result, data, out_dir)), out_dir)
+    figures = write_figures(result, data, out_dir, progress)
+    return write_page(page_of(result, data, figures), out_dir)
 
 
 def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) -> Page:

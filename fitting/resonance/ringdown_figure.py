@@ -10,7 +10,7 @@ from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.resonance.decay_record import SAMPLES
 from fitting.resonance.ringdown import Ringdown
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.notation import number, quantity, with_error
+from fitting.text.notation import number, prefixed, quantity, with_error
 
 #: Samples up to which all are drawn; of more every so many.
 DRAWN = 20_000
@@ -27,15 +27,15 @@ def ringdown_figure(found: Ringdown) -> Figure:
     measured, fitted = (values[::every] for values in _values(found))
     x = Axis("time t", "s")
     frequency = quantity(found.frequency_hz, found.frequency_std_hz, "Hz")
-    words = f"f = {frequency}, " if math.isfinite(found.frequency_hz) else ""
-    words += (
-        f"width {quantity(found.width_hz, found.width_std_hz, 'Hz')}, decay time "
-        f"{with_error(found.decay_time_s, found.decay_time_std_s, 's')}"
-    )
+    short = f"f = {frequency}, " if math.isfinite(found.frequency_hz) else ""
+    short += f"width {quantity(found.width_hz, found.width_std_hz, 'Hz')}"
+    factor, unit = prefixed(found.decay_time_s, "s")
+    time = with_error(found.decay_time_s / factor, found.decay_time_std_s / factor, unit)
+    words = f"{short}, decay time {time}"
     some = "" if every == 1 else f" (every {every}th is drawn)"
     return Figure(
         name="line",
-        title=f"A ringdown: {words}",
+        title=f"Ringdown: {short}",
         caption=(
             f"{len(found.points.time_s)} samples{some} with the fitted decay ({found.form}) and "
             f"what the fit leaves of them, {number(100.0 * found.residual, 2)} % of the amplitude "

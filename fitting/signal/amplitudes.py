@@ -25,6 +25,27 @@ class Amplitude:
     impedance_ohm: float | None = None
 
 
+def check_amplitude(text: str, where: str) -> None:
+    """Complain of what no impedance makes an amplitude.
+
+    Args:
+        text: as it was written.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: any other text than `declared_amplitude` takes.
+    """
+    words = text.split()
+    if words in (["dBm"], ["dB"]):
+        return
+    if len(words) != 2 or words[1] not in ("peak", "rms"):
+        raise BadInput(
+            f'{where}: found "{text}", wanted "V peak", "V rms" or "dBm" '
+            '(another detector unit likewise, as "m peak")'
+        )
+    parse_quantity(f"1 {words[0]}", where=where)  # refuses a unit that does not exist
+
+
 def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Amplitude:
     """Read "V peak", "V rms", another detector unit likewise ("m peak"), "dBm" or "dB".
 
@@ -36,6 +57,7 @@ def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Am
     Raises:
         BadInput: any other text; dBm without an impedance, or an impedance without dBm.
     """
+    check_amplitude(text, where)
     words = text.split()
     if words == ["dBm"]:
         if impedance_ohm is None:
@@ -45,13 +67,7 @@ def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Am
         return Amplitude("dB", "1")
     if impedance_ohm is not None:
         raise BadInput(f'{where}: an impedance has a meaning with "dBm" only, found "{text}"')
-    if len(words) == 2 and words[1] in ("peak", "rms"):
-        parse_quantity(f"1 {words[0]}", where=where)  # refuses a unit that does not exist
-        return Amplitude(words[1], words[0])
-    raise BadInput(
-        f'{where}: found "{text}", wanted "V peak", "V rms" or "dBm" '
-        '(another detector unit likewise, as "m peak")'
-    )
+    return Amplitude(words[1], words[0])
 
 
 def to_peak(

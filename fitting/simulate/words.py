@@ -241,7 +241,9 @@ def _curve(decision: Decision) -> str:
     n = decision.numbers
     among = f" of {n['curves']} curves" if int(n["curves"]) > 1 else ""
     if decision.taken:
-        return f"{n['runs']} runs for {n['points']} points{among}"
+        tones = int(n.get("tones", 1))  # results of earlier versions do not tell
+        each = f" of up to {tones} tones" if tones > 1 else ""
+        return f"{n['runs']} runs{each} for {n['points']} points{among}"
     return f"a run for each of {n['points']} points{among}"
 
 
@@ -401,6 +403,12 @@ def _halved(decision: Decision) -> str:
     )
     if own_s:
         said += f"; the FMU's own step of {own_s:.4g} s is longer than the sampling interval"
+    if "stands_s" in decision.numbers:
+        said += (
+            f"; the FMU advances in steps of its own of {float(decision.numbers['stands_s']):.4g} "
+            "s, which cannot be shortened from outside: what Euler's method would leave is taken "
+            "for its error"
+        )
     if "few" in decision.numbers:
         few, of = (int(decision.numbers[key]) for key in ("few", "of"))
         said += f"; a free decay of {of} samples follows from {few} of them"

@@ -158,6 +158,21 @@ def wanted(words: str) -> WrapValidator:
     return WrapValidator(check)
 
 
+def looked_at(check: Callable[[Any], object]) -> AfterValidator:
+    """What a function complains of in a value is the complaint about its key.
+
+    Args:
+        check: complains by `BadInput`, its place empty.
+    """
+
+    def look(value: Any) -> Any:
+        with refusing():
+            check(value)
+        return value
+
+    return AfterValidator(look)
+
+
 @dataclass(frozen=True)
 class OneOf:
     """One of a few words (of the keys, if it is a mapping), to be written behind ``Text``."""
@@ -244,6 +259,12 @@ Texts = Annotated[
 Switch = Annotated[bool, Strict(), wanted("true or false")]
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False), wanted("a finite number")]
 Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False), wanted("a positive number")]
+Factor = Annotated[
+    float,
+    Strict(),
+    Field(gt=0, lt=1, allow_inf_nan=False),
+    wanted("a factor above 0 and below 1"),
+]
 Positives = Annotated[
     tuple[Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)], ...],
     Field(min_length=1),

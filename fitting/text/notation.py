@@ -38,6 +38,13 @@ _SUBSCRIPT = str.maketrans("0123456789+−-", "₀₁₂₃₄₅₆₇₈₉₊
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A unit as `prefixed` makes it where no prefix will do.
 _POWER_FIRST = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]")
+#: A value and its error stand without a power of ten where the larger is at least this, and the
+#: error less than that: a long value with a small error keeps its digits.
+_PLAIN_FROM, _PLAIN_ERROR = 1e-6, 1e7
+#: The largest power of ten that is drawn out of both.
+_MOST_EXPONENT = 300
+#: Power of ten below which a factor has no full digits, and is zero at last.
+_LEAST_POWER = -306
 #: Decimal digits that a float tells.
 _DIGITS = 15
 #: Digits of a value that is told without its error, at least.
@@ -160,7 +167,7 @@ def prefixed(size: float, unit: str) -> tuple[float, str]:
     if unit not in _TAKES_PREFIX or not _PREFIXED[0] <= size < _PREFIXED[1]:
         if 1e-3 <= size < 1e6:
             return 1.0, unit_text(unit)
-        power = 3 * math.floor(math.log10(size) / 3.0)
+        power = max(3 * math.floor(math.log10(size) / 3.0), _LEAST_POWER)
         return 10.0**power, f"{power_of_ten(power)} {unit_text(unit)}".strip()
     if unit in ("s", "rad") and size >= 1.0:
         return 1.0, unit
@@ -284,7 +291,8 @@ def number(value: float, digits: int = 6) -> str:
 def with_error(value: float, error: float, unit: str = "") -> str:
     """Value ± error, the value rounded where the error's second digit stands, with its unit.
 
-    A unit that begins with a power of ten multiplies both: "(1.2 ± 0.1) × 10³⁰ 1/s".
+    A power of ten that would fill the number with zeros multiplies both, as one does with which the
+    unit begins: "(1.2 ± 0.1) × 10³⁰ 1/s".
 
     Args:
         value: the number.
@@ -294,10 +302,16 @@ def with_error(value: float, error: float, unit: str = "") -> str:
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
+    power_first = _POWER_FIRST.match(unit)
+    size = max(abs(value), error)
+    exponent = math.floor(math.log10(size))
+    plain = size >= _PLAIN_FROM and error < _PLAIN_ERROR
+    if plain or power_first or abs(exponent) > _MOST_EXPONENT:
+        both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
+        return f"({both})\u00a0×{tail}" if power_first else f"{both}{tail}"
+    value, error = value / 10.0**exponent, error / 10.0**exponent
     both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
-    if _POWER_FIRST.match(unit):  # it multiplies both
-        return f"({both})\u00a0×{tail}"
-    return f"{both}{tail}"
+    return f"({both})\u00a0×\u00a0{power_of_ten(exponent)}{tail}"
 
 
 def rounded_alike(value: float, *others: float, error: float) -> tuple[str, ...]:

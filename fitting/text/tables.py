@@ -17,6 +17,8 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.files import NoFile, read_whole
 
+#: What programs write where a number is missing.
+NOT_A_NUMBER = ("nan", "na", "n/a", "null", "none", "-")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 #: Name and unit in brackets, which may hold brackets of their own: "noise (V/sqrt(Hz))".
 _HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>(?:[^()\[\]]|\([^()\[\]]*\))*?)\s*[)\]]\s*")
@@ -224,7 +226,13 @@ def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float
         value = float(plain)
         if math.isfinite(value):
             return value
-    raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
+    missing = not plain.strip() or plain.strip().lower() in NOT_A_NUMBER
+    hint = (
+        "; where nothing was measured leave the row out, or end a sampled record before it"
+        if missing and "row" in where
+        else ""
+    )
+    raise BadInput(f"{where}: found {shown(text)}, wanted a finite number{hint}")
 
 
 def named_column(text: str, index: int) -> Column:

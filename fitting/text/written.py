@@ -77,6 +77,24 @@ def in_unit(written: Written, unit: str | None) -> float:
     return convert(float(value), found, unit, where=written.where)
 
 
+def above_zero(written: Written | None, unit: str | None) -> float:
+    """The number of a written value in ``unit``; zero where nothing is written.
+
+    Args:
+        written: number or quantity as the file has it, None where it has none.
+        unit: of the values.
+
+    Raises:
+        BadInput: not a number, a unit of another dimension, zero or less.
+    """
+    if written is None:
+        return 0.0
+    value = in_unit(written, unit)
+    if not value > 0.0:
+        raise BadInput(f"{written.where}: found {value:g}, wanted more than zero")
+    return value
+
+
 def positive_in(written: Written, unit: str) -> float:
     """A quantity above zero with its unit, as "100 Hz", converted to ``unit``.
 

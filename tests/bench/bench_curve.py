@@ -5,13 +5,16 @@
 First random scenes in closed form (Q 50 to 1e6, coupled by any angle, sweeps that see one line, two
 or a wing), each planned at one parameter vector and answered at four: nodes, runs, the largest
 error against the truth over what was promised. Then a sweep of 1,001 points that is fitted through
-CoupledOscillator by `ff.fit`, with its processor time, that of caller and worker together;
-`--before` fits it once more with a run at every point. Exit code 1 if a promise is not kept.
+CoupledOscillator by `ff.fit`, with its processor time, that of caller and worker together, and one
+of 201 points through an oscillator in C, whose input the tool drives: several tones share a run
+there, and in the next row none does. `--before` fits both by a run at every point as well. Exit
+code 1 if a promise is not kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import resource
 import sys
 import tempfile
@@ -24,10 +27,12 @@ import numpy as np
 
 import build_fmu
 import fitting as ff
-from fitting.measurements import response_curve
+from fitting.measurements import curve_survey
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.batch import Batch
 from fitting.text.arrays import Scalar
+from tests.support.cfmu_build import build_c_fmu
 from tests.support.modal_workers import ModalWorkers, modal_model, phasors, random_scene
 
 WHOLE = 1001
@@ -53,7 +58,7 @@ def scenes(count: int, noise: float) -> bool:
         first = np.abs(scene.truth(scene.vectors[0]))
         curve = ResponseCurve(model, output=scene.output)
         top = float(scene.u_hz[int(np.argmax(first))])
-        plan = curve.planned(scene.u_hz, scene.vectors[:1], workers, top)
+        plan = plan_curve(curve, scene.u_hz, scene.vectors[:1], workers, top)
         [found] = plan.curves
         planned.append(workers.runs)
         name = f"degree {len(found.supports_hz) - 1}" if found.is_interpolated else found.basis
@@ -116,8 +121,48 @@ def fitted(path: Path, misfit: str) -> str:
     )
 
 
+def driven(path: Path) -> str:
+    """A row: runs, evaluations, processor time and result of a fit through a driven input."""
+    mass, damping, stiffness, force = 1e-3, 1.0, 4e4, 2.5
+    f = math.sqrt(stiffness / mass) / (2.0 * math.pi) + np.linspace(-500.0, 500.0, 201)
+    w = 2.0 * math.pi * f
+    shape = force / np.abs(stiffness - mass * w**2 + 1j * w * damping)
+    noise = 0.003 * float(np.max(shape))
+    begun = spent_s()
+    with ff.Fmu(path, workers=1) as fmu:
+        setup = ff.Setup(
+            ff.Drive(input="force", amplitude=force, samples_per_period=40), "displacement"
+        )
+        measured = shape + noise * np.random.default_rng(1).standard_normal(f.size)
+        sweep = ff.Sweep(setup, f, measured, use="fit", scale="fit")
+        parameters = [
+            ff.Parameter("damping", 0.8, bounds=(0.1, 10.0), unit="N.s/m"),
+            ff.Parameter("stiffness", 3.99e4, bounds=(3.9e4, 4.1e4), unit="N/m", scale=100.0),
+        ]
+        problem = ff.Problem(fmu, parameters, [sweep], noise=ff.Noise(absolute_v=noise))
+        fit = ff.fit(problem, ff.Tikhonov(misfit="squares"), starts=1)
+    cost = fit.result.evaluations
+    return (
+        f"{cost.fmu_runs:8} runs {cost.objective:5} evaluations {spent_s() - begun:7.1f} s  "
+        f"damping {fit.x[0]:.5f} N.s/m, stiffness {fit.x[1]:.2f} N/m"
+    )
+
+
+def by_input(folder: Path, before: bool) -> None:
+    """The table of the driven input."""
+    path, worth = build_c_fmu(folder), curve_survey.WORTH
+    print("a sweep of 201 points through an input that is held over 40 steps in a period")
+    print(f"  few runs of several tones  {driven(path)}")
+    curve_survey.WORTH = 0.0
+    print(f"  few runs of single tones   {driven(path)}")
+    curve_survey.WORTH = worth
+    if before:
+        curve_survey.LEAST_POINTS = WHOLE + 1
+        print(f"  every point                {driven(path)}")
+
+
 def main() -> int:
-    """Both tables."""
+    """All tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=300)
     parser.add_argument("--noise", type=float, default=1e-11)
@@ -130,8 +175,9 @@ def main() -> int:
         print(f"a sweep of {WHOLE} points through ff.fit, processor time of caller and worker")
         for misfit in ("squares", "slack"):
             print(f"  few runs    {fitted(path, misfit)}")
+        by_input(Path(folder), args.before)
         if args.before:
-            response_curve.LEAST_POINTS = WHOLE + 1
+            curve_survey.LEAST_POINTS = WHOLE + 1
             for misfit in ("squares", "slack"):
                 print(f"  every point {fitted(path, misfit)}")
     return 0 if all(kept) else 1

@@ -19,19 +19,31 @@ import numpy as np
 import build_fmu
 import fitting as ff
 from fitting.text.arrays import FloatArray
-from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
+from tests.support.cfmu_build import build_c_fmu, build_euler_lag_fmu, build_lag_fmu
 from tests.support.linear_traces import held_response, oscillator, string
 
 QUICK = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
+#: Steps of Euler's method of an FMU's own, s.
+OWN_STEPS_S = (0.002, 0.01)
 Truth = dict[str, float]
 Laboratory = tuple[ff.Problem, Truth]
 
 
 def step(fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
     """Step response of first order, 2 % noise."""
+    return step_response(fmu, rng, 0.04)
+
+
+def quiet_step(fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
+    """Step response of first order, 0.1 % noise: less than an FMU by Euler's method is off by."""
+    return step_response(fmu, rng, 0.002)
+
+
+def step_response(fmu: ff.Fmu, rng: np.random.Generator, sigma: float) -> Laboratory:
+    """Step response of first order by its closed form, with noise."""
     t = np.linspace(0.0, 1.99, 200)
     u = np.where(t >= 0.1, 1.0, 0.0)
-    y = 2.0 * -np.expm1(-np.maximum(t - 0.1, 0.0) / 0.3) + 0.04 * rng.standard_normal(t.size)
+    y = 2.0 * -np.expm1(-np.maximum(t - 0.1, 0.0) / 0.3) + sigma * rng.standard_normal(t.size)
     setup = ff.Setup(ff.Drive(), "y")
     trace = ff.Trace(t, y, setup=setup, input="u", driven=(t, u), interpolation="held")
     parameters = [
@@ -143,6 +155,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         with ff.Fmu(build_lag_fmu(Path(folder)), workers=1) as fmu:
             coverage(fmu, step, count)
+        for own_s in OWN_STEPS_S:
+            with ff.Fmu(build_euler_lag_fmu(Path(folder), own_s), workers=1) as fmu:
+                coverage(fmu, quiet_step, count)
         with ff.Fmu(build_c_fmu(Path(folder)), workers=1) as fmu:
             coverage(fmu, ringdown, count)
         path = build_fmu.build("CoupledOscillator", Path(folder))

@@ -270,6 +270,13 @@ READING = [
     (EXP, "u2 (MHz)", "u2 (m)", "experiments.csv: column 'u2': found unit 'm'"),
     (EXP, "pair2,", "pair1,", "row 5, column 'experiment': 'pair1' appears twice"),
     (EXP, "6.94034", "fast", "row 5, column 'u2': found 'fast', wanted a finite number"),
+    (
+        EXP,
+        "6.94034",
+        "NaN",
+        "row 5, column 'u2': found 'NaN', wanted a finite number; where nothing was measured "
+        "leave the row out, or end a sampled record before it",
+    ),
     (EXP, "6.94034", "6.94018", "row 5: drive frequencies 6.94018, 6.94018 MHz; wanted positive"),
     (EXP, "6.94034", "-6.94034", "wanted positive ones that differ"),
     # keys
@@ -331,7 +338,12 @@ READING = [
         "[continuation]\nbetta = 1\n",
         "unknown key 'betta'; did you mean 'beta'?",
     ),
-    (TOML, "beta = 0.1", "beta = 1.5", "[continuation] beta: found 1.5, wanted a factor below 1"),
+    (
+        TOML,
+        "beta = 0.1",
+        "beta = 1.5",
+        "[continuation] beta: found 1.5, wanted a factor above 0 and below 1",
+    ),
     (
         TOML,
         "nu_start = 0.1",

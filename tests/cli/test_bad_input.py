@@ -293,7 +293,8 @@ def test_the_program_itself_ends_so(folder: Path) -> None:
     assert told.stdout == ""
     assert told.stderr == (
         f"fmu-fit: {folder}/sweep.csv: row 2, column 'amplitude': found 'NaN', "
-        "wanted a finite number\n"
+        "wanted a finite number; where nothing was measured leave the row out, "
+        "or end a sampled record before it\n"
     )
     assert not out.exists()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import pty
 import re
@@ -14,9 +15,10 @@ from pathlib import Path
 import pytest
 
 from fitting.api.cost import Expected
-from fitting.api.fitted import Progress
+from fitting.api.fitted import Progress, Spent
 from fitting.cli.running.progress import hidden, status_line
 from fitting.cli.running.remaining import Remaining
+from fitting.inference.stages import Stage
 from tests.support.small_campaign import small_campaign
 
 ROOT = Path(__file__).parents[2]
@@ -30,6 +32,12 @@ EXPECTED = Expected(
     refits=0,
     search=(100.0, 400.0),
     profiles=(200.0, 1000.0),
+    stages={
+        Stage.MINIMA: (50.0, 100.0),
+        Stage.WALKS: (100.0, 700.0),
+        Stage.BEYOND: (50.0, 200.0),
+        Stage.DIRECTIONS: (0.0, 0.0),
+    },
     bootstrap=(0.0, 0.0),
     output_runs=(0.0, 0.0),
 )
@@ -52,46 +60,168 @@ FIRST = Progress(
 )
 
 
-def test_the_first_line_knows_no_number_and_tells_none() -> None:
-    assert Remaining(EXPECTED).searching(FIRST) == "alternative 1/1, start 1/1, ν = 1e-01"
+class Clock:
+    """Seconds that pass when it is told."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
 
 
-def test_what_is_left_counts_the_profiles_in() -> None:
-    """Half of the levels done at 0.1 s an evaluation: 50 to 200 and the profiles are left."""
-    state = replace(FIRST, j_fit=0.5, j_reg=0.25, evaluations=90, done=2, seconds_each=0.1)
-    said = Remaining(EXPECTED).searching(state)
-    assert said.endswith("J = 0.75, up to 2 min left")
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
 
 
-def test_the_profiles_have_a_pace_of_their_own() -> None:
-    now = iter([0.0, 10.0, 10.0, 100.0, 200.0])
-    remaining = Remaining(EXPECTED, clock=lambda: next(now))
-    assert remaining.walking(0) == "profiles of 2 values, 0 evaluations"
-    # 100 in ten seconds: 100 to 900 are left
-    assert remaining.walking(100) == "profiles of 2 values, 100 evaluations, 10 to 90 s left"
-    assert remaining.walking(500) == "profiles of 2 values, 500 evaluations, up to 10 s left"
-    assert remaining.walking(1000).endswith("1000 evaluations, longer than expected")
+@pytest.fixture
+def told(clock: Clock) -> Remaining:
+    """Of a job without a report."""
+    return Remaining(EXPECTED, drawn=False, clock=clock)
 
 
-def test_no_time_is_told_of_a_pace_that_was_hardly_seen() -> None:
-    now = iter([0.0, 1.0, 10.0])
-    remaining = Remaining(EXPECTED, clock=lambda: next(now))
-    assert remaining.walking(0).endswith(" 0 evaluations")
-    assert remaining.walking(400).endswith(" 400 evaluations")  # fast ones, for a second
-    assert remaining.walking(500).endswith(" left")
-    hardly = replace(FIRST, evaluations=9, done=1, seconds_each=0.1)
-    assert "left" not in Remaining(EXPECTED).searching(hardly)
+def after(told: Remaining, clock: Clock, now_s: float, spent: Spent) -> str:
+    """What is left at a moment: the evaluations told before have been made by then."""
+    clock.now_s = now_s
+    told.walking(spent)
+    return told.left()
 
 
-def test_the_time_left_runs_down_while_estimates_waver_and_follows_what_they_say() -> None:
-    """The paces that are seen would say 90, 89, 121 and 95 s."""
-    now = iter([0.0, 10.0, 11.0, 12.0, 13.0, 40.0])
-    told = Remaining(replace(EXPECTED, profiles=(0.0, 10_000.0)), clock=lambda: next(now))
-    told.walking(0)
-    said = [told.walking(n).partition("up to ")[2] for n in (1000, 1100, 900, 1200)]
-    assert said == ["90 s left", "89 s left", "88 s left", "87 s left"]
-    # half as fast as it was: 40 s for 2000 leave 160 s for the other 8000
-    assert told.walking(2000).endswith("up to 3 min left")
+def most_s(words: str) -> float:
+    """The upper end of what is told, s."""
+    match = re.fullmatch(r"(?:.* )?(\d+) (s|min) left", words)
+    assert match, words
+    return float(match[1]) * (60.0 if match[2] == "min" else 1.0)
+
+
+def test_the_first_line_knows_no_number_and_tells_none(told: Remaining) -> None:
+    assert told.searching(FIRST) == "alternative 1/1, start 1/1, ν = 1e-01"
+    assert told.left() == ""
+
+
+def test_what_is_left_counts_profiles_and_figures_in(told: Remaining, clock: Clock) -> None:
+    """Half of the levels done at 0.05 s an evaluation: 50 to 200 and the profiles are left."""
+    state = replace(FIRST, j_fit=0.5, j_reg=0.25, evaluations=90, done=2, seconds_each=0.05)
+    assert told.searching(state).endswith("J = 0.75")
+    assert told.left() == "12 to 60 s left"
+    drawn = Remaining(EXPECTED, clock=clock)  # and ten figures, half a second to two each
+    drawn.searching(state)
+    assert drawn.left() == "18 to 80 s left"
+
+
+def test_a_stage_that_ended_early_is_not_waited_for(told: Remaining, clock: Clock) -> None:
+    """Walks take 100 to 700 evaluations, what is beyond the box 50 to 200."""
+    assert told.walking(Spent("walks", 100, 0)) == "profiles of 2 values: walks, 100 evaluations"
+    # 100 in ten seconds: up to 500 and 50 to 200 are left
+    assert after(told, clock, 10.0, Spent("walks", 200, 0)) == "5 to 70 s left"
+    assert after(told, clock, 20.0, Spent("walks", 600, 0)) == "5 to 35 s left"
+    assert after(told, clock, 30.0, Spent("beyond the box", 0, 600)) == "2 to 10 s left"
+
+
+def test_the_time_left_runs_down_while_nothing_is_told(told: Remaining, clock: Clock) -> None:
+    told.walking(Spent("beyond the box", 100, 0))
+    assert after(told, clock, 10.0, Spent("beyond the box", 101, 0)) == "up to 10 s left"
+    clock.now_s = 14.0
+    assert told.left() == "up to 6 s left"
+    clock.now_s = 21.0
+    assert told.left() == "longer than expected"
+
+
+def test_profiles_that_begin_anew_keep_their_pace(told: Remaining, clock: Clock) -> None:
+    """At 0.05 s an evaluation 150 to 925 are left, not the 0.4 s of all that was before."""
+    told.walking(Spent("walks", 600, 0))
+    after(told, clock, 30.0, Spent("what has no effect", 0, 600))
+    said = after(told, clock, 40.0, Spent("other minima", 100, 0))
+    assert 40.0 < most_s(said) < 50.0
+    later = after(told, clock, 50.0, Spent("other minima", 110, 0))
+    assert 35.0 < most_s(later) < 50.0
+
+
+def test_a_batch_that_was_held_up_tells_nothing_of_the_others(
+    told: Remaining, clock: Clock
+) -> None:
+    """200 at 0.1 s, then ten that took 100 s: not six minutes for the 680 that may follow."""
+    told.walking(Spent("walks", 100, 0))
+    after(told, clock, 10.0, Spent("walks", 200, 0))
+    after(told, clock, 20.0, Spent("walks", 210, 0))
+    assert 68.0 <= most_s(after(told, clock, 120.0, Spent("walks", 220, 0))) <= 100.0
+
+
+def test_a_stage_that_takes_longer_is_given_a_quarter_more(told: Remaining, clock: Clock) -> None:
+    told.walking(Spent("beyond the box", 400, 0))
+    assert after(told, clock, 40.0, Spent("beyond the box", 401, 0)) == "up to 10 s left"
+
+
+def test_no_time_is_told_of_a_pace_that_was_hardly_seen(told: Remaining, clock: Clock) -> None:
+    told.walking(Spent("walks", 400, 0))
+    assert after(told, clock, 1.0, Spent("walks", 500, 0)) == ""  # fast ones, for a second
+    assert after(told, clock, 10.0, Spent("walks", 600, 0)).endswith(" left")
+    hardly = Remaining(EXPECTED)
+    hardly.searching(replace(FIRST, evaluations=9, done=1, seconds_each=0.1))
+    assert hardly.left() == ""
+
+
+def test_the_time_left_runs_down_while_estimates_waver_and_follows_what_they_say(
+    clock: Clock,
+) -> None:
+    """The paces that are seen would say 89, 88, 87.5 and 89 s."""
+    stages = {**EXPECTED.stages, Stage.WALKS: (0.0, 10_000.0), Stage.BEYOND: (0.0, 0.0)}
+    told = Remaining(replace(EXPECTED, stages=stages), drawn=False, clock=clock)
+    for k in range(10):
+        after(told, clock, float(k), Spent("walks", 100 * (k + 1), 0))
+    counts = {10.0: 1100, 11.0: 1200, 12.0: 1250, 13.0: 1450}
+    said = [after(told, clock, at_s, Spent("walks", n, 0)) for at_s, n in counts.items()]
+    assert [most_s(words) for words in said] == [89.0, 88.0, 87.0, 86.0]
+    # 200 in 27 s, where they took two
+    assert after(told, clock, 40.0, Spent("walks", 2050, 0)) == "up to 3 min left"
+
+
+def test_figures_are_counted_and_their_page(clock: Clock) -> None:
+    told = Remaining(EXPECTED, clock=clock)
+    assert (told.report(), told.left()) == ("figures and report", "5 to 20 s left")
+    assert told.drawing(0, 7) == "figure 1 of 7"
+    assert told.left() == "5 to 20 s left"
+    clock.now_s = 1.5
+    assert told.drawing(1, 7) == "figure 2 of 7"
+    assert told.left() == "about 10 s left"  # six figures and the page, 1.5 s each
+    clock.now_s = 10.5
+    assert told.drawing(7, 7) == "report"
+    assert told.left() == "about 2 s left"
+
+
+def test_over_a_whole_job_the_end_is_never_put_off(clock: Clock) -> None:
+    """400 evaluations at 0.1 s, 330 at 0.2 s, seven figures and a page: 114 s in all."""
+    told = Remaining(EXPECTED, clock=clock)
+    ends: list[float] = []
+    left: list[tuple[float, float]] = []
+
+    def look() -> None:
+        if words := told.left():
+            ends.append(clock.now_s + most_s(words))
+            left.append((114.0 - clock.now_s, most_s(words)))
+
+    for done in range(5):
+        told.searching(replace(FIRST, evaluations=100 * done, done=done, seconds_each=0.1))
+        look()
+        clock.now_s += 10.0 * (done < 4)
+    before = 0
+    for stage, count in (("other minima", 70), ("walks", 200), ("beyond the box", 60)):
+        for k in range(0, count, 10):
+            told.walking(Spent(stage, k + 10, before))
+            look()
+            clock.now_s += 2.0
+        before += count
+    told.walking(Spent("what has no effect", 0, before))
+    for k in range(8):
+        told.drawing(k, 7)
+        look()
+        clock.now_s += 1.0
+    last = [end for end, (true_s, _) in zip(ends, left, strict=True) if true_s <= 20.0]
+    assert len(last) > 10
+    assert all(later <= sooner for sooner, later in itertools.pairwise(last))
+    assert all(true_s <= said_s for true_s, said_s in left)
+    assert left[-1] == pytest.approx((1.0, 1.0), abs=0.5)
 
 
 def test_nothing_is_shown_where_it_is_hidden(capsys: pytest.CaptureFixture[str]) -> None:

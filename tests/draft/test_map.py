@@ -150,6 +150,7 @@ def test_the_draft_of_a_map_runs_as_it_is_and_finds_the_coupling(
     table = campaign["complex_control_sweep" if phases else "control_sweep"]
     assert table.get("delay") == ("fit" if phases else None)
     assert campaign["laws"] == {"f1": "a0 + a1*V"}
+    assert campaign["fmu"]["taken"] == ["g2"]  # that nobody drives mode 2 is a guess
     starts(campaign)
     results = tmp_path / "results"
     quick = ["--no-report", "--no-profiles", "--workers", "1"]

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 import fitting as ff
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.tables import read_table
-from tests.bench import coupled_rlc
+from tests.bench import bench_coupled_rlc
 
 WAVES = Path(__file__).parents[1] / "campaign/files/coupled-rlc-circuits/every_fifth"
 SPECTRA = Path(__file__).parents[2] / "data" / "coupled_rlc" / "spectra.toml"
@@ -62,7 +62,8 @@ def test_spectra_of_the_other_loop_find_what_all_components_say(swift_fmu: Path)
 def test_losses_of_the_spectra_by_closed_form() -> None:
     """As wide over C1 in both loops as 5.7 kohm per henry, over C2 as the 1.7 kohm of the parts."""
     (k1, _, width1), (k2, _, width2) = (
-        coupled_rlc.fitted(seen, "one resistance", weighed=True)[0][:3] for seen in ("C1", "C2")
+        bench_coupled_rlc.fitted(seen, "one resistance", weighed=True)[0][:3]
+        for seen in ("C1", "C2")
     )
     assert width2 == pytest.approx(1700.0 / (2.0 * np.pi), rel=0.05)
     assert width1 > 3.0 * width2

@@ -20,11 +20,12 @@ from fitting.campaign import Drive, Setup
 from fitting.campaign.parameters import Parameter
 from fitting.fmu import FmuWorkers, Run
 from fitting.measurements.curve_plan import CurvePlan
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.simulate.batch import Batch, Workers
-from fitting.simulate.budget import Basis, Budget
+from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.words import decision_in_words
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from tests.support import reference
@@ -134,7 +135,7 @@ def planned(
 ) -> ResponseCurve:
     """The curve under the plan that is made for it, at the frequency that is largest there."""
     top = float(u_hz[int(np.argmax(np.abs(curve.simulated(vectors[0], u_hz[::50], workers))) * 50)])
-    plan = curve.planned(u_hz, vectors[:1], workers, top)
+    plan = plan_curve(curve, u_hz, vectors[:1], workers, top)
     return replace(curve, model=replace(curve.model, plan=plan))
 
 
@@ -169,6 +170,55 @@ def test_eight_runs_give_a_thousand_points(
         assert np.max(np.abs(row[places] / exact - 1.0)) < 1e-9
 
 
+@pytest.mark.parametrize(("phase2", "tones"), [(0.7, 2), (0.9, 1)])
+def test_tones_of_the_fmu_share_runs_where_both_act_alike(
+    oscillator_fmu: Path, phase2: float, tones: int
+) -> None:
+    """Where it has to settle, five runs; a second tone of another phase is no such tone."""
+    u, p = 1.0e5 + np.linspace(-300.0, 700.0, 1001), np.array([40.0])
+    settings: dict[str, Scalar] = {"phase2": phase2, "periodic_start": False}
+    curve = ResponseCurve(two_modes(Plan(0.25, budget=Budget(1e-6))), settings, OUTPUTS[1])
+    with FmuWorkers(oscillator_fmu, workers=1) as workers:
+        curve = planned(curve, u, [p], workers)
+        [found], batch = responses([curve], p[np.newaxis], u, workers)
+    [plan] = curve.model.plan.curves
+    assert plan.tones == tones
+    assert batch.count(1)[0] == plan.runs == plan.nodes_hz.size // tones + 1
+    places = np.arange(0, 1001, 20)
+    exact = truth(u[places], 1)
+    assert np.max(np.abs(found[0][places] / exact - 1.0)) < 1e-8
+
+
+def test_tones_on_an_input_share_runs_and_are_held_over_the_same_steps(tmp_path: Path) -> None:
+    """Three runs for 61 points, nearer to the closed form than a run for each of them.
+
+    A drive held over 16 steps in a period promises less than is wanted: what that leaves is no
+    reason to simulate every point.
+    """
+    mass, damping, stiffness = 1e-3, 1.0, 4e4
+    eta = math.sqrt(stiffness / mass) / TWO_PI
+    u = np.round(eta + np.linspace(-300.0, 300.0, 61))
+    drive = Drive(input="force", amplitude=2.5, samples_per_period=16)
+    start: dict[str, Scalar] = {"damping": damping, "stiffness": stiffness}
+    setup = Setup(drive, "displacement", start_values=start)
+    images = Decision(kind=Kind.INPUT, basis=Basis.COMPARED, bound=1e-4)
+    plan, p = Plan(0.06, budget=Budget(1e-6, (images,))), np.empty(0)
+    curve = ResponseCurve(DrivenModel(setup=setup, parameters=(), plan=plan))
+    with FmuWorkers(build_c_fmu(tmp_path), workers=1) as workers:
+        plan = plan_curve(curve, u, [p], workers)
+        shared = replace(curve, model=replace(curve.model, plan=plan))
+        [found], batch = responses([shared], p[np.newaxis], u, workers)
+        each = curve.simulated(p, u, workers)
+    decision = plan.decisions[-1]
+    assert batch.count(1)[0] == decision.numbers["runs"] == 3
+    assert f"3 runs of up to {decision.numbers['tones']} tones for 61" in decision_in_words(
+        decision
+    )
+    w = TWO_PI * u
+    exact = 2.5 / (stiffness - mass * w**2 + 1j * w * damping)
+    assert np.all(np.abs(found[0] / exact - 1.0) < np.abs(each / exact - 1.0) + 1e-8)
+
+
 def promised(scene: RandomScene, workers: ModalWorkers) -> tuple[CurvePlan, Batch, float]:
     """Plan, batch, and largest relative error of any point at any of its parameter vectors."""
     curve = ResponseCurve(modal_model(scene.start, output=scene.output))
@@ -200,7 +250,7 @@ def test_several_settings_are_answered_in_one_batch() -> None:
     places: list[dict[str, Scalar]] = [{"g2": 0.1 * k} for k in range(8)]
     for settings in places:
         curve = ResponseCurve(model, settings)
-        model = replace(model, plan=curve.planned(u, [p], workers))
+        model = replace(model, plan=plan_curve(curve, u, [p], workers))
     [decision] = model.plan.decisions
     assert decision.numbers["curves"] == decision.numbers["interpolated"] == 8
     assert decision.bound == 1e-9
@@ -247,7 +297,7 @@ def test_a_nonlinear_fmu_is_run_at_every_point(tmp_path: Path) -> None:
     u, p = 6.94026e6 + np.linspace(-150.0, 150.0, 31), np.empty(0)
     with FmuWorkers(build_fmu.build("DuffingOscillator", tmp_path), workers=1) as workers:
         counted = CountedWorkers(workers)
-        plan = curve.planned(u, [p], counted, top_hz=6.94026e6)
+        plan = plan_curve(curve, u, [p], counted, top_hz=6.94026e6)
         assert counted.runs == 2
         curve = replace(curve, model=replace(curve.model, plan=plan))
         [found], batch = responses([curve], p[np.newaxis], u[::10], workers)
@@ -287,7 +337,7 @@ def test_an_fmu_with_noise_is_run_at_every_point(
     fmu = build_c_fmu(tmp_path, marks={"NOISE": noise})
     p = np.empty(0)
     with FmuWorkers(fmu, workers=1) as workers:
-        plan = curve.planned(u, [p], workers)
+        plan = plan_curve(curve, u, [p], workers)
         curve = replace(curve, model=replace(curve.model, plan=plan))
         [found], batch = responses([curve], p[np.newaxis], u, workers)
         each = curve.simulated(p, u, workers)

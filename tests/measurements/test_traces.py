@@ -469,6 +469,21 @@ def test_a_campaign_file_tells_of_traces(lag_file: Path, tmp_path: Path) -> None
         assert "autocorrelation" in drawn
 
 
+def test_an_input_in_proportion_to_the_fmu_s_has_a_gain(lag_file: Path, tmp_path: Path) -> None:
+    """A force seen as a current, one unit of which is three of the input: the gain is a third."""
+    proportion = CAMPAIGN.replace(
+        'interpolation = "held"',
+        'interpolation = "held"\ngain = "fit"\nstart = "unknown"\nstates = 1',
+    )
+    path = written(tmp_path, lag_file, proportion)
+    rows = zip(LAG_T, 3.0 * LAG_U, lag_step(TAU, GAIN), strict=True)
+    lines = (",".join(map(repr, map(float, row))) for row in rows)
+    (tmp_path / "first.csv").write_text("\n".join(["time (s),u (mA),y (V)", *lines]))
+    fit = ff.fit(ff.Problem.of(ff.read_campaign(path)))
+    assert fit.success
+    assert abs(fit["tau"].value - TAU) < 4.0 * fit["tau"].std
+
+
 def edited(head: str, change: str) -> str:
     """The first file's text with its header, or with a line changed."""
     rows = [f"{10 * k},{1000 * (k > 9)},{k % 7}" for k in range(40)]
@@ -489,6 +504,7 @@ HEAD = "time (ms),u (mV),y (mV)"
         pytest.param("time,u (mV),y (mV)", "", "'time' has no unit in its header", id="no unit"),
         pytest.param("time (ms),u (mV),z (mV)", "", "no column 'y'", id="no output"),
         pytest.param("time (ms),u (mV),y (s)", "", 'want gain = "fit" in [[trace]]', id="unit"),
+        pytest.param("time (ms),u (s),y (mV)", "", "that is in proportion to it", id="input"),
         pytest.param("y (ms),u (mV),time (mV)", "", "found unit 'mV', wanted 's'", id="swapped"),
         pytest.param(HEAD, "20=180,1000,much", "row 20, column 'y': found 'much'", id="text"),
     ],
@@ -572,6 +588,21 @@ def test_bad_arrays_are_told_in_a_sentence(
     with pytest.raises(BadInput) as raised:
         ff.Trace(time, values, setup=LAG, **more)  # type: ignore[arg-type]
     assert said in str(raised.value)
+
+
+def clipped_step(noise: float) -> FloatArray:
+    """The step response in a range that ends at three quarters of it."""
+    y = lag_step(TAU, GAIN) + noise * np.random.default_rng(4).standard_normal(LAG_T.size)
+    return np.minimum(y, 0.75 * GAIN)
+
+
+def test_a_noisy_trace_that_stays_at_the_end_of_its_range_is_clipped() -> None:
+    """One stretch: noise does not repeat its extreme, what is without noise may."""
+    with pytest.raises(BadInput, match=r"clipped at 1\.5, in \d+ stretch"):
+        lag_trace(clipped_step(0.02))
+    assert lag_trace(clipped_step(0.0)).rows == LAG_T.size
+    rounded = np.round(lag_step(TAU, GAIN) / 0.1) * 0.1
+    assert lag_trace(rounded).rows == LAG_T.size
 
 
 @pytest.mark.parametrize("every", [1, 5, 10, 20])

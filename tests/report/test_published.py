@@ -16,7 +16,13 @@ from fitting.report.figures.data import HEADS, figure_csv
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.paper import ONE_COLUMN, TWO_COLUMNS, save_pdf
 from fitting.report.figures.style import new_figure, style
-from fitting.report.tables.published import latex_name, latex_text, write_values
+from fitting.report.tables.published import (
+    latex,
+    latex_name,
+    latex_text,
+    rows_of,
+    write_values,
+)
 from fitting.result.result import Result
 from tests.support import report_records as records
 
@@ -104,3 +110,27 @@ def test_figures_for_print_have_their_width_and_no_title(
         assert float(box[1]) == pytest.approx(72.0 * width)
     with style():
         assert new_figure("T", "C", synthetic=True, height=2.0).get_suptitle() == "T\nC"
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("9.8 × 10³¹ to 1.01 × 10³²", r"9.8 $\times$ 10$^{31}$ to 1.01 $\times$ 10$^{32}$"),
+        ("2 × 10⁻⁹ V", r"2 $\times$ 10$^{-9}$ V"),
+        ("0.16 Hz*F**0.5", r"0.16 Hz$\cdot$F$^{0.5}$"),
+        ("4 Hz/V**2", r"4 Hz/V$^{2}$"),
+    ],
+)
+def test_exponents_are_written_for_latex(text: str, written: str) -> None:
+    """pdflatex: "Unicode character ³¹ not set up for use with LaTeX", and no table."""
+    assert latex_text(text) == written
+
+
+def test_every_letter_of_the_table_is_one_that_latex_knows(result: Result) -> None:
+    rows = [
+        replace(row, value=scale * row.value, std=scale * row.std, low=scale, high=9 * scale)
+        for row in rows_of(result)
+        for scale in (1e-32, 1e-9, 1e31)
+    ]
+    found = {letter for letter in latex(rows) if ord(letter) > 126}
+    assert found == set()

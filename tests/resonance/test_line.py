@@ -338,7 +338,6 @@ def re_numbers(text: str) -> tuple[float, float]:
         ("a (kHz),b", ["--from", "5.1 kHz", "--to", "5 kHz"], "wanted a rising range"),
         ("a (kHz),b", ["--from", "5.1 kHz"], "0 points lie between --from and --to"),
         ("a (kHz),b", ["--from", "4.995 kHz"], "is cut off by the first point"),
-        ("t (ms),b (V)", [], "fmu-fit init, where it is no free decay with --fmu: docs/"),
     ],
     ids=[
         *(
@@ -351,7 +350,6 @@ def re_numbers(text: str) -> tuple[float, float]:
             "range",
             "outside",
             "cut",
-            "time",
         ),
     ],
 )

@@ -186,6 +186,26 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
         ),
         (
             Decision(
+                kind=Kind.STEP,
+                basis=Basis.HALVED,
+                bound=2e-3,
+                numbers={
+                    "step_s": 1e-2,
+                    "longest_s": 1e-2,
+                    "per_sample": 1,
+                    "own_s": 0.0,
+                    "stands_s": 2e-3,
+                    "change": 0.0,
+                    "runs": 6,
+                },
+            ),
+            "communication step: 10 ms, 1 in a sample; half of it changes a trace by 0.0e+00 of "
+            "its largest value, in 6 runs; the FMU advances in steps of its own of 0.002 s, which "
+            "cannot be shortened from outside: what Euler's method would leave is taken for its "
+            "error; at most 2.0e-03",
+        ),
+        (
+            Decision(
                 kind=Kind.MAXIMUM,
                 basis=Basis.POLYNOMIAL,
                 bound=2e-6,

@@ -68,9 +68,26 @@ def build_lag_fmu(folder: Path) -> Path:
     return _first_order(folder, "lag", ())
 
 
+def build_euler_lag_fmu(
+    folder: Path, step_s: float, *, divides: bool = False, told: bool = False
+) -> Path:
+    """The lag by steps of Euler's method of its own, which may stand in its description."""
+    options = (f"-DOWN_STEP={step_s!r}", *(("-DDIVIDES",) if divides else ()))
+    path = _first_order(folder, "lag", options)
+    if not told:
+        return path
+    usual = f'<DefaultExperiment stepSize="{step_s!r}"/>\n  <ModelVariables>'
+    return reworded(path, {"<ModelVariables>": usual})
+
+
 def build_wall_fmu(folder: Path) -> Path:
     """The wall C T' = (Ti1 - T)/R1 + (Ti2 - T)/R2 between two rooms as an FMU in ``folder``."""
     return _first_order(folder, "wall", ("-DWALL",))
+
+
+def build_room_fmu(folder: Path) -> Path:
+    """The heated room C T' = (To - T)/R1 + Q, Ti = T + R2 Q as an FMU in ``folder``."""
+    return _first_order(folder, "room", ("-DROOM",))
 
 
 def _first_order(folder: Path, name: str, options: Sequence[str]) -> Path:

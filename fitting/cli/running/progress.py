@@ -57,7 +57,7 @@ def status_line(
     show = _terminal if sys.stderr.isatty() else _pipe
     ended = threading.Event()
     shower = threading.Thread(
-        target=show, args=(label, lambda: _joined(said[0], counted()), ended), daemon=True
+        target=show, args=(label, lambda: listed_words(said[0], counted()), ended), daemon=True
     )
     shower.start()
     try:
@@ -67,7 +67,12 @@ def status_line(
         shower.join()
 
 
-def _joined(*texts: str) -> str:
+def listed_words(*texts: str) -> str:
+    """Words side by side, those that there are.
+
+    Args:
+        *texts: empty where there is nothing to say.
+    """
     return ", ".join(text for text in texts if text)
 
 
@@ -86,4 +91,4 @@ def _pipe(label: str, text: Callable[[], str], ended: threading.Event) -> None:
         if ended.wait(min(max(FIRST_S, PART * passed_s), MOST_S)):
             return
         after = f"{time.monotonic() - begun:.0f} s"
-        print(f"{label}: {_joined(text(), after)}", file=sys.stderr, flush=True)
+        print(f"{label}: {listed_words(text(), after)}", file=sys.stderr, flush=True)

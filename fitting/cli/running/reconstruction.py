@@ -20,7 +20,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.interrupts import to_the_end
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
-from fitting.cli.running.remaining import Remaining
+from fitting.cli.running.remaining import Remaining, counted
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
@@ -61,10 +61,10 @@ def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out:
     with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         check_external(args.external, _units(problem))
-        memory = _memory(args, problem, out)
+        memory, remaining = _memory(args, problem, out), _remaining(args, problem)
         try:
-            with status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell:
-                ended = _ending(args, _Reconstruction(problem, out, memory, tell))
+            with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
+                ended = _ending(args, _Reconstruction(problem, out, memory, tell, remaining))
         except KeyboardInterrupt:
             print(f"interrupted before there was a result{_way_on(args, memory)}")
             return 1
@@ -88,16 +88,24 @@ def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out:
         print(f"go on with: {_command(args, resume=True)}")
         return 1
     if not args.no_report:
-        print(f"report: {_drawn(ended.found, result, out, args.style or STYLES[0])}")
+        print(f"report: {_drawn(ended, result, out, args.style, remaining)}")
     remove_earlier(out, PASSING)
     memory.remove()  # when all is done that may be killed
     return EXIT_CODES.get(result.status, 1)
 
 
-def _drawn(found: Valued, result: Result, out: Path, style: str) -> Path:
-    with status_line(NAME) as tell:
-        tell("figures and report")
-        return draw_report(found, result, out, style)
+def _drawn(
+    ended: _Ending, result: Result, out: Path, style: str | None, remaining: Remaining
+) -> Path:
+    with status_line(NAME, remaining.left) as tell:
+        tell(remaining.report())
+        return draw_report(
+            ended.found,
+            result,
+            out,
+            style or STYLES[0],
+            lambda done, of: tell(remaining.drawing(done, of)),
+        )
 
 
 def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
@@ -133,12 +141,13 @@ def _units(problem: ff.Problem) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Reconstruction:
-    """What is solved, where results and finished levels go, and who is told how far it is."""
+    """What is solved, where results and finished levels go, who is told how far it is and how."""
 
     problem: ff.Problem
     out: Path
     memory: KeptLevels
     tell: Callable[[str], None]
+    remaining: Remaining
 
 
 class _Ending(NamedTuple):
@@ -168,6 +177,17 @@ def _starts(args: argparse.Namespace) -> int | None:
     return 1 if args.quick and args.starts is None else args.starts
 
 
+def _remaining(args: argparse.Namespace, problem: ff.Problem) -> Remaining:
+    expected = expected_of(
+        problem,
+        _method(args, problem),
+        _starts(args),
+        profiles=not args.no_profiles,
+        refits=args.bootstrap or 0,
+    )
+    return Remaining(expected, drawn=not args.no_report)
+
+
 def _memory(args: argparse.Namespace, problem: ff.Problem, out: Path) -> KeptLevels:
     """Finished levels of this very job: those of an interrupted run, or none yet."""
     options = search_options(problem, _method(args, problem), _starts(args), args.seed)
@@ -181,21 +201,13 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     """Fit and infer; the fit is written before profiles are walked, which take most of the time."""
     job.tell("planning")
     method = _method(args, job.problem)
-    expected = expected_of(
-        job.problem,
-        method,
-        _starts(args),
-        profiles=not args.no_profiles,
-        refits=args.bootstrap or 0,
-    )
-    remaining = Remaining(expected)
     found: Valued
     found = fitted = ff.fit(
         job.problem,
         method,
         starts=_starts(args),
         seed=args.seed,
-        progress=lambda state: job.tell(remaining.searching(state)),
+        progress=lambda state: job.tell(job.remaining.searching(state)),
         memory=job.memory,
     )
     fitted.command = _command(args)
@@ -212,7 +224,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
         inferred = ff.profile(
             fitted,
             bootstrap=args.bootstrap or 0,
-            progress=lambda evaluations: job.tell(remaining.walking(evaluations)),
+            progress=lambda spent: job.tell(job.remaining.walking(spent)),
         )
         with to_the_end():
             found, result, done = inferred, inferred.result, inferred.profiled

@@ -7,27 +7,39 @@ import time
 from collections.abc import Callable
 
 from fitting.api.cost import Expected, Range, added, times
-from fitting.api.fitted import Progress
+from fitting.api.fitted import Progress, Spent
+from fitting.cli.running.progress import listed_words
 
-#: Evaluations of the profiles from which their own pace is taken, not that of the search, and
-#: seconds that a pace was seen for before it is told: the first evaluations are not like the rest.
-ENOUGH, SEEN_S = 50, 5.0
+#: Evaluations and seconds that a pace was seen for before it is told: the first evaluations are not
+#: like the rest.
+ENOUGH, SEEN_S = 50, 2.0
 #: What was said runs down like a clock until a new estimate is off by this factor.
 CALM = 1.5
+#: A batch of evaluations this many times slower than those before it was held up, and tells
+#: nothing of those that follow.
+HELD_UP = 10.0
+#: Figures that a report is expected to have, its page counted as one, and seconds of each before
+#: any was drawn.
+FIGURES, FIGURE_S = 10, (0.5, 2.0)
 
 
 class Remaining:
-    """Follows a fit and its profiles, and says at each moment how far it is.
+    """Follows a fit, its profiles and its report: what is being done, and how long all of it takes.
 
     Args:
         expected: evaluations that the parts of the job are expected to take.
+        drawn: whether figures and a report follow.
         clock: seconds.
     """
 
-    def __init__(self, expected: Expected, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, expected: Expected, *, drawn: bool = True, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._expected, self._clock = expected, clock
+        self._pace = _Pace()
         self._seconds_each = math.nan
-        self._begun_s = math.nan
+        self._drawing_s: Range = times(FIGURES if drawn else 0.0, FIGURE_S)
+        self._drawing_began_s = math.nan
         self._told_s: Range | None = None
 
     def searching(self, state: Progress) -> str:
@@ -47,41 +59,105 @@ class Remaining:
         j = state.j_fit + state.j_reg
         words += [f"J = {j:.5g}"] if math.isfinite(j) else []
         share = 1.0 - state.done / max(state.of, 1)
-        left = added(times(share, e.search), e.profiles, e.bootstrap)
-        return ", ".join([*words, *self._left(left, self._clock())])
+        self._expect(added(times(share, e.search), e.profiles, e.bootstrap))
+        return ", ".join(words)
 
-    def walking(self, evaluations: int) -> str:
+    def walking(self, spent: Spent) -> str:
         """Where the profiles are, in words.
 
         Args:
-            evaluations: that they have taken so far.
+            spent: as `fitting.profile` hands it out.
         """
-        e, now_s = self._expected, self._clock()
-        if math.isnan(self._begun_s):
-            self._begun_s = now_s
-        if evaluations >= ENOUGH and now_s - self._begun_s >= SEEN_S:
-            self._seconds_each = (now_s - self._begun_s) / evaluations
-        low, high = e.profiles[0] - evaluations, e.profiles[1] - evaluations
-        bounds = (max(low, 0.0) + e.bootstrap[0], high + e.bootstrap[1])
-        words = f"profiles of {e.profiled} values, {evaluations} evaluations"
-        late = ["longer than expected"]
-        return ", ".join([words, *(self._left(bounds, now_s) if high > 0.0 else late)])
+        self._pace.seen(spent.total, self._clock())
+        if self._pace.evaluations >= ENOUGH and self._pace.seconds >= SEEN_S:
+            self._seconds_each = self._pace.seconds / self._pace.evaluations
+        self._expect(self._expected.left(spent.stage, spent.evaluations))
+        count = f"{spent.evaluations} evaluations"
+        return f"profiles of {self._expected.profiled} values: {spent.stage}, {count}"
 
-    def _left(self, evaluations: Range, now_s: float) -> list[str]:
-        """How long so many evaluations take; nothing before a pace was seen."""
-        if not self._seconds_each > 0.0:
-            return []
-        low_s, high_s = (count * self._seconds_each for count in evaluations)
+    def report(self) -> str:
+        """What is said before the first figure, whose number is not known yet."""
+        self._told_s = None
+        self._expect((0.0, 0.0))
+        return "figures and report"
+
+    def drawing(self, done: int, of: int) -> str:
+        """Where the figures are, in words.
+
+        Args:
+            done: figures that are drawn.
+            of: figures in all.
+        """
+        now_s = self._clock()
+        if not done:
+            self._drawing_began_s = now_s
+        each = FIGURE_S
+        if done:
+            each = times((now_s - self._drawing_began_s) / done, (1.0, 1.0))
+        self._drawing_s = times(of - done + 1, each)
+        self._expect((0.0, 0.0))
+        return f"figure {done + 1} of {of}" if done < of else "report"
+
+    def left(self) -> str:
+        """How long all of it still takes, in words; nothing before a pace was seen."""
+        if self._told_s is None:
+            return ""
+        low_s, high_s = (max(at_s - self._clock(), 0.0) for at_s in self._told_s)
+        if high_s <= 0.0:
+            return "longer than expected"
+        if high_s < 1.0:
+            return "a second left"
+        unit, size = ("s", 1.0) if high_s < 120.0 else ("min", 60.0)
+        low, high = _rounded(low_s / size), _rounded(high_s / size)
+        if low == high:
+            return f"about {high} {unit} left"
+        return f"up to {high} {unit} left" if low == "0" else f"{low} to {high} {unit} left"
+
+    def _expect(self, evaluations: Range) -> None:
+        """So many evaluations are left before the figures; what was said stays while it is calm."""
+        if max(evaluations) > 0.0 and not self._seconds_each > 0.0:
+            return
+        now_s = self._clock()
+        seconds_each = self._seconds_each if max(evaluations) > 0.0 else 0.0
+        low_s, high_s = added(times(seconds_each, evaluations), self._drawing_s)
         if self._told_s is not None:
             low_then_s, high_then_s = (max(at_s - now_s, 0.0) for at_s in self._told_s)
             if max(high_s, high_then_s) <= CALM * min(high_s, high_then_s):
-                low_s, high_s = min(low_s, low_then_s), high_then_s
+                low_s, high_s = min(max(low_s, low_then_s), high_then_s), high_then_s
         self._told_s = (now_s + low_s, now_s + high_s)
-        if high_s < 1.0:
-            return ["a second left"]
-        unit, size = ("s", 1.0) if high_s < 120.0 else ("min", 60.0)
-        low, high = _rounded(low_s / size), _rounded(high_s / size)
-        return [f"up to {high} {unit} left" if low == "0" else f"{low} to {high} {unit} left"]
+
+
+def counted(remaining: Remaining, runs: int) -> str:
+    """What stands behind the words of a progress: how long it still takes, and runs so far.
+
+    Args:
+        remaining: of the job.
+        runs: of the FMU.
+    """
+    return listed_words(remaining.left(), f"{runs} runs")
+
+
+class _Pace:
+    """Evaluations and the seconds that they took, but for what held a batch up."""
+
+    def __init__(self) -> None:
+        self.evaluations, self.seconds = 0, 0.0
+        self._last: tuple[int, int, float] | None = None
+
+    def seen(self, total: int, now_s: float) -> None:
+        """So many evaluations are asked for by now, and those asked for before have been made.
+
+        Args:
+            total: evaluations since the count began; it begins anew where it falls.
+            now_s: on the clock, s.
+        """
+        before, asked, then_s = self._last or (0, 0, now_s)
+        self._last = (total, max(total - before, 0), now_s)
+        seconds = now_s - then_s
+        if self.evaluations >= ENOUGH:
+            seconds = min(seconds, HELD_UP * self.seconds / self.evaluations * max(asked, 1))
+        self.evaluations += asked
+        self.seconds += seconds
 
 
 def _rounded(value: float) -> str:

@@ -247,23 +247,50 @@ def likelihood_with(objective: Objective, noise: RowNoise) -> Likelihood:
     return replace(plain, scatter=noise.scatter)
 
 
+@dataclass(frozen=True)
+class Spent:
+    """How far a search is: its `stage` in words, `evaluations` in that, and `before` it began."""
+
+    stage: str
+    evaluations: int
+    before: int
+
+    @property
+    def total(self) -> int:
+        """Evaluations of all stages so far."""
+        return self.before + self.evaluations
+
+
 class LikelihoodEvaluator:
     """Evaluates a likelihood in batches and counts; at most about `limit` simulation runs.
 
     Runs that points of a batch share count once; a model that counts none counts evaluations.
-    `progress` is told the evaluations so far.
+    `progress` is told what was spent when a stage begins and before every batch.
     """
 
     def __init__(
         self,
         likelihood: Likelihood,
         limit: int = 10**9,
-        progress: Callable[[int], None] = lambda evaluations: None,
+        progress: Callable[[Spent], None] = lambda spent: None,
     ) -> None:
         self.likelihood = likelihood
         self.limit = limit
         self._progress = progress
+        self._stage, self._before = "", 0
         self.evaluations = self.derived = self.runs = self.failures = 0
+
+    def begin(self, stage: str) -> None:
+        """What is evaluated from here on belongs to another stage.
+
+        Args:
+            stage: in words.
+        """
+        self._stage, self._before = stage, self.evaluations
+        self._tell()
+
+    def _tell(self) -> None:
+        self._progress(Spent(self._stage, self.evaluations - self._before, self._before))
 
     def __call__(self, requests: Sequence[Request]) -> list[list[Sample]]:
         """Samples for the requests of a round, in one batch.
@@ -334,7 +361,7 @@ class LikelihoodEvaluator:
 
     def _asked(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         self.evaluations += len(xs)
-        self._progress(self.evaluations)
+        self._tell()
         points = evaluate_many(self.likelihood.objective, xs)
         self.runs += sum(point.runs for point in points)
         return [self.likelihood.rows(point) for point in points]

@@ -10,16 +10,17 @@ Source: B. Efron and R. Tibshirani, An Introduction to the Bootstrap (1993), sec
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
 
 from fitting.campaign.parameters import to_model
 from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, Spent
 from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
 from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles, Profile
+from fitting.inference.stages import Stage
 from fitting.text.arrays import FloatArray
 
 #: Refits handed to an executor at a time.
@@ -32,7 +33,7 @@ def bootstrap(
     samples: int,
     seed: int,
     executor: Executor | None = None,
-    limit: int = 10**9,
+    progress: Callable[[Spent], None] = lambda spent: None,
 ) -> Bootstrap:
     """Percentile intervals of refits, for every value that has one by its verdict.
 
@@ -45,7 +46,7 @@ def bootstrap(
         seed: of their noise; the same with and without an executor.
         executor: where the refits run, in parts; the response must then be picklable. Without one
             they run here, in the response's own batches.
-        limit: evaluations of the objective at most, without an executor.
+        progress: is told before every batch what the refits took so far, without an executor.
 
     Raises:
         FmuFailure: the model failed at more points than can be left out.
@@ -55,7 +56,7 @@ def bootstrap(
     noise = generator.standard_normal((samples, expansion.sample.rows.size))
     noise[:, likelihood.data_rows :] *= likelihood.inverse_prior_sigma > 0.0
     if executor is None:
-        refits = _refits(likelihood, expansion, noise, limit)
+        refits = _refits(likelihood, expansion, noise, progress)
     else:
         parts = [noise[k : k + CHUNK] for k in range(0, samples, CHUNK)]
         pending = [executor.submit(_refits, likelihood, expansion, part) for part in parts]
@@ -74,10 +75,14 @@ def bootstrap(
 
 
 def _refits(
-    likelihood: Likelihood, expansion: Expansion, noise: FloatArray, limit: int = 10**9
+    likelihood: Likelihood,
+    expansion: Expansion,
+    noise: FloatArray,
+    progress: Callable[[Spent], None] = lambda spent: None,
 ) -> list[tuple[FloatArray, FloatArray] | None]:
     """(x, outputs) of a refit per row of whitened noise; None where none was reached."""
-    evaluator = LikelihoodEvaluator(likelihood, limit)
+    evaluator = LikelihoodEvaluator(likelihood, progress=progress)
+    evaluator.begin(Stage.REFITS)
     tasks = [_refit(likelihood, expansion, expansion.sample.rows + row) for row in noise]
     return run_in_lockstep(tasks, evaluator)
 

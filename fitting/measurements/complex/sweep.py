@@ -22,6 +22,7 @@ from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.figure import complex_figure
 from fitting.measurements.complex.gain import SharedGain, Solved
 from fitting.measurements.complex.maps import complex_maps
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.dip import dip_qualities
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.few_places import few_of
@@ -288,7 +289,7 @@ class ComplexSweeps(MeasurementKind):
         """The plan with few runs for each sweep, where the response is measured to be rational."""
         for curve in self.curves:
             top_hz = float(np.clip(curve.line.eta_hz, curve.u_hz[0], curve.u_hz[-1]))
-            plan = self._curve(model, curve).planned(curve.u_hz, points, workers, top_hz)
+            plan = plan_curve(self._curve(model, curve), curve.u_hz, points, workers, top_hz)
             model = replace(model, plan=plan)
         return model.plan
 

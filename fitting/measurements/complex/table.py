@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
@@ -92,13 +93,26 @@ class ReadComplexSweeps:
 
     def bind(self, binder: Binder, setup: Setup) -> ComplexSweeps:
         """The sweeps with settings and outputs of the FMU."""
-        bound = []
-        for table, curve in zip(self.tables, self.curves, strict=True):
-            output = table.output or ""
-            if output:
-                where = f"{setup.source}: [complex_sweep] output"
-                binder.real(output, where, READABLE, "observed")
-            settings = {name: binder.setting(name, w) for name, w in table.set.items()}
-            sigma = bind_sigmas(table.set_sigma, binder)
-            bound.append(replace(curve, settings=settings, setting_sigma=sigma, output=output))
-        return ComplexSweeps(setup=setup, curves=tuple(bound))
+        gathered(look for table in self.tables for look in _names(table, binder, setup))
+        pairs = zip(self.tables, self.curves, strict=True)
+        bound = tuple(
+            replace(
+                curve,
+                settings=binder.settings(table.set),
+                setting_sigma=bind_sigmas(table.set_sigma, binder),
+                output=table.output or "",
+            )
+            for table, curve in pairs
+        )
+        return ComplexSweeps(setup=setup, curves=bound)
+
+
+def _names(
+    table: ComplexSweepTable, binder: Binder, setup: Setup
+) -> Iterator[Callable[[], object]]:
+    """What looks at each name and value by itself."""
+    if table.output:
+        where = f"{setup.source}: [complex_sweep] output"
+        yield partial(binder.real, table.output, where, READABLE, "observed")
+    yield partial(binder.settings, table.set)
+    yield partial(bind_sigmas, table.set_sigma, binder)

@@ -28,6 +28,7 @@ from fitting.campaign import Setup
 from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.control.scales import SCALES, SpectrumScales
 from fitting.measurements.control.spectrum import ControlSpectrum
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.few_places import few_of
 from fitting.measurements.figure import Axis, Figure
@@ -257,7 +258,7 @@ class ControlSweep(MeasurementKind):
         """
         for s in self.spectra:
             top_hz = float(s.u_hz[int(np.argmax(s.y))])
-            plan = self._curve(model, s).planned(s.u_hz, points, workers, top_hz)
+            plan = plan_curve(self._curve(model, s), s.u_hz, points, workers, top_hz)
             model = replace(model, plan=plan)
         return model.plan
 

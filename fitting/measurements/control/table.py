@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -25,7 +27,7 @@ from fitting.measurements.control.spectrum import ControlSpectrum
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.signal.amplitudes import declared_amplitude
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, gathered
 from fitting.text.formula import Formula
 from fitting.text.keys import (
     FileName,
@@ -39,7 +41,7 @@ from fitting.text.keys import (
     Value,
     refusing,
 )
-from fitting.text.written import in_unit
+from fitting.text.written import above_zero
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,12 +141,9 @@ class ReadControlSweep:
     def bind(self, binder: Binder, setup: Setup) -> ControlSweep:
         """The same with the controls in the units of laws and of the FMU."""
         table, where = self.table, f"{setup.source}: [control_sweep]"
-        if table.output:
-            binder.real(table.output, f"{where} output", READABLE, "observed")
         unit = self.format.trace.amplitude.unit
-        sigma = 0.0 if table.sigma is None else in_unit(table.sigma, unit)
-        if table.sigma is not None and not sigma > 0.0:
-            raise BadInput(f"{where} sigma: found {sigma:g} {unit}, wanted more than zero")
+        gathered(self._names(binder, f"{where} output", unit))
+        sigma = above_zero(table.sigma, unit)
         return ControlSweep(
             setup=setup,
             spectra=tuple(
@@ -166,6 +165,14 @@ class ReadControlSweep:
             output=table.output or "",
             unit=unit,
         )
+
+    def _names(self, binder: Binder, where: str, unit: str) -> Iterator[Callable[[], object]]:
+        """What looks at each name and value by itself."""
+        if self.table.output:
+            yield partial(binder.real, self.table.output, where, READABLE, "observed")
+        yield partial(above_zero, self.table.sigma, unit)
+        for spectrum in self.spectra[:1]:  # one column: what is wrong with it is told once
+            yield partial(binder.settings, spectrum.controls)
 
     def _drive(self, spectrum: MeasuredSpectrum, setup: Setup, where: str) -> FloatArray:
         """Amplitude of the drive over its level, at every point of a spectrum."""

@@ -220,6 +220,13 @@ class DemodulatedRecord:
         """A step may be many periods: what it may not be is found by halving it."""
         return False
 
+    def look(self, fine: int) -> None:
+        """None: nothing but its start moves it.
+
+        Args:
+            fine: steps between two samples.
+        """
+
     @property
     def has_unknown_start(self) -> bool:
         """It is a free decay."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,7 @@ from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import Count, FileName, Keys, Missing, OneOf, Refused, Switch, Text, Value
 from fitting.text.tables import Table, read_table
 from fitting.text.units import convert
-from fitting.text.written import in_unit
+from fitting.text.written import above_zero, in_unit
 
 #: Amplitudes in these are levels, 20 to a factor of ten, of a reference that a decay does not need.
 LEVELS = ("dB", "dBm", "dBV", "dBuV", "dBu", "dBc", "dBFS")
@@ -167,14 +167,8 @@ class ReadDemodulated:
             setup: how the campaign drives the FMU.
             label: of the trace.
         """
-        table, where = self.table, f"{setup.source}: [[demodulated_trace]]"
-        binder.real(table.output or setup.output, f"{where} output", READABLE, "observed")
-        binder.real(table.input, f"{where} input", ("input",), "driven")
-        sigma = 0.0
-        if table.sigma is not None:
-            sigma = in_unit(table.sigma, self.unit)
-            if not sigma > 0.0:
-                raise BadInput(f"{table.sigma.where}: found {sigma:g}, wanted more than zero")
+        table = self.table
+        gathered(self._readers(binder, setup))
         return DemodulatedRecord(
             self.time_s,
             self.values,
@@ -184,14 +178,25 @@ class ReadDemodulated:
             modes=table.modes,
             offset=table.offset,
             floor=table.floor,
-            sigma=sigma,
+            sigma=above_zero(table.sigma, self.unit),
             begin=table.begin,
-            settings={name: binder.setting(name, w) for name, w in table.set.items()},
+            settings=binder.settings(table.set),
             setting_sigma=bind_sigmas(table.set_sigma, binder),
             label=label,
             unit=self.unit,
             source=str(table.file),
         )
+
+    def _readers(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What looks at each name and value by itself."""
+        table, where = self.table, f"{setup.source}: [[demodulated_trace]]"
+        seen = table.output or setup.output
+        yield partial(binder.real, seen, f"{where} output", READABLE, "observed")
+        yield partial(binder.real, table.input, f"{where} input", ("input",), "driven")
+        yield partial(above_zero, table.sigma, self.unit)
+        yield partial(in_unit, table.frequency, "Hz")
+        yield partial(binder.settings, table.set)
+        yield partial(bind_sigmas, table.set_sigma, binder)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from scipy.constants import Boltzmann
 from scipy.linalg import block_diag
 
 from fitting.campaign import Setup
+from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
@@ -172,7 +173,7 @@ class NoiseSpectra(MeasurementKind):
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
         """The plan with few runs for each spectrum, where the response is rational."""
         for each in self.spectra:
-            plan = self._curve(model, each).planned(each.u_hz, points, workers, _top_hz(each))
+            plan = plan_curve(self._curve(model, each), each.u_hz, points, workers, _top_hz(each))
             model = replace(model, plan=plan)
         return model.plan
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -42,8 +42,10 @@ from fitting.text.keys import (
 )
 from fitting.text.tables import Column, Table, read_table
 from fitting.text.units import convert, same_kind
-from fitting.text.written import in_unit
+from fitting.text.written import above_zero
 
+#: What a campaign may tell of the resonator, with its unit.
+TOLD = {"temperature": "K", "mass": "kg", "spring_constant": "N/m"}
 #: Units of what is seen whose squares per Hz a density may have.
 SEEN_UNITS = ("m", "V", "m/s", "m/s**2", "A", "1")
 #: Words for what a column holds where its unit does not tell it.
@@ -244,16 +246,9 @@ class ReadNoise:
             setup: how the campaign drives the FMU.
             label: of the spectrum.
         """
-        table, where = self.table, f"{setup.source}: [[noise_spectrum]]"
-        if table.output:
-            binder.real(table.output, f"{where} output", READABLE, "observed")
-        told = {"temperature": "K", "mass": "kg", "spring_constant": "N/m"}
-        numbers = {}
-        for key, unit in told.items():
-            written = getattr(table, key)
-            numbers[key] = 0.0 if written is None else in_unit(written, unit)
-            if written is not None and not numbers[key] > 0.0:
-                raise BadInput(f"{written.where}: found {numbers[key]:g}, wanted more than zero")
+        table = self.table
+        gathered(self._readers(binder, setup))
+        numbers = {key: above_zero(getattr(table, key), unit) for key, unit in TOLD.items()}
         return NoiseRecord(
             self.frequency_hz,
             self.density,
@@ -266,7 +261,7 @@ class ReadNoise:
             spring_constant=numbers["spring_constant"],
             floor=table.floor,
             window=table.window,
-            settings={name: binder.setting(name, w) for name, w in table.set.items()},
+            settings=binder.settings(table.set),
             label=label,
             output=table.output or "",
             unit=self.unit,
@@ -291,6 +286,16 @@ class ReadNoise:
                 "acceleration; wanted mass or spring_constant beside it"
             )
         return not accelerates
+
+    def _readers(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What looks at each name and value by itself."""
+        table = self.table
+        if table.output:
+            where = f"{setup.source}: [[noise_spectrum]] output"
+            yield partial(binder.real, table.output, where, READABLE, "observed")
+        for key, unit in TOLD.items():
+            yield partial(above_zero, getattr(table, key), unit)
+        yield partial(binder.settings, table.set)
 
 
 @dataclass(frozen=True)

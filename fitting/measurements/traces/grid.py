@@ -18,6 +18,8 @@ GAP = 1.5
 #: Stretches of equal extreme values, samples in each, and jump into them, in quanta: clipped. A
 #: parabola that is within one quantum over three samples comes there by four quanta at most.
 STRETCHES, FLAT, JUMP = 2, 3, 6.0
+#: Samples of a stretch that is clipped though it is the only one.
+ALONE = 8
 
 
 def spacing_s(time_s: FloatArray, source: str, places: Sequence[str] = ()) -> float:
@@ -63,7 +65,8 @@ def spacing_s(time_s: FloatArray, source: str, places: Sequence[str] = ()) -> fl
 def refuse_clipped(values: FloatArray, source: str) -> None:
     """Complain of values (n,) that are cut off: they jump into flat stretches at an extreme.
 
-    A signal of few bits is flat at its top as well, but comes there by few quanta.
+    One stretch does where noise is beside it, which does not repeat an extreme by chance. A signal
+    of few bits is flat at its top as well, but comes there by few quanta.
 
     Args:
         values: of a trace, in any unit.
@@ -80,12 +83,22 @@ def refuse_clipped(values: FloatArray, source: str) -> None:
         flat = np.concatenate([[False], values == extreme, [False]])
         edges = np.flatnonzero(np.diff(flat.astype(int)))
         begins, ends = edges[::2], edges[1::2]
-        long = (ends - begins >= FLAT) & (begins > 0)
-        if np.count_nonzero(long) < STRETCHES:
+        lengths = np.where(begins > 0, ends - begins, 0)
+        long = lengths >= FLAT
+        count = np.count_nonzero(long)
+        alone = bool(np.any(lengths >= ALONE)) and _rough(values[values != extreme])
+        if not count or (count < STRETCHES and not alone):
             continue
         jumps = np.abs(values[begins[long]] - values[begins[long] - 1])
         if float(np.median(jumps)) > JUMP * quantum:
+            noun = "stretch" if count == 1 else "stretches"
             raise BadInput(
-                f"{source}: clipped at {extreme:.6g}, in {np.count_nonzero(long)} stretches of "
+                f"{source}: clipped at {extreme:.6g}, in {count} {noun} of "
                 f"{FLAT} samples or more; wanted a trace that is whole"
             )
+
+
+def _rough(values: FloatArray) -> bool:
+    """Whether noise is most of what neighbours differ by: differences grow with their order."""
+    second, third = (np.median(np.abs(np.diff(values, order))) for order in (2, 3))
+    return bool(third > second)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from fitting.fmu import HeldSignal
 from fitting.measurements.traces.grid import refuse_clipped, spacing_s
+from fitting.measurements.traces.own_steps import LOOKED, Look
 from fitting.measurements.traces.waveform import LINEAR, Recorded, Waveform
 from fitting.signal.decay import decay_start
 from fitting.signal.window import Window
@@ -243,17 +244,32 @@ class TraceRecord:
             per_sample: steps between two samples.
         """
         if per_sample not in self._signals:
-            lead, count = self.lead_steps(), self.y.size
-            steps = (lead + count - 1) * per_sample
-            edges = self.t[0] + (np.arange(steps + 1) / per_sample - lead) * self.spacing_s
-            times = self.t[0] + np.arange(count) * self.spacing_s
-            held, seen = np.empty((steps, 0)), np.empty((count, 0))
-            names, waves = tuple(self.waveforms), self.waveforms.values()
-            if names:
-                held = np.stack([wave.means(edges) for wave in waves], axis=1)
-                seen = np.stack([wave.at(times) for wave in waves], axis=1)
-            self._signals[per_sample] = HeldSignal(names, self.spacing_s / per_sample, held, seen)
+            self._signals[per_sample] = self._held(per_sample, self.y.size)
         return self._signals[per_sample]
+
+    def _held(self, per_sample: int, count: int) -> HeldSignal:
+        """What is held until the last of the first samples."""
+        lead = self.lead_steps()
+        steps = (lead + count - 1) * per_sample
+        edges = self.t[0] + (np.arange(steps + 1) / per_sample - lead) * self.spacing_s
+        times = self.t[0] + np.arange(count) * self.spacing_s
+        held, seen = np.empty((steps, 0)), np.empty((count, 0))
+        names, waves = tuple(self.waveforms), self.waveforms.values()
+        if names:
+            held = np.stack([wave.means(edges) for wave in waves], axis=1)
+            seen = np.stack([wave.at(times) for wave in waves], axis=1)
+        return HeldSignal(names, self.spacing_s / per_sample, held, seen)
+
+    def look(self, fine: int) -> Look | None:
+        """A closer look at its run under the input; None: nothing but its start moves it.
+
+        Args:
+            fine: steps between two samples.
+        """
+        if not self.is_driven:
+            return None
+        count = min(self.y.size, max(2, LOOKED // fine))
+        return Look(self.window(count), self._held(fine, count), fine)
 
     @cached_property
     def shifts(self) -> npt.NDArray[np.intp]:

@@ -47,6 +47,7 @@ class StepPlan:
     change: float = 0.0
     runs: int = 0
     own_s: float = 0.0
+    stands_s: float = 0.0
     few: FewSamples | None = None
     tolerance: float = 0.0
     few_error: float = 0.0
@@ -134,9 +135,16 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
             "change": worst.change,
             "runs": sum(plan.runs for plan in plans),
             "own_s": max(plan.own_s for plan in plans),
+            **_stands(plans),
             **_few(plans),
         },
     )
+
+
+def _stands(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
+    """The longest step between whose ends the FMU was seen to stand still."""
+    longest = max(plan.stands_s for plan in plans)
+    return {"stands_s": longest} if longest else {}
 
 
 def _few(plans: Sequence[StepPlan]) -> dict[str, Scalar]:

@@ -17,6 +17,7 @@ from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.traces.decay_run import Pulsed, few_samples, read_decay
+from fitting.measurements.traces.own_steps import Look, euler_leaves, looked_finely
 from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
 from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
@@ -30,6 +31,8 @@ SHARE, MARGIN = 0.03, 0.1
 #: An error below which no more samples are tried, and the part of an error that more of them are
 #: taken for.
 GOAL, BETTER = 1e-11, 0.1
+#: How far a communication step may be from whole steps of the FMU's own, as seen, relative.
+UNEVEN = 0.01
 #: A change below this is none.
 ROUNDING = 1e-16
 
@@ -74,6 +77,9 @@ class Begun(Pulsed, Protocol):
     @property
     def has_own_steps(self) -> bool:
         """Whether its runs begin with the step that the FMU was made for."""
+
+    def look(self, fine: int) -> Look | None:
+        """A closer look at its run under the input; None: it has none."""
 
     @property
     def has_unknown_start(self) -> bool:
@@ -142,9 +148,58 @@ class Survey(Generic[T]):
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
+        steps = self._looked_closely(kept, steps, left)
         if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
             steps = self._of_few_samples(kept, steps, left)
         return plan.with_steps(steps)
+
+    def _looked_closely(
+        self, points: Sequence[FloatArray], steps: StepPlan, left: float
+    ) -> StepPlan:
+        """The steps with what the FMU's own leave, which half a communication step did not show.
+
+        Args:
+            points: parameter vectors (n,) that the FMU takes.
+            steps: as halving found them.
+            left: accuracy that is still to be had.
+        """
+        trace, batch = self.trace, self.batch
+        fine = steps.per_sample * looked_finely(steps.per_sample * trace.run_samples)
+        look = trace.look(fine)
+        if look is None:
+            return steps
+        values = self.model.values(points[0], trace.label or None, trace.settings)
+        output = self.kind.output(trace)
+        asked = [
+            batch.ask(values, look.closer, look.held_signal, output),
+            batch.ask(values, look.window, look.signal, output),
+        ]
+        try:
+            batch.simulate(self.workers)
+        except NoAnswer:
+            raise
+        except FmuFailure:  # it refuses short steps
+            batch.forget()
+            return steps
+        seen, fine_values = (batch.samples(run, output) for run in asked)
+        stands_s, runs = look.standing_s(seen), steps.runs + len(asked)
+        if stands_s:
+            count = steps.step_s / stands_s
+            late = abs(count - round(count)) > UNEVEN * count
+            bound = min(1.0, steps.bound + euler_leaves(seen, late=late))
+            return replace(steps, runs=runs, bound=bound, stands_s=stands_s)
+        coarse = self._simulated(points[:1], steps.per_sample)[0]
+        change = _change(coarse[: fine_values.size], fine_values)
+        if change <= steps.bound or 2.0 * change <= left:
+            bound = steps.bound if change <= steps.bound else 2.0 * change
+            return replace(steps, runs=runs, bound=bound)
+        finer = planned_steps(
+            replace(steps, per_sample=fine),
+            partial(self._simulated, points),
+            left,
+            trace.run_samples,
+        )
+        return replace(finer, runs=runs + finer.runs)
 
     def _of_few_samples(
         self, points: Sequence[FloatArray], steps: StepPlan, left: float

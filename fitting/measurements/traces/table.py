@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     BEGINS,
     FIRST,
+    FIT,
     FOUND,
     GAINS,
     ONE,
@@ -48,7 +49,7 @@ from fitting.text.keys import (
 )
 from fitting.text.tables import Table, read_table
 from fitting.text.units import convert
-from fitting.text.written import Written, in_unit
+from fitting.text.written import Written, above_zero, in_unit
 
 STEP, PULSE, CHIRP = SIGNALS = ("step", "pulse", "chirp")
 #: States that decay after an unknown start, where nothing is written: one mode.
@@ -215,6 +216,23 @@ class TraceTable(MeasurementTable):
         read = ReadColumn(table.numbers(column), own, f"{self.file}: column '{column.name}'")
         return read if unit is None else read.into(unit)
 
+    def names(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What looks at each name and value by itself.
+
+        Args:
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+        """
+        where = f"{setup.source}: [[trace]]"
+        seen = self.output or setup.output
+        yield partial(binder.real, seen, f"{where} output", READABLE, "observed")
+        if self.input is not None:
+            yield partial(binder.real, self.input, f"{where} input", ("input",), "driven")
+        for name in self.further_inputs:
+            yield partial(binder.real, name, f"{where} further_inputs", ("input",), "driven")
+        yield partial(binder.settings, self.set)
+        yield partial(bind_sigmas, self.set_sigma, binder)
+
     @classmethod
     def read_together(cls, tables: Sequence[Self]) -> ReadTraces:
         """All traces; the names of outputs are known beside the campaign."""
@@ -261,26 +279,20 @@ class ReadTrace:
             setup: how the campaign drives the FMU.
             label: of the trace.
         """
-        table, where = self.table, f"{setup.source}: [[trace]]"
-        seen = binder.real(table.output or setup.output, f"{where} output", READABLE, "observed")
+        table, variables = self.table, binder.variables
+        seen = variables[table.output or setup.output]
         driven = None
         if table.input is not None:
-            driver = binder.real(table.input, f"{where} input", ("input",), "driven")
-            driven = self._driven(binder, driver)
-        further = {}
-        for name, column in self.further.items():
-            driver = binder.real(name, f"{where} further_inputs", ("input",), "driven")
-            further[name] = self._on_clock(binder, driver, column)
+            driven = self._driven(binder, variables[table.input])
+        further = {
+            name: self._on_clock(binder, variables[name], column)
+            for name, column in self.further.items()
+        }
         values, decays = self.output, table.start == UNKNOWN and driven is None
         if table.gain == ONE and not decays:  # a free decay has no gain of its own
             if seen.unit is None:
                 binder.note_missing_unit(seen)
             values = _as_output(values, seen.unit)
-        sigma = 0.0
-        if table.sigma is not None:
-            sigma = in_unit(table.sigma, values.unit)
-            if not sigma > 0.0:
-                raise BadInput(f"{table.sigma.where}: found {sigma:g}, wanted more than zero")
         return TraceRecord(
             self.time.values,
             values.values,
@@ -291,12 +303,12 @@ class ReadTrace:
             output=table.output or "",
             gain=table.gain,
             offset=table.offset,
-            sigma=sigma,
+            sigma=above_zero(table.sigma, values.unit),
             lead_s=_in(table.lead, "s"),
             start=table.start,
             states=table.states or ONE_MODE,
             begin=table.begin,
-            settings={name: binder.setting(name, w) for name, w in table.set.items()},
+            settings=binder.settings(table.set),
             setting_sigma=bind_sigmas(table.set_sigma, binder),
             label=label,
             unit=values.unit or "1",
@@ -310,7 +322,15 @@ class ReadTrace:
             return self.table.signal.waveform(driver.unit)
         if self.driven is None:
             return None
+        if self._takes_any_input:
+            return np.array(self.time.values), _as_input(self.driven, driver.unit).values
         return self._on_clock(binder, driver, self.driven)
+
+    @property
+    def _takes_any_input(self) -> bool:
+        """Whether a factor of the one input is solved for, and the FMU has to be linear in it."""
+        table = self.table
+        return table.gain == FIT and table.start == UNKNOWN and not self.further
 
     def _on_clock(
         self, binder: Binder, driver: VariableLike, column: ReadColumn
@@ -318,7 +338,21 @@ class ReadTrace:
         """Times, and values of a column in the unit of its input."""
         if driver.unit is None:
             binder.note_missing_unit(driver)
-        return np.array(self.time.values), column.into(driver.unit).values
+        try:
+            return np.array(self.time.values), column.into(driver.unit).values
+        except BadInput as error:
+            raise BadInput(
+                f"{error}; an input that is in proportion to it, of a linear FMU, wants "
+                'gain = "fit" and start = "unknown" in [[trace]]'
+            ) from error
+
+
+def _as_input(values: ReadColumn, unit: str | None) -> ReadColumn:
+    """Values in the unit of an input, or in proportion to it."""
+    try:
+        return values.into(unit)
+    except BadInput:
+        return values
 
 
 def _as_output(values: ReadColumn, unit: str | None) -> ReadColumn:
@@ -349,7 +383,9 @@ class ReadTraces:
 
     def bind(self, binder: Binder, setup: Setup) -> Traces:
         """The traces in the names and units of the FMU."""
-        read = gathered(partial(table.read_columns, setup.output) for table in self.tables)
-        pairs = zip(read, self.labels, strict=True)
+        readers: list[Callable[[], Any]] = []
+        readers += [partial(table.read_columns, setup.output) for table in self.tables]
+        readers += [look for table in self.tables for look in table.names(binder, setup)]
+        pairs = zip(gathered(readers), self.labels, strict=False)  # what looks at names comes last
         records = gathered(partial(one.record, binder, setup, label) for one, label in pairs)
         return Traces(setup=setup, traces=tuple(records))

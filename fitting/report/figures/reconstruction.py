@@ -26,7 +26,12 @@ FOLDER = "figures"
 ALONG_FREQUENCY = (draw_drive, draw_over_frequency, draw_improvement)
 
 
-def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[FigureFile]:
+def write_figures(
+    result: Result,
+    data: ShownCampaign,
+    out_dir: Path,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> list[FigureFile]:
     """Draw every figure that the campaign has data for, as SVG, PNG and CSV in `out_dir`/figures.
 
     The same result gives the same bytes.
@@ -35,30 +40,45 @@ def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Fi
         result: of a reconstruction.
         data: what is shown of the campaign.
         out_dir: where the files go.
+        progress: is told how many are drawn, of how many.
 
     Raises:
         BadInput: the folder cannot be written.
     """
+    written = []
     with style():
         drawn = _drawings(result, data)
-        return [save(drawing, out_dir / FOLDER, for_page=True) for drawing in drawn]
+        for done, drawing in enumerate(drawn):
+            progress(done, len(drawn))
+            written.append(save(drawing, out_dir / FOLDER, for_page=True))
+    progress(len(drawn), len(drawn))
+    return written
 
 
-def write_paper_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Path]:
+def write_paper_figures(
+    result: Result,
+    data: ShownCampaign,
+    out_dir: Path,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> list[Path]:
     """The same figures as PDF for print, in the widths of one column and of two.
 
     Args:
         result: of a reconstruction.
         data: what is shown of the campaign.
         out_dir: where the files go.
+        progress: is told how many are drawn, of how many.
 
     Raises:
         BadInput: the folder cannot be written.
     """
-    written = []
-    for width in (ONE_COLUMN, TWO_COLUMNS):
+    written: list[Path] = []
+    widths = (ONE_COLUMN, TWO_COLUMNS)
+    for k, width in enumerate(widths):
         with style(paper_width=width):
-            written += save_pdf(_drawings(result, data), out_dir / FOLDER, width)
+            drawn = _drawings(result, data)
+            progress(k * len(drawn), len(widths) * len(drawn))
+            written += save_pdf(drawn, out_dir / FOLDER, width)
     return written
 
 

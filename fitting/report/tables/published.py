@@ -37,6 +37,10 @@ _SIGNS = {
     "µ": r"\textmu{}",
 }
 _GREEK = re.compile(r"[\u0370-\u03ff]")
+#: Exponents as they are written here and in units, for which LaTeX has its own way.
+_LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+_RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺]+")
+_POWER = re.compile(r"\*\*\(?(-?[\d.]+)\)?")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,7 +199,8 @@ def latex_text(text: str) -> str:
     written = "".join(_LATEX.get(letter, letter) for letter in text)
     for sign, there in _SIGNS.items():
         written = written.replace(sign, there)
-    return written
+    written = _RAISED.sub(lambda found: f"$^{{{found[0].translate(_LOWERED)}}}$", written)
+    return _POWER.sub(r"$^{\1}$", written).replace("*", r"$\cdot$")
 
 
 def _greek(letter: str) -> str:

@@ -1,6 +1,6 @@
 """The measured spectra of two coupled circuits by closed form: losses, noise, each C3 by itself.
 
-    python -m tests.bench.coupled_rlc
+    python -m tests.bench.bench_coupled_rlc
 
 Lines of the oscilloscope's spectra (`data/coupled_rlc`) over C1 and over C2 against a matrix of two
 loops and a square wave's 1/n, in dB: what each law of the loss leaves, then with the noise of the

@@ -1,0 +1,96 @@
+"""Traces through FMUs that integrate by Euler's method in steps of their own, the data exact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.simulate.budget import Decision, Kind
+from fitting.simulate.words import decision_in_words
+from fitting.text.arrays import FloatArray
+from tests.support.cfmu_build import build_euler_lag_fmu, build_lag_fmu
+
+QUICK = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
+TAU, GAIN, SIGMA = 0.3, 2.0, 0.002
+T = np.arange(200) * 0.01
+U = np.where(T >= 0.1, 1.0, 0.0)
+PARAMETERS = (
+    ff.Parameter("tau", 0.5, bounds=(0.05, 2.0)),
+    ff.Parameter("gain", 1.0, bounds=(0.1, 10.0)),
+)
+
+
+def fitted(path: Path, seed: int, **start_values: float) -> tuple[ff.Fit, Decision]:
+    """The fit of a step response by the closed form, and what was decided on its steps."""
+    noise: FloatArray = SIGMA * np.random.default_rng(seed).standard_normal(T.size)
+    y = GAIN * -np.expm1(-np.maximum(T - 0.1, 0.0) / TAU) + noise
+    setup = ff.Setup(ff.Drive(), "y", start_values=start_values, accuracy=1e-3)
+    trace = ff.Trace(T, y, setup=setup, input="u", driven=(T, U), interpolation="held")
+    with ff.Fmu(path, workers=1) as fmu:
+        fit = ff.fit(ff.Problem(fmu, PARAMETERS, trace), method=QUICK, starts=1)
+    assert fit.result.plan is not None
+    [decision] = [d for d in fit.result.plan.decisions if d.kind == Kind.STEP]
+    return fit, decision
+
+
+def euler(step_s: float, tau: float) -> FloatArray:
+    """The step response by Euler's method, as it stands at the samples."""
+    steps = np.floor(np.maximum(T - 0.1, 0.0) / step_s + 1e-6)
+    return np.asarray(GAIN * (1.0 - (1.0 - step_s / tau) ** steps))
+
+
+@pytest.mark.parametrize(
+    "step_s",
+    [
+        pytest.param(0.002, id="five in a sample"),
+        pytest.param(0.01, id="a sample"),
+        pytest.param(0.05, id="five samples"),
+    ],
+)
+def test_steps_that_nothing_shortens_widen_the_errors_to_the_truth(
+    tmp_path: Path, step_s: float
+) -> None:
+    """Half a communication step changes nothing: seven errors off, and not a word."""
+    fit, decision = fitted(build_euler_lag_fmu(tmp_path, step_s), 1)
+    assert float(decision.numbers["change"]) < 1e-12
+    assert decision.numbers["stands_s"] == pytest.approx(step_s, rel=0.02)
+    assert "in steps of its own" in decision_in_words(decision)
+    exact = GAIN * -np.expm1(-np.maximum(T - 0.1, 0.0) / TAU)
+    assert decision.bound > float(np.max(np.abs(euler(step_s, TAU) - exact))) / GAIN
+    for name, true in (("tau", TAU), ("gain", GAIN)):
+        low, high = fit[name].interval()
+        assert low <= true <= high
+
+
+def test_steps_that_shorter_ones_divide_are_shortened(tmp_path: Path) -> None:
+    """Of 5 ms, which 10 ms and 5 ms hold whole."""
+    fit, decision = fitted(build_euler_lag_fmu(tmp_path, 5e-3, divides=True), 1)
+    assert float(decision.numbers["step_s"]) < 1e-3
+    assert "stands_s" not in decision.numbers
+    assert decision.bound < 1e-3
+    for name, true in (("tau", TAU), ("gain", GAIN)):
+        assert abs(fit[name].value - true) < 4.0 * fit[name].std
+
+
+@pytest.mark.parametrize("through", [0.0, 0.25])
+def test_an_exact_fmu_stands_nowhere(tmp_path: Path, through: float) -> None:
+    _, decision = fitted(build_lag_fmu(tmp_path), 1, through=through)
+    assert "stands_s" not in decision.numbers
+    assert decision.bound < 1e-12
+
+
+def test_what_follows_its_input_at_once_has_no_steps_of_its_own(tmp_path: Path) -> None:
+    """An output that moves with each recorded value, and not in between."""
+    u: FloatArray = np.random.default_rng(3).standard_normal(T.size)
+    setup = ff.Setup(ff.Drive(), "y", start_values={"gain": 0.0})
+    trace = ff.Trace(T, 0.4 * u, setup=setup, input="u", driven=(T, u), interpolation="held")
+    through = ff.Parameter("through", 0.3, bounds=(0.1, 1.0))
+    with ff.Fmu(build_lag_fmu(tmp_path), workers=1) as fmu:
+        fit = ff.fit(ff.Problem(fmu, [through], trace), method=QUICK, starts=1)
+    assert fit.result.plan is not None
+    [decision] = [d for d in fit.result.plan.decisions if d.kind == Kind.STEP]
+    assert "stands_s" not in decision.numbers
+    assert fit["through"].value == pytest.approx(0.4, rel=1e-6)
