@@ -25,6 +25,7 @@ from fitting.resonance.reading import (
 )
 from fitting.resonance.spikes import spike_words, spikes_in
 from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
+from fitting.signal.noise_lines import TOGETHER
 from fitting.text.errors import BadInput, gathered
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
@@ -70,9 +71,9 @@ class SweepFile:
 
     @property
     def has_own_forces(self) -> bool:
-        """Whether it is a noise spectrum of two modes with forces of their own."""
+        """Whether it is a noise spectrum of two modes that heat moves, each by itself."""
         lines = None if self.noise is None else self.noise.lines
-        single = lines is None or len(lines.frequency_hz) < 2 or lines.together
+        single = lines is None or len(lines.frequency_hz) < 2 or lines.kind == TOGETHER
         return self.is_noise and not single
 
     def taken(self, kind: str) -> SweepFile:
@@ -92,7 +93,7 @@ class SweepFile:
             said=tuple(words for words in self.said if words not in of_amplitudes),
             line=NoiseLine.of(self.noise) if single else None,
             two=two,
-            modes=None,
+            modes=self.noise.modes,
             turned=False,
             trouble=f"{self.path}: shows no line as a noise spectrum: its density is level within "
             "its scatter"

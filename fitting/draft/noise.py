@@ -17,6 +17,8 @@ import numpy as np
 
 from fitting.campaign.instruments.roles import plain_name
 from fitting.draft.questions import Question
+from fitting.draft.two_modes import COUPLED as COUPLED_MODES
+from fitting.draft.two_modes import TwoModes, apart_hz
 from fitting.measurements.noise.table import (
     DENSITY,
     HOLDS,
@@ -28,7 +30,7 @@ from fitting.measurements.noise.table import (
 )
 from fitting.resonance.reading import Roles
 from fitting.resonance.two_lines import TwoLines
-from fitting.signal.noise_lines import NoiseLines, noise_lines
+from fitting.signal.noise_lines import COUPLED, TOGETHER, NoiseLines, noise_lines
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed, quantity
@@ -37,8 +39,10 @@ from fitting.text.units import same_kind
 
 NOISE, SWEEP = KINDS = ("noise", "sweep")
 #: Names of columns that say what they hold, in small letters.
-OF_DENSITY = re.compile(r"\b(psd|pxx|sxx|s_?xx|(power )?(spectral )?density|noise power)\b")
-OF_ROOT = re.compile(r"\b(asd|lsd|(amplitude|linear) spectral density|noise( amplitude)?)\b")
+NAMES = {
+    ROOT: re.compile(r"\b(asd|lsd|(amplitude|linear) spectral density)\b"),
+    DENSITY: re.compile(r"\b(psd|pxx|s_?xx|(spectral|noise) density|noise power)\b"),
+}
 #: Gain of the logarithm of the likelihood from which the scatter tells, span of the lines over
 #: their floor below which it does not, and the least share of itself that a density scatters by.
 TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
@@ -79,9 +83,28 @@ class NoiseLook:
             return None
         (f1, f2), (w1, w2), (a1, a2) = lines.frequency_hz, lines.width_hz, lines.height
         ratio = a2 / a1 * f2 / f1
-        if lines.together:
+        if lines.kind == TOGETHER:
             ratio = math.copysign(math.sqrt(abs(a2 / a1)), a2)
         return TwoLines((f1, f2), (w1, w2), complex(ratio))
+
+    @property
+    def modes(self) -> TwoModes | None:
+        """Its coupled modes; None where it shows none."""
+        lines = self.lines
+        if lines is None or lines.kind != COUPLED:
+            return None
+        f1, w1, f2, w2, coupling = lines.modes
+        return TwoModes(
+            kind=COUPLED_MODES,
+            frequency_hz=(f1, f2),
+            width_hz=(w1, w2),
+            coupling_hz=coupling,
+            drive=0.0,
+            describes=True,
+            line_hz=(*lines.frequency_hz, *lines.width_hz),
+            line_std_hz=(*lines.frequency_std_hz, *lines.width_std_hz),
+            apart_hz=apart_hz((f1, f2), (w1, w2), coupling),
+        )
 
     @property
     def residual(self) -> float:
@@ -111,18 +134,23 @@ class NoiseLook:
 
 def _forces_words(lines: NoiseLines) -> str:
     """Whether one force drives two modes, or each has its own."""
-    if lines.together:
+    if lines.kind == TOGETHER:
         return (
             "The density between the lines is that of modes which one force drives: force = "
             '"white".'
         )
-    own = 'forces of their own, which heat is: force = "thermal"'
+    if lines.kind == COUPLED:
+        return (
+            "The density is that of two coupled modes in heat, of which one is seen: force = "
+            '"thermal". Two lines that only add up describe it less well.'
+        )
+    own = 'each have a force of their own, as in heat: force = "thermal"'
     if not lines.plainly:
         return (
-            f"Taken: modes with {own}. The density between the lines does not tell them from modes "
-            "which one force drives."
+            f"Taken: both modes {own}. The density between the lines does not tell them from modes "
+            "that one force drives."
         )
-    return f"The density between the lines is the sum of both, as of modes with {own}."
+    return f"The densities of both lines add up, as of modes that {own}."
 
 
 def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
@@ -139,7 +167,7 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
     if not _is_table(roles):
         return None
     name = plain_name(column)
-    named = DENSITY if OF_DENSITY.search(name) else ROOT if OF_ROOT.search(name) else ""
+    named = next((way for way, words in NAMES.items() if words.search(name)), "")
     known = density_of(numbers, channel.unit) if channel.unit else None
     if known is not None:
         told = column.unit != channel.unit  # by whoever drafts, and the file does not

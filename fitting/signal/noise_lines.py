@@ -2,8 +2,11 @@
 
     S(f) = sum_k a_k L_k(f) + b               modes with forces of their own, as heat has them
     S(f) = |sum_k h_k g_k(f)|^2 + b           modes under one force, h_k of either sign
+    S(f) = -a Im chi(f)/f + b                 coupled modes in heat, of which the first is seen
+    chi = D2/(D1 D2 - K^2),   D_k = f_k^2 - f^2 + i f w_k
 
-g of `fitting.signal.peaks.mode_response`, L = |g|^2, one at the top of its line. An average of M
+g of `fitting.signal.peaks.mode_response`, L = |g|^2, one at the top of its line. The last is the
+first where both widths are alike; its lines are the roots of D1 D2 = K^2. An average of M
 periodograms scatters by its own size over sqrt(M); with an M that nobody told least is
 
     D = sum 2 (P/S - 1 - ln(P/S)),      M = (n - k)/D
@@ -26,7 +29,9 @@ from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
 from fitting.signal.peaks import mode_response
 from fitting.text.arrays import FloatArray
 
-#: Gain in chi square from which a force on both modes is told, or forces of their own are.
+#: How two modes may be moved: heat, each by itself, or one force, or heat with a coupling.
+OWN, TOGETHER, COUPLED = "own", "together", "coupled"
+#: Gain in chi square from which a way in which modes are moved is told from forces of their own.
 PLAINLY = 10.0
 #: Points that are averaged where a line is looked for.
 SMOOTHED = 5
@@ -35,13 +40,15 @@ BEGINS = (1.0, 2.0, 3.0, 4.0)
 #: Smallest density over the largest one that is told from zero, and of the floor.
 LEAST = 1e-12
 #: Probability below which chance does not explain what a further line gains.
-BY_CHANCE = 1e-4
+BY_CHANCE = 1e-3
 #: How far apart two lines are at least, over the sum of their widths.
 APART = 0.2
 #: Logarithms of sizes stay within.
 LARGEST = 60.0
 #: Evaluations of a fit at most, and relative fall that ends it.
 ROUNDS, GAIN = 100, 1e-9
+#: Step of an unknown that the density does not tell.
+SMALL = 1e-3
 #: Unknowns of each line.
 OF_A_LINE = 3
 
@@ -50,10 +57,12 @@ OF_A_LINE = 3
 class NoiseLines:
     """Lines of a density, the lowest frequency first: frequencies and full widths, Hz, and errors.
 
-    `height` of each is its density at its frequency, in the unit of the density; of `together`,
-    modes under one force, that of the second is negative where it answers against the first.
-    `floor` is that of the density, `deviance` D, `points` n. `plainly`: whether the density tells
-    that two modes are, or are not, `together`; else they are taken not to be.
+    `height` of each is its density at its frequency, in the unit of the density; of `TOGETHER`
+    that of the second is negative where it answers against the first. `floor` is that of the
+    density, `deviance` D, `points` n. `kind` is how two modes are moved, `plainly` whether the
+    density tells that; else each has a force of its own. `modes` are frequency and width, Hz, of
+    the seen mode and of the other one by themselves, then the root of K, Hz, where they are
+    `COUPLED`.
     """
 
     frequency_hz: tuple[float, ...]
@@ -62,11 +71,12 @@ class NoiseLines:
     width_std_hz: tuple[float, ...]
     height: tuple[float, ...]
     floor: float
-    together: bool
+    kind: str
     deviance: float
     points: int
     curve: FloatArray
     plainly: bool = True
+    modes: tuple[float, ...] = ()
 
     @property
     def unknowns(self) -> int:
@@ -126,20 +136,40 @@ def _is_seen(found: NoiseLines) -> bool:
 def _closest(
     f: FloatArray, y: FloatArray, fewer: NoiseLines | None, count: int
 ) -> NoiseLines | None:
-    """So many lines that leave least: with forces of their own, or under one, of either sign."""
-    best = _Fit(f, y, count).lowest(_further(f, y, fewer))
+    """So many lines that leave least: with forces of their own, or moved in another way."""
+    best = _Fit(f, y).lowest(_further(f, y, fewer))
     if best is None or count == 1:
         return best
-    begin = [_x_of(f, best)]
-    signs = (_Fit(f, y, count, together=True, sign=sign).lowest(begin) for sign in (1.0, -1.0))
-    other = min(filter(None, signs), key=lambda each: each.deviance, default=None)
-    if other is None:
+    begin = _x_of(f, best)
+    tried = [_Fit(f, y, TOGETHER, sign).lowest([begin]) for sign in (1.0, -1.0)]
+    tried.append(_Fit(f, y, COUPLED).lowest(_coupled(begin)))
+    others = sorted(filter(None, tried), key=lambda each: each.deviance)
+    others = [each for each in others if f[0] < each.frequency_hz[0] < each.frequency_hz[1] < f[-1]]
+    if not others:
         return best
-    unit = min(best.deviance, other.deviance) / max(1, best.points - best.unknowns)
-    gain = (best.deviance - other.deviance) / max(unit, LEAST)
-    if gain > PLAINLY:
-        return other
-    return replace(best, plainly=gain < -PLAINLY)
+    unit = min(best.deviance, others[0].deviance) / max(1, best.points - best.unknowns)
+    gains = {each.kind: (best.deviance - each.deviance) / max(unit, LEAST) for each in others[::-1]}
+    if gains[others[0].kind] > PLAINLY:
+        return others[0]
+    return replace(best, plainly=gains.get(TOGETHER, -math.inf) < -PLAINLY)
+
+
+def _coupled(x: FloatArray) -> list[FloatArray]:
+    """Where fits of coupled modes begin: from both lines, whichever of the modes is seen.
+
+    Strengths r of lines go with height times width, their sum is that of the seen mode: the other
+    one stands at z = (r1 p2 + r2 p1)/(r1 + r2), and k^2 = (p1 - z)(z - p2) over (2 f0)^2.
+    """
+    (u1, wide1, size1), (u2, wide2, size2) = x[:-1].reshape(2, OF_A_LINE)
+    r1, r2 = (_power(each) for each in (size1 + wide1, size2 + wide2))
+    share = r1 / (r1 + r2)
+    w1, w2 = _power(wide1), _power(wide2)
+    k = math.sqrt(share * (1.0 - share)) * math.hypot(u2 - u1, 0.5 * (w2 - w1))
+    own, other = share, 1.0 - share
+    seen = (own * u1 + other * u2, math.log(own * w1 + other * w2), max(size1, size2))
+    unseen = own * u2 + other * u1
+    widths = {own * w2 + other * w1, 0.3 * min(w1, w2)}
+    return [np.array([*seen, unseen, math.log(wide), k, x[-1]]) for wide in widths]
 
 
 def _x_of(f: FloatArray, lines: NoiseLines) -> FloatArray:
@@ -168,44 +198,56 @@ def _further(f: FloatArray, y: FloatArray, fewer: NoiseLines | None) -> list[Flo
 class _Fit:
     """Shift over the spacing, logarithms of width over it and of the height, of each line; floor.
 
-    Frequencies and widths stay among the points.
+    Frequencies and widths stay among the points. Of coupled modes K over 2 f0 and the spacing takes
+    the place of the second height.
     """
 
-    def __init__(
-        self,
-        f: FloatArray,
-        y: FloatArray,
-        count: int,
-        *,
-        together: bool = False,
-        sign: float = 1.0,
-    ) -> None:
-        self.f, self.y, self.count = f, y, count
-        self.together, self.sign = together, sign
+    def __init__(self, f: FloatArray, y: FloatArray, kind: str = OWN, sign: float = 1.0) -> None:
+        self.f, self.y, self.kind, self.sign = f, y, kind, sign
         self.spacing = float(np.median(np.diff(f)))
 
     def lines(self, x: FloatArray) -> list[tuple[float, float, float]]:
-        """Frequency and width, Hz, and height of each line."""
-        each = x[:-1].reshape(-1, OF_A_LINE)
+        """Frequency and width, Hz, and third number of each line."""
         return [
             (
                 float(np.clip(self.f[0] + self.spacing * shift, self.f[0], self.f[-1])),
                 float(np.clip(self.spacing * _power(wide), 0.2 * self.spacing, np.ptp(self.f))),
-                _power(size),
+                float(third),
             )
-            for shift, wide, size in each
+            for shift, wide, third in x[:-1].reshape(-1, OF_A_LINE)
         ]
 
     def curve(self, x: FloatArray) -> FloatArray:
         """S at x, (n,)."""
-        parts = [(mode_response(self.f, f, w), a) for f, w, a in self.lines(x)]
-        if not self.together:
-            power = np.sum([a * np.abs(g) ** 2 for g, a in parts], axis=0)
-        else:
-            signs = (1.0, self.sign)
-            seen = [s * math.sqrt(a) * g for (g, a), s in zip(parts, signs, strict=False)]
-            power = np.abs(np.sum(seen, axis=0)) ** 2
-        return np.asarray(power + _power(float(x[-1])))
+        floor = _power(float(x[-1]))
+        if self.kind == COUPLED:
+            return np.asarray(self.in_heat(x) + floor)
+        parts = [(mode_response(self.f, f, w), _power(a)) for f, w, a in self.lines(x)]
+        if self.kind == OWN:
+            return np.asarray(np.sum([a * np.abs(g) ** 2 for g, a in parts], axis=0) + floor)
+        (one, a), (two, b) = parts
+        return np.asarray(np.abs(math.sqrt(a) * one + self.sign * math.sqrt(b) * two) ** 2 + floor)
+
+    def in_heat(self, x: FloatArray) -> FloatArray:
+        """Of coupled modes, as high as the seen one would be by itself, (n,)."""
+        (f1, w1, size), (f2, w2, _) = self.lines(x)
+        one, two = (f0**2 - self.f**2 + 1j * self.f * w for f0, w in ((f1, w1), (f2, w2)))
+        chi = two / (one * two - self.coupling(x) ** 2)
+        return np.asarray(-chi.imag / self.f * f1**2 * w1 * _power(size))
+
+    def coupling(self, x: FloatArray) -> float:
+        """K at x, Hz^2."""
+        return 2.0 * float(np.mean(self.f)) * self.spacing * float(x[5])
+
+    def places(self, x: FloatArray) -> FloatArray:
+        """Frequencies of the lines at x, the lowest first, then their widths, Hz."""
+        modes = [(f, w) for f, w, _ in self.lines(x)]
+        if self.kind == COUPLED:
+            both = np.polymul(*([-1.0, 1j * w, f * f] for f, w in modes))
+            both[-1] -= self.coupling(x) ** 2
+            roots = sorted(np.roots(both), key=lambda root: float(root.real))[-2:]
+            modes = [(float(abs(p)), float(2.0 * p.imag)) for p in roots]
+        return np.array(sorted(modes)).T.ravel()
 
     def rows(self, x: FloatArray) -> FloatArray:
         """Signed roots of the deviances at x, (n,)."""
@@ -224,28 +266,45 @@ class _Fit:
 
     def told(self, fit: LeastSquaresFit) -> NoiseLines:
         """The lines at the end of a fit."""
-        errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))[:-1].reshape(-1, OF_A_LINE)
-        signs = (1.0, self.sign if self.together else 1.0)
-        pairs = zip(self.lines(fit.values), errors, signs, strict=False)
-        each = sorted(
-            (f, w, s * a, self.spacing * float(e[0]), w * float(e[1])) for (f, w, a), e, s in pairs
-        )
-        against = min(line[2] for line in each) < 0.0
-        heights = [abs(line[2]) for line in each]
-        if against:  # the sign is that of the second one against the first
-            heights[-1] = -heights[-1]
+        x, places, curve = fit.values, self.places(fit.values), self.curve(fit.values)
+        f, w = places.reshape(2, -1)
+        f_std, w_std = self.errors(fit).reshape(2, -1)
+        heights = [_power(a) for _, _, a in sorted(self.lines(x))]
+        modes: tuple[float, ...] = ()
+        if self.kind == COUPLED:
+            heights = np.interp(f, self.f, curve).tolist()
+            modes = (*self.lines(x)[0][:2], *self.lines(x)[1][:2], math.sqrt(abs(self.coupling(x))))
+        if self.kind == TOGETHER:
+            heights[-1] *= self.sign
         return NoiseLines(
-            frequency_hz=tuple(line[0] for line in each),
-            frequency_std_hz=tuple(line[3] for line in each),
-            width_hz=tuple(line[1] for line in each),
-            width_std_hz=tuple(line[4] for line in each),
+            frequency_hz=tuple(f.tolist()),
+            frequency_std_hz=tuple(f_std.tolist()),
+            width_hz=tuple(w.tolist()),
+            width_std_hz=tuple(w_std.tolist()),
             height=tuple(heights),
-            floor=_power(float(fit.values[-1])),
-            together=self.together,
+            floor=_power(float(x[-1])),
+            kind=self.kind,
             deviance=float(fit.residuals @ fit.residuals),
             points=self.y.size,
-            curve=self.curve(fit.values),
+            curve=curve,
+            modes=modes,
         )
+
+    def errors(self, fit: LeastSquaresFit) -> FloatArray:
+        """Errors of the places of the lines, Hz, by slopes over a hundredth of an error."""
+        spread = np.array(fit.covariance)
+        unseen = ~np.isfinite(np.diag(spread))
+        spread[unseen, :] = spread[:, unseen] = 0.0
+        steps = np.where(unseen, SMALL, 0.01 * np.sqrt(np.maximum(np.diag(spread), LEAST)))
+        slopes = np.transpose(
+            [
+                (self.places(fit.values + step) - self.places(fit.values - step)) / (2.0 * step[k])
+                for k, step in enumerate(np.diag(steps))
+            ]
+        )
+        errors = np.sqrt(np.maximum(np.diag(slopes @ spread @ slopes.T), 0.0))
+        errors[np.any(slopes[:, unseen] != 0.0, axis=1)] = np.inf
+        return np.asarray(errors)
 
 
 def _power(logarithm: float) -> float:
