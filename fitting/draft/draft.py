@@ -19,7 +19,6 @@ from fitting.draft.traces import Recording, decays, traces_of
 from fitting.draft.trial import Trial
 from fitting.draft.two_modes import COUPLED, DRIVEN, TwoModes
 from fitting.draft.values import (
-    STRONGER,
     Box,
     Seen,
     boxes_of,
@@ -40,7 +39,7 @@ ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
 #: What makes the second one two lines beside each other, and the parameter that weighs the upper
 #: one against the lower one.
 BESIDE = {
-    "lambda12": (0.0, "each line is a mode of its own: a sweep does not tell a coupling"),
+    "lambda12": (0.0, "each line is a mode of its own: they do not tell a coupling"),
     "readout2": (1.0, "the detector sees both modes"),
 }
 STRENGTH = "g2"
@@ -50,6 +49,8 @@ TAKEN = {
     COUPLED: "mode 1 alone is driven and seen, and lambda12 couples mode 2 to it",
     DRIVEN: "both modes are driven, mode 1 alone is seen, and lambda12 couples them",
 }
+#: The same of a noise spectrum, where it differs.
+IN_HEAT = {COUPLED: "mode 1 alone is seen, heat moves both modes, and lambda12 couples them"}
 #: What is said of a noise spectrum.
 NOISE = (
     "The campaign fits the density, each point as an average of periodograms scatters, with a "
@@ -156,10 +157,12 @@ def _taken(files: Files, source: Source) -> tuple[str, ...]:
     if files.two is None or not (source.is_model and source.name == TWO_MODES):
         return ()
     kind = "" if files.modes is None else files.modes.kind
+    words, shares = TAKEN.get(kind, TAKEN[""]), "shares of the drive and of the detector"
+    if files.is_noise:
+        words, shares = IN_HEAT.get(kind, words), "couplings and shares of the detector"
     return (
-        f"Taken: {TAKEN.get(kind, TAKEN[''])}. Other shares of the drive and of the detector may "
-        f"give the same two lines, which one {files.where} does not tell: what is found holds "
-        "under this.",
+        f"Taken: {words}. Other {shares} may give the same two lines, which one {files.where} does "
+        "not tell: what is found holds under this.",
     )
 
 
@@ -387,7 +390,7 @@ def _start_of_pair(modes: TwoModes | None, fitted: Sequence[str]) -> dict[str, t
     """What makes two modes those of the sweep, with reasons, but for what is fitted."""
     made = dict(BESIDE)
     if modes is not None:
-        found = "as both lines of the sweep have it"
+        found = "as both lines have it"
         made = THROUGH_COUPLING | {COUPLING: (modes.coupling_hz, found)}
         made |= {STRENGTH: (modes.drive, found)} if modes.kind == DRIVEN else {}
     return {name: value for name, value in made.items() if name not in fitted}
@@ -404,8 +407,7 @@ def _strength(files: Files, offer: Offer, seen: Sequence[Seen]) -> Box:
     start = math.copysign(abs(ratio) * two / one, ratio.real)
     why = f"heights, widths and places of the two lines in the {files.where}: g2 goes with them"
     if any(sweep.has_own_forces for sweep in files.sweeps):  # heat drives no mode against another
-        box = strength_box(offer, STRENGTH, start, why)
-        return replace(box, lower=max(box.lower, start / STRONGER))
+        return strength_box(offer, STRENGTH, start, why, positive=True)
     return strength_box(offer, STRENGTH, start, f"{why}; its sign with the phase between them")
 
 

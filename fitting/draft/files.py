@@ -86,11 +86,17 @@ class SweepFile:
             return self
         lines, two = self.noise.lines, self.noise.two
         single = lines is not None and two is None
-        of_amplitudes = values_in(self.roles)[2]
+        of_amplitudes, what = values_in(self.roles)[2], self.noise.column
         return replace(
             self,
             is_noise=True,
-            said=tuple(words for words in self.said if words not in of_amplitudes),
+            said=tuple(
+                words.replace(" amplitude '", f" {what} '").replace(
+                    "the amplitude:", f"the {what}:"
+                )
+                for words in self.said
+                if words not in of_amplitudes
+            ),
             line=NoiseLine.of(self.noise) if single else None,
             two=two,
             modes=self.noise.modes,
@@ -177,9 +183,14 @@ class Files:
         return next((sweep.line for sweep in self.sweeps if sweep.line is not None), None)
 
     @property
+    def is_noise(self) -> bool:
+        """Whether the first of them is a noise spectrum."""
+        return any(sweep.is_noise for sweep in self.sweeps[:1])
+
+    @property
     def where(self) -> str:
         """What shows the lines, in words."""
-        return "spectrum" if any(sweep.is_noise for sweep in self.sweeps[:1]) else "sweep"
+        return "spectrum" if self.is_noise else "sweep"
 
     @property
     def two(self) -> TwoLines | None:

@@ -48,8 +48,6 @@ NAMES = {
 TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
 #: How much less a density has to scatter than its root, where the unit is that of amplitudes.
 PLAINLY = 1.5
-#: What a column holds, in words.
-WORDS = {DENSITY: "the density", ROOT: "the root of the density"}
 #: Why a file is taken for a noise spectrum.
 BY_UNIT, BY_NAME, BY_SCATTER = "unit", "name", "scatter"
 
@@ -59,12 +57,19 @@ class NoiseLook:
     """What a file shows if it is a noise spectrum.
 
     `by` is why it seems to be one, empty where nothing says so; `holds` what its column holds where
-    the unit does not tell it, else empty; `lines` None where it shows none.
+    the unit does not tell it, else empty, and `is_root` whether that is the root of the density;
+    `lines` None where it shows none.
     """
 
     lines: NoiseLines | None
     by: str
     holds: str
+    is_root: bool
+
+    @property
+    def column(self) -> str:
+        """What its column holds, in words."""
+        return "root of the density" if self.is_root else "density"
 
     @property
     def is_sure(self) -> bool:
@@ -199,7 +204,8 @@ def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> No
     found = density.numbers
     if not np.all(np.isfinite(found)) or np.any(found <= 0.0):
         return None
-    return NoiseLook(lines=noise_lines(frequency_hz, found), by=by, holds=holds)
+    lines = noise_lines(frequency_hz, found)
+    return NoiseLook(lines=lines, by=by, holds=holds, is_root=density.is_root)
 
 
 def _by_scatter(numbers: FloatArray, unit: str | None, f: FloatArray) -> NoiseLook | None:
@@ -225,7 +231,7 @@ def _scatters_by_a_share(look: NoiseLook, numbers: FloatArray, unit: str | None)
     lines = look.lines
     if lines is None or look.residual < SHARE:
         return False
-    curve = np.sqrt(lines.curve) if look.holds == ROOT and not _is_level(unit) else lines.curve
+    curve = np.sqrt(lines.curve) if look.is_root else lines.curve
     y = numbers
     if _is_level(unit):
         y = relative_density(numbers, unit, DENSITY).numbers
@@ -251,7 +257,7 @@ def kind_question(name: str, look: NoiseLook) -> Question:
         options=KINDS,
         default=(NOISE,) if seen else (SWEEP,),
         why=f"a guess: its points scatter by the same share of themselves everywhere, as "
-        f"{WORDS[look.holds]} of noise does"
+        f"the {look.column} of noise does"
         if seen
         else "neither unit, name nor scatter say noise",
     )

@@ -222,7 +222,7 @@ def _bounded(offer: Offer, name: str, box: Box) -> Box:
     )
 
 
-def strength_box(offer: Offer, name: str, start: float, why: str) -> Box:
+def strength_box(offer: Offer, name: str, start: float, why: str, *, positive: bool = False) -> Box:
     """A box of a strength whose sign is not known for sure.
 
     Args:
@@ -230,12 +230,13 @@ def strength_box(offer: Offer, name: str, start: float, why: str) -> Box:
         name: of the parameter.
         start: its likely value.
         why: what that rests on.
+        positive: whether it is known to be above zero.
     """
     size = abs(start)
     box = Box(
         name=name,
         unit=offer.unit(name),
-        lower=-STRONGER * size,
+        lower=size / STRONGER if positive else -STRONGER * size,
         upper=STRONGER * size,
         start=start,
         scale=size,
@@ -262,13 +263,13 @@ def coupled_boxes(
     for k, (place, width) in enumerate(zip(offer.places, offer.widths, strict=False)):
         if k < len(modes.frequency_hz):
             f, w = modes.frequency_hz[k], modes.width_hz[k]
-            why = f"of mode {k + 1} by itself: with the coupling both lines of the sweep follow"
+            why = f"of mode {k + 1} by itself: with the coupling both lines follow"
             made.append(_box_between(offer, place, f, ends, w, f"frequency {why}"))
             made.append(_box_between(offer, width, w, (w / FACTOR, w * FACTOR), w, f"width {why}"))
     coupling, *drive = names
     size = modes.coupling_hz
     scale = min(size, high.frequency_hz * low.width_hz / size)
-    why = "the phases and heights of both lines, which modes without it would not have"
+    why = "the shape and heights of both lines, which modes without it would not have"
     made.append(_box_between(offer, coupling, size, (0.0, COUPLED * size), scale, why))
     why = "the same: mode 2 is driven, too"
     made += [strength_box(offer, name, modes.drive, why) for name in drive]

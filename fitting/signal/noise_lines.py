@@ -102,7 +102,9 @@ def noise_lines(frequency_hz: FloatArray, density: FloatArray) -> NoiseLines | N
     before, unknowns = flat, 1
     for count in (1, 2):
         found = _closest(frequency_hz, y, best, count)
-        if found is None or not _gains(before, unknowns, found):
+        if found is None or not (
+            _are_lines(found, frequency_hz) and _gains(before, unknowns, found)
+        ):
             break
         best, before, unknowns = found, found.deviance, found.unknowns
     return None if best is None else _in_unit(best, float(np.max(density)))
@@ -120,17 +122,21 @@ def _in_unit(found: NoiseLines, unit: float) -> NoiseLines:
 def _gains(before: float, unknowns: int, found: NoiseLines) -> bool:
     """Whether chance does not explain what a further line gains, at any of the points."""
     more, freedom = found.unknowns - unknowns, found.points - found.unknowns
-    if freedom < 1 or not _is_seen(found):
+    if freedom < 1:
         return False
     gain = max(0.0, before / max(found.deviance, LEAST) - 1.0) * freedom / more
     return found.points * float(fdtrc(more, freedom, gain)) < BY_CHANCE
 
 
-def _is_seen(found: NoiseLines) -> bool:
-    """Whether two lines stand apart: of one that is no Lorentzian curve two together make more."""
+def _are_lines(found: NoiseLines, f: FloatArray) -> bool:
+    """Whether two lines stand apart, and neither is a single point.
+
+    Of one line that is no Lorentzian curve two together make more.
+    """
     if len(found.frequency_hz) < 2:
         return True
-    return found.frequency_hz[1] - found.frequency_hz[0] > APART * sum(found.width_hz)
+    apart = found.frequency_hz[1] - found.frequency_hz[0] > APART * sum(found.width_hz)
+    return apart and min(found.width_hz) > float(np.median(np.diff(f)))
 
 
 def _closest(

@@ -217,7 +217,8 @@ def relative_density(numbers: FloatArray, unit: str | None, holds: str) -> Densi
     """
     if (unit or "").startswith("dB"):
         return Density(_powers(numbers), "1", is_relative=True)
-    return Density(numbers ** (2 if holds == ROOT else 1), "1", is_relative=True)
+    is_root = holds == ROOT
+    return Density(numbers ** (2 if is_root else 1), "1", is_relative=True, is_root=is_root)
 
 
 def _powers(levels: FloatArray) -> FloatArray:
