@@ -229,7 +229,7 @@ def _observe(choices: Choices, offer: Offer, remarks: Remarks) -> dict[str, Any]
         remarks["observe", "steady_start"] = "nothing to settle"
     elif choices.width_hz > 0.0:
         made["line_width"] = hertz(choices.width_hz, digits=3)
-        remarks["observe", "line_width"] = "of the line in the sweep: sets the time to settle"
+        remarks["observe", "line_width"] = "of the line: sets the time to settle"
     return made
 
 
@@ -237,6 +237,8 @@ def _drive(choices: Choices, files: Files, offer: Offer, remarks: Remarks) -> di
     level = "amplitude of every tone, in the FMU's unit"
     if choices.tones:
         remarks["drive", "frequencies"] = "parameters of the FMU that hold the tones"
+        if files.is_noise:
+            remarks["drive", "kind"] = "the spectrum is made of the response to a tone"
         unit = offer.unit(choices.tones[0][1])
         remarks["drive", "level"] = f"amplitude of every tone, {unit}"
         if choices.level < 1.0:
@@ -365,9 +367,9 @@ def _noise(
     remarks[(*at, "file")] = "averages = N tells how many periodograms were averaged"
     made["force"] = THERMAL if own else WHITE
     remarks[(*at, "force")] = (
-        "each mode has a force of its own, as heat has; a temperature tells the read-out"
+        "heat moves each mode; temperature and mass tell the read-out"
         if own
-        else '"thermal", with a temperature, tells the read-out'
+        else '"thermal", with temperature and mass, tells the read-out'
     )
     if look is not None and look.holds:
         made["holds"] = look.holds

@@ -253,7 +253,7 @@ class ReadNoise:
         return NoiseRecord(
             self.frequency_hz,
             self.density,
-            absolute=self._is_absolute(binder, setup),
+            drives_force=self._drives_force(binder, setup),
             averages=table.averages,
             force=table.force,
             force_density=self.force,
@@ -269,24 +269,24 @@ class ReadNoise:
             source=str(table.file),
         )
 
-    def _is_absolute(self, binder: Binder, setup: Setup) -> bool:
-        """Whether a thermal level means k_B T: an acceleration wants the mass that it moves.
+    def _drives_force(self, binder: Binder, setup: Setup) -> bool:
+        """Whether the drive is a force, or an acceleration of a mass that is told.
 
         Raises:
-            BadInput: a temperature is told of a displacement, and no mass.
+            BadInput: a temperature is told, and the mass of an acceleration is not.
         """
         table, drive = self.table, setup.drive
-        if table.mass is not None or table.spring_constant is not None or self.unit != "m":
-            return True
         names = [n for n in (*drive.amplitude_names, drive.input) if n in binder.variables]
         units = [binder.variables[n].unit or "" for n in names if n is not None]
         accelerates = any(same_kind(unit, "m/s**2") for unit in units if unit)
-        if accelerates and table.temperature is not None:
+        if not accelerates or table.mass is not None or table.spring_constant is not None:
+            return True
+        if table.temperature is not None:
             raise BadInput(
                 f"{setup.source}: [[{table.TABLE}]] temperature: the FMU's drive is an "
                 "acceleration; wanted mass or spring_constant beside it"
             )
-        return not accelerates
+        return False
 
     def _readers(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What looks at each name and value by itself."""
