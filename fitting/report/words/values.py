@@ -165,12 +165,14 @@ def deviation_sentence(result: Result) -> str:
         result: of a reconstruction.
     """
     first, last = result.deviations.initial.mean, result.deviations.final.mean
-    what = f"{len(result.peaks)} peaks" if result.peaks else "the curve"
+    what = "The mean size of the residuals"
+    if result.peaks:
+        count = len(result.peaks)
+        what = f"The mean relative deviation between simulation and laboratory over {count} peaks"
     share = f" ({number(100.0 * last / first, 3)} % of it)" if first > 0.0 else ""
     return (
-        f"The mean relative deviation between simulation and laboratory over {what} is "
-        f"{number(first, 3)} with the start parameters and {number(last, 3)} with the fitted "
-        f"ones{share}."
+        f"{what} is {number(first, 3)} with the start parameters and {number(last, 3)} with the "
+        f"fitted ones{share}."
     )
 
 
