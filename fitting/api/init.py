@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fitting.api.fmu import Fmu
 from fitting.draft.draft import draft_of, model_for, model_for_recordings, trace_draft_of
-from fitting.draft.files import files_of
+from fitting.draft.files import files_of, settled
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.source import Source
 from fitting.draft.traces import recordings_of
@@ -23,7 +23,7 @@ __all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
 
 CAMPAIGN = "campaign.toml"
 #: What may be told beforehand, by name.
-KEYS = ("output", "tone", "input", "fit", "amplitudes")
+KEYS = ("output", "tone", "input", "fit", "amplitudes", "kind")
 
 
 def init(
@@ -50,7 +50,7 @@ def init(
         out: Folder for campaign.toml, made where there is none.
         columns: What the files do not tell of their columns.
         told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
-            ("peak" or "rms").
+            ("peak" or "rms"), "kind" ("noise" or "sweep", of a spectrum of amplitudes).
         ask: Asks a person what nobody told; None: the default is taken, and said.
 
     Returns:
@@ -116,7 +116,7 @@ def drafted(
             with _source(recorded) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))
         else:
-            looked_at = files_of(paths, columns or Columns())
+            looked_at = settled(files_of(paths, columns or Columns()), answers)
             with _source(fmu or model_for(looked_at)) as source:
                 draft = draft_of(looked_at, source, answers, Path(out))
         path = Path(out) / CAMPAIGN

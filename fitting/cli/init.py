@@ -45,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--peak", action="store_true", help="amplitudes are peak values")
     kind.add_argument("--rms", action="store_true", help="amplitudes are rms values")
+    parser.add_argument(
+        "--kind",
+        choices=("noise", "sweep"),
+        help="amplitudes over frequency are noise that nobody drove, or a sweep (unit, name and "
+        "scatter tell it)",
+    )
     parser.add_argument("--output", metavar="NAME", help="output of the FMU that is seen")
     parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")
     parser.add_argument("--input", metavar="NAME", help="input of the FMU that is driven")
@@ -65,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     from fitting.api.init import drafted, told_apart
     from fitting.report.table import wrapped
 
-    told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit")}
+    told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit", "kind")}
     told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
     made = drafted(
         args.files,

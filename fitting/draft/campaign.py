@@ -13,6 +13,7 @@ from typing import Any
 from fitting.draft.files import Files, SweepFile, TableFile
 from fitting.draft.model import Offer
 from fitting.draft.values import Box
+from fitting.measurements.noise.record import THERMAL, WHITE
 from fitting.resonance.form import FANO, SLOPED
 from fitting.resonance.reading import Roles
 from fitting.signal.peaks import OFFSET, SLOPE
@@ -228,7 +229,7 @@ def _observe(choices: Choices, offer: Offer, remarks: Remarks) -> dict[str, Any]
         remarks["observe", "steady_start"] = "nothing to settle"
     elif choices.width_hz > 0.0:
         made["line_width"] = hertz(choices.width_hz, digits=3)
-        remarks["observe", "line_width"] = "of the line in the sweep: sets the time to settle"
+        remarks["observe", "line_width"] = "of the line: sets the time to settle"
     return made
 
 
@@ -236,6 +237,8 @@ def _drive(choices: Choices, files: Files, offer: Offer, remarks: Remarks) -> di
     level = "amplitude of every tone, in the FMU's unit"
     if choices.tones:
         remarks["drive", "frequencies"] = "parameters of the FMU that hold the tones"
+        if files.is_noise:
+            remarks["drive", "kind"] = "the spectrum is made of the response to a tone"
         unit = offer.unit(choices.tones[0][1])
         remarks["drive", "level"] = f"amplitude of every tone, {unit}"
         if choices.level < 1.0:
@@ -311,7 +314,7 @@ def _add_sweeps(
             if fitted
             else "what the file means: peak or rms"
         )
-        beside = "" if sweep.line is None else sweep.line.forms[0].name
+        beside = "" if sweep.driven_line is None else sweep.driven_line.forms[0].name
         if beside == FANO:
             tables["sweep"]["background"] = "complex"
             remarks["sweep", "background"] = "of the line by itself, found by comparing"
@@ -342,13 +345,13 @@ def _complex(
     if sweep.turned:
         made["conjugate"] = True
         remarks[(*at, "conjugate")] = "the phase rises over the resonance"
-    if sweep.line is None:
+    if sweep.driven_line is None:
         return made
-    background = BACKGROUNDS.get(sweep.line.forms[0].name)
+    background = BACKGROUNDS.get(sweep.driven_line.forms[0].name)
     if background:
         made["background"] = background
         remarks[(*at, "background")] = "complex, beside the line: found by comparing"
-    if sweep.line.forms[0].delayed:
+    if sweep.driven_line.forms[0].delayed:
         made["delay"] = "fit"
         remarks[(*at, "delay")] = "of the cable: found by comparing"
     return made
@@ -358,10 +361,19 @@ def _noise(
     sweep: SweepFile, k: int, count: int, folder: Path | None, remarks: Remarks
 ) -> dict[str, Any]:
     """A spectrum of what nobody drove: level and floor are solved for."""
-    at, roles = ("noise_spectrum", k), sweep.roles
-    made: dict[str, Any] = {"file": relative_path(sweep.path, folder), "force": "white"}
+    at, roles, look = ("noise_spectrum", k), sweep.roles, sweep.noise
+    own = sweep.has_own_forces
+    made: dict[str, Any] = {"file": relative_path(sweep.path, folder)}
     remarks[(*at, "file")] = "averages = N tells how many periodograms were averaged"
-    remarks[(*at, "force")] = '"thermal", with a temperature, tells the read-out'
+    made["force"] = THERMAL if own else WHITE
+    remarks[(*at, "force")] = (
+        "heat moves each mode; temperature and mass tell the read-out"
+        if own
+        else '"thermal", with temperature and mass, tells the read-out'
+    )
+    if look is not None and look.holds:
+        made["holds"] = look.holds
+        remarks[(*at, "holds")] = "the unit does not tell it"
     if count > 1:
         made["label"] = sweep.path.stem
     density = "" if roles.sizes is None else roles.sizes.name

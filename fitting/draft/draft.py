@@ -18,7 +18,14 @@ from fitting.draft.source import Source
 from fitting.draft.traces import Recording, decays, traces_of
 from fitting.draft.trial import Trial
 from fitting.draft.two_modes import COUPLED, DRIVEN, TwoModes
-from fitting.draft.values import Box, Seen, boxes_of, coupled_boxes, seen_of, strength_box
+from fitting.draft.values import (
+    Box,
+    Seen,
+    boxes_of,
+    coupled_boxes,
+    seen_of,
+    strength_box,
+)
 from fitting.resonance.form import FANO, SLOPED, WORDS_BESIDE, WORDS_BESIDE_COMPLEX
 from fitting.resonance.line import Line
 from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
@@ -32,7 +39,7 @@ ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
 #: What makes the second one two lines beside each other, and the parameter that weighs the upper
 #: one against the lower one.
 BESIDE = {
-    "lambda12": (0.0, "each line is a mode of its own: a sweep does not tell a coupling"),
+    "lambda12": (0.0, "each line is a mode of its own: they do not tell a coupling"),
     "readout2": (1.0, "the detector sees both modes"),
 }
 STRENGTH = "g2"
@@ -42,12 +49,13 @@ TAKEN = {
     COUPLED: "mode 1 alone is driven and seen, and lambda12 couples mode 2 to it",
     DRIVEN: "both modes are driven, mode 1 alone is seen, and lambda12 couples them",
 }
+#: The same of a noise spectrum, where it differs.
+IN_HEAT = {COUPLED: "mode 1 alone is seen, heat moves both modes, and lambda12 couples them"}
 #: What is said of a noise spectrum.
 NOISE = (
-    "A noise spectrum with one line: f = {f}, width {width} by its amplitudes. The campaign fits "
-    "the density, each point as an average of periodograms scatters, with a level and a white "
-    "floor that are solved for. How many were averaged is taken from the scatter; averages = N "
-    "under [[noise_spectrum]] states it."
+    "The campaign fits the density, each point as an average of periodograms scatters, with a "
+    "level and a white floor that are solved for. How many were averaged is taken from the "
+    "scatter; averages = N under [[noise_spectrum]] states it."
 )
 #: The same of two modes of which the first is driven and seen, and moves the second.
 COUPLING = "lambda12"
@@ -149,9 +157,12 @@ def _taken(files: Files, source: Source) -> tuple[str, ...]:
     if files.two is None or not (source.is_model and source.name == TWO_MODES):
         return ()
     kind = "" if files.modes is None else files.modes.kind
+    words, shares = TAKEN.get(kind, TAKEN[""]), "shares of the drive and of the detector"
+    if files.is_noise:
+        words, shares = IN_HEAT.get(kind, words), "couplings and shares of the detector"
     return (
-        f"Taken: {TAKEN.get(kind, TAKEN[''])}. Other shares of the drive and of the detector may "
-        "give the same two lines, which one sweep does not tell: what is found holds under this.",
+        f"Taken: {words}. Other {shares} may give the same two lines, which one {files.where} does "
+        "not tell: what is found holds under this.",
     )
 
 
@@ -220,7 +231,7 @@ def _beyond_fmu(line: Line) -> list[str]:
 
 def _undescribed(files: Files, source: Source) -> str:
     """What the campaign's FMU does not describe of a sweep of amplitudes, and what would help."""
-    lines = [sweep.line for sweep in files.sweeps if not (sweep.is_complex or sweep.is_noise)]
+    lines = [sweep.driven_line for sweep in files.sweeps if not sweep.is_complex]
     if files.table is not None:
         return ""
     for line in lines:
@@ -246,16 +257,16 @@ def _said(files: Files) -> list[str]:
     said: list[str] = []
     for sweep in files.sweeps:
         said += sweep.said
-        kind = "amplitude and phase" if sweep.is_complex else "amplitudes"
-        if sweep.line is not None:
-            f = quantity(sweep.line.frequency_hz, sweep.line.frequency_std_hz, "Hz")
-            width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
-            if sweep.is_noise:
-                said.append(NOISE.format(f=f, width=width))
-                continue
+        kind, line = "amplitude and phase" if sweep.is_complex else "amplitudes", sweep.driven_line
+        if sweep.is_noise and sweep.noise is not None:
+            said += [*sweep.noise.words, NOISE]
+            continue
+        if line is not None:
+            f = quantity(line.frequency_hz, line.frequency_std_hz, "Hz")
+            width = quantity(line.width_hz, line.width_std_hz, "Hz")
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
-            said += _beside(sweep.line)
-            said += [] if sweep.is_complex else _beyond_fmu(sweep.line)
+            said += _beside(line)
+            said += [] if sweep.is_complex else _beyond_fmu(line)
         elif sweep.two is not None and files.line is None:
             places = listed(
                 f"{hertz(f, digits=7)} ({hertz(w, digits=3)} wide)"
@@ -298,7 +309,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         of_pair = _start_of_pair(modes, fitted)
         start |= {name: value for name, (value, _) in of_pair.items()}
         words |= {name: why for name, (_, why) in of_pair.items()}
-    line, seen = files.line, seen_of(files.line, files.two)
+    line, seen = files.line, seen_of(files.line, files.two, files.where)
     held = _held(files, offer, fitted)
     boxes = boxes_of(source.workers, offer, fitted, _by_name(fitted, offer, seen), start)
     if modes is not None:
@@ -379,7 +390,7 @@ def _start_of_pair(modes: TwoModes | None, fitted: Sequence[str]) -> dict[str, t
     """What makes two modes those of the sweep, with reasons, but for what is fitted."""
     made = dict(BESIDE)
     if modes is not None:
-        found = "as both lines of the sweep have it"
+        found = "as both lines have it"
         made = THROUGH_COUPLING | {COUPLING: (modes.coupling_hz, found)}
         made |= {STRENGTH: (modes.drive, found)} if modes.kind == DRIVEN else {}
     return {name: value for name, value in made.items() if name not in fitted}
@@ -394,7 +405,9 @@ def _strength(files: Files, offer: Offer, seen: Sequence[Seen]) -> Box:
     ratio = files.two.ratio
     one, two = (each.frequency_hz * each.width_hz for each in seen)
     start = math.copysign(abs(ratio) * two / one, ratio.real)
-    why = "heights, widths and places of the two lines in the sweep: g2 goes with their product"
+    why = f"heights, widths and places of the two lines in the {files.where}: g2 goes with them"
+    if any(sweep.has_own_forces for sweep in files.sweeps):  # heat drives no mode against another
+        return strength_box(offer, STRENGTH, start, why, positive=True)
     return strength_box(offer, STRENGTH, start, f"{why}; its sign with the phase between them")
 
 

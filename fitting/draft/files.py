@@ -9,13 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
+from fitting.draft.questions import Answers
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
-from fitting.measurements.noise.table import SEEN_UNITS
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
-from fitting.resonance.reading import Columns, Roles, map_in, read_trace_of, roles_of
+from fitting.resonance.reading import (
+    Columns,
+    Roles,
+    hertz_in,
+    map_in,
+    read_trace_of,
+    roles_of,
+    values_in,
+)
 from fitting.resonance.spikes import spike_words, spikes_in
 from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
+from fitting.signal.noise_lines import TOGETHER
 from fitting.text.errors import BadInput, gathered
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
@@ -34,17 +44,25 @@ class SweepFile:
 
     ``line`` is the resonance that it shows, None where it shows no single one, as ``trouble`` says;
     ``two`` are those that it shows if there are two, ``modes`` what describes them, and ``turned``
-    whether their phases rise over a resonance.
+    whether their phases rise over a resonance. ``noise`` is what it shows if it is a noise
+    spectrum, ``is_noise`` whether it is taken for one: then the rest is of that, too.
     """
 
     path: Path
     roles: Roles
     said: tuple[str, ...]
-    line: Line | None
+    line: Line | NoiseLine | None
     trouble: str = ""
     two: TwoLines | None = None
     modes: TwoModes | None = None
     turned: bool = False
+    noise: NoiseLook | None = None
+    is_noise: bool = False
+
+    @property
+    def driven_line(self) -> Line | None:
+        """The line of a sweep, with all that was found of it; None of a noise spectrum."""
+        return self.line if isinstance(self.line, Line) else None
 
     @property
     def is_complex(self) -> bool:
@@ -52,14 +70,65 @@ class SweepFile:
         return self.roles.is_complex
 
     @property
-    def is_noise(self) -> bool:
-        """Whether it is a noise spectrum of one line: a power spectral density, by its unit."""
-        sizes = self.roles.sizes
-        if self.is_complex or self.line is None or sizes is None or not sizes.unit:
-            return False
-        tells = (self.roles.recording.column(c.name).unit for c in (self.roles.frequency, sizes))
-        unit = sizes.unit
-        return all(tells) and any(same_kind(unit, f"({seen})**2/Hz") for seen in SEEN_UNITS)
+    def has_own_forces(self) -> bool:
+        """Whether it is a noise spectrum of two modes that heat moves, each by itself."""
+        lines = None if self.noise is None else self.noise.lines
+        single = lines is None or len(lines.frequency_hz) < 2 or lines.kind == TOGETHER
+        return self.is_noise and not single
+
+    def taken(self, kind: str) -> SweepFile:
+        """The same, taken for a noise spectrum, or for a sweep.
+
+        Args:
+            kind: `fitting.draft.noise.NOISE` or `SWEEP`.
+        """
+        if kind != NOISE or self.noise is None:
+            return self
+        lines, two = self.noise.lines, self.noise.two
+        single = lines is not None and two is None
+        of_amplitudes, what = values_in(self.roles)[2], self.noise.column
+        return replace(
+            self,
+            is_noise=True,
+            said=tuple(
+                words.replace(" amplitude '", f" {what} '").replace(
+                    "the amplitude:", f"the {what}:"
+                )
+                for words in self.said
+                if words not in of_amplitudes
+            ),
+            line=NoiseLine.of(self.noise) if single else None,
+            two=two,
+            modes=self.noise.modes,
+            turned=False,
+            trouble=f"{self.path}: shows no line as a noise spectrum: its density is level within "
+            "its scatter"
+            if lines is None
+            else "",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseLine:
+    """The single line of a noise spectrum: frequency and full width, Hz, and its scatter."""
+
+    frequency_hz: float
+    width_hz: float
+    residual: float
+
+    @classmethod
+    def of(cls, look: NoiseLook) -> NoiseLine:
+        """The first line of a look.
+
+        Args:
+            look: with a line.
+        """
+        assert look.lines is not None  # noqa: S101 - asked by the caller
+        return cls(
+            frequency_hz=look.lines.frequency_hz[0],
+            width_hz=look.lines.width_hz[0],
+            residual=look.residual,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,9 +178,19 @@ class Files:
     pattern: str = ""
 
     @property
-    def line(self) -> Line | None:
+    def line(self) -> Line | NoiseLine | None:
         """The resonance of the first sweep that shows one."""
         return next((sweep.line for sweep in self.sweeps if sweep.line is not None), None)
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the first of them is a noise spectrum."""
+        return any(sweep.is_noise for sweep in self.sweeps[:1])
+
+    @property
+    def where(self) -> str:
+        """What shows the lines, in words."""
+        return "spectrum" if self.is_noise else "sweep"
 
     @property
     def two(self) -> TwoLines | None:
@@ -212,7 +291,37 @@ def _sweep(path: Path, columns: Columns) -> SweepFile:
         two=two,
         modes=modes,
         turned=turned,
+        noise=noise_look(roles, hertz_in(roles)),
     )
+
+
+def settled(files: Files, answers: Answers) -> Files:
+    """The files, each taken for a noise spectrum or for a sweep, as it tells or as is answered.
+
+    Args:
+        files: as they were looked at.
+        answers: of flags, of a person, or by default.
+
+    Raises:
+        BadInput: an answer that is none.
+    """
+    if files.table is not None:
+        return files
+    told = "kind" in answers.told
+    made = []
+    for sweep in files.sweeps:
+        look, kind = sweep.noise, SWEEP
+        if look is None and answers.told.get("kind") == (NOISE,):
+            raise BadInput(
+                f"--kind {NOISE}: {sweep.path} cannot be one; wanted a table with a unit of its "
+                "frequencies, which rise, and amplitudes or densities above zero"
+            )
+        if look is not None and look.is_sure and not told:
+            kind = NOISE
+        elif look is not None and (told or look.by):
+            [kind] = answers.of(kind_question(sweep.path.name, look))
+        made.append(sweep.taken(kind))
+    return replace(files, sweeps=tuple(made))
 
 
 def _table(path: Path) -> TableFile | None:

@@ -91,6 +91,26 @@ def two_modes_of(trace: Trace) -> TwoModes | None:
     return _Fit(trace.frequency_hz, y, pair, kind).told(fits[kind][1], describes=bool(likely))
 
 
+def apart_hz(
+    places: tuple[float, float], widths: tuple[float, float], coupling: float
+) -> tuple[float, ...]:
+    """How far modes without damping are from the lines, in frequency and width, Hz, (4,).
+
+    Args:
+        places: frequencies of both modes by themselves, Hz.
+        widths: full widths of both, Hz.
+        coupling: lambda, Hz.
+    """
+    own, shapes = np.linalg.eigh([[places[0] ** 2, coupling**2], [coupling**2, places[1] ** 2]])
+    wide = (shapes**2).T @ np.array(widths)
+    one, two = ([-1.0, 1j * w, a * a] for a, w in zip(places, widths, strict=True))
+    both = np.polymul(one, two)
+    both[-1] -= coupling**4
+    poles = sorted((p for p in np.roots(both) if p.real > 0.0), key=abs)[:2]
+    lines = np.array([*map(abs, poles), *(2.0 * p.imag for p in poles)])
+    return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
+
+
 class _Fit:
     """A model fitted to a sweep over its largest value.
 
@@ -181,22 +201,8 @@ class _Fit:
             describes=describes,
             line_hz=(*self.pair.frequency_hz.tolist(), *self.pair.width_hz.tolist()),
             line_std_hz=tuple(self.pair.std_hz.tolist()),
-            apart_hz=_apart((f1, f2), (w1, w2), strength),
+            apart_hz=apart_hz((f1, f2), (w1, w2), strength),
         )
-
-
-def _apart(
-    places: tuple[float, float], widths: tuple[float, float], coupling: float
-) -> tuple[float, ...]:
-    """How far modes without damping are from the lines, in frequency and width, Hz, (4,)."""
-    own, shapes = np.linalg.eigh([[places[0] ** 2, coupling**2], [coupling**2, places[1] ** 2]])
-    wide = (shapes**2).T @ np.array(widths)
-    one, two = ([-1.0, 1j * w, a * a] for a, w in zip(places, widths, strict=True))
-    both = np.polymul(one, two)
-    both[-1] -= coupling**4
-    poles = sorted((p for p in np.roots(both) if p.real > 0.0), key=abs)[:2]
-    lines = np.array([*map(abs, poles), *(2.0 * p.imag for p in poles)])
-    return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
 
 
 def _begin(one: complex, two: complex, *more: float) -> FloatArray:

@@ -12,11 +12,11 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from fitting.draft.model import Offer
 from fitting.draft.two_modes import TwoModes
 from fitting.fmu import FmuWorkers, Run
-from fitting.resonance.line import Line
 from fitting.resonance.two_lines import TwoLines
 from fitting.text.arrays import Scalar
 from fitting.text.units import convert, same_kind
@@ -42,7 +42,19 @@ class Seen:
     frequency_hz: float
     width_hz: float
     reach_hz: float
-    words: str = "the line"
+    words: str = "the line in the sweep"
+
+
+class OneLine(Protocol):
+    """A single line: of a sweep, or of a noise spectrum."""
+
+    @property
+    def frequency_hz(self) -> float:
+        """Its frequency, Hz."""
+
+    @property
+    def width_hz(self) -> float:
+        """Its full width, Hz."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,12 +99,13 @@ def boxes_of(
     return [made[name] for name in names]
 
 
-def seen_of(line: Line | None, two: TwoLines | None) -> list[Seen]:
+def seen_of(line: OneLine | None, two: TwoLines | None, where: str = "sweep") -> list[Seen]:
     """The lines of a sweep, the lower one first; none where neither is known.
 
     Args:
         line: the single one.
         two: or both.
+        where: what shows them, in words.
     """
     if line is not None:
         return [
@@ -100,12 +113,14 @@ def seen_of(line: Line | None, two: TwoLines | None) -> list[Seen]:
                 frequency_hz=line.frequency_hz,
                 width_hz=line.width_hz,
                 reach_hz=REACH * line.width_hz,
+                words=f"the line in the {where}",
             )
         ]
     if two is None:
         return []
     half = 0.5 * (two.frequency_hz[1] - two.frequency_hz[0])
-    pairs = zip(two.frequency_hz, two.width_hz, ("the lower line", "the upper line"), strict=True)
+    names = (f"the {each} line in the {where}" for each in ("lower", "upper"))
+    pairs = zip(two.frequency_hz, two.width_hz, names, strict=True)
     return [
         Seen(frequency_hz=f, width_hz=w, reach_hz=min(REACH * w, half), words=words)
         for f, w, words in pairs
@@ -123,7 +138,7 @@ def _box(
     what = "width" if wide else "frequency"
     value = in_unit(target, unit)
     if value is not None:
-        why = f"{what} of {line.words} in the sweep"
+        why = f"{what} of {line.words}"
         return _about(offer, name, value, 1.0, line, why)
     output = _output(workers, offer, name, wide, values)
     if output is None:
@@ -131,7 +146,7 @@ def _box(
     start, slope = _solved(workers, name, output, target, values, _start(offer, name))
     if not (math.isfinite(start) and start > 0.0):
         return _unknown(offer, name, f"{output} does not follow it: the FMU's own start value")
-    why = f"with it {output} is the {what} of {line.words} in the sweep"
+    why = f"with it {output} is the {what} of {line.words}"
     return _about(offer, name, start, slope, line, why)
 
 
@@ -207,7 +222,7 @@ def _bounded(offer: Offer, name: str, box: Box) -> Box:
     )
 
 
-def strength_box(offer: Offer, name: str, start: float, why: str) -> Box:
+def strength_box(offer: Offer, name: str, start: float, why: str, *, positive: bool = False) -> Box:
     """A box of a strength whose sign is not known for sure.
 
     Args:
@@ -215,12 +230,13 @@ def strength_box(offer: Offer, name: str, start: float, why: str) -> Box:
         name: of the parameter.
         start: its likely value.
         why: what that rests on.
+        positive: whether it is known to be above zero.
     """
     size = abs(start)
     box = Box(
         name=name,
         unit=offer.unit(name),
-        lower=-STRONGER * size,
+        lower=size / STRONGER if positive else -STRONGER * size,
         upper=STRONGER * size,
         start=start,
         scale=size,
@@ -247,13 +263,13 @@ def coupled_boxes(
     for k, (place, width) in enumerate(zip(offer.places, offer.widths, strict=False)):
         if k < len(modes.frequency_hz):
             f, w = modes.frequency_hz[k], modes.width_hz[k]
-            why = f"of mode {k + 1} by itself: with the coupling both lines of the sweep follow"
+            why = f"of mode {k + 1} by itself: with the coupling both lines follow"
             made.append(_box_between(offer, place, f, ends, w, f"frequency {why}"))
             made.append(_box_between(offer, width, w, (w / FACTOR, w * FACTOR), w, f"width {why}"))
     coupling, *drive = names
     size = modes.coupling_hz
     scale = min(size, high.frequency_hz * low.width_hz / size)
-    why = "the phases and heights of both lines, which modes without it would not have"
+    why = "the shape and heights of both lines, which modes without it would not have"
     made.append(_box_between(offer, coupling, size, (0.0, COUPLED * size), scale, why))
     why = "the same: mode 2 is driven, too"
     made += [strength_box(offer, name, modes.drive, why) for name in drive]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -162,7 +163,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
     status = _status(fit, adequacy)
-    ending = _ending(fit, status, adequacy, inflation)
+    ending = _ending(fit, status, read, _left_at(fit, best))
     return Inference(
         fit=fit,
         parameters=parameters,
@@ -420,16 +421,26 @@ def _status(fit: Fit, adequacy: Adequacy | None) -> Status:
     return Status.MISFIT
 
 
-def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: float) -> Ending:
+def _ending(fit: Fit, status: Status, read: _Reading, left: FloatArray) -> Ending:
     solution = fit.solution
     return ending_of(
         status,
-        adequacy,
-        inflation=inflation,
+        read.adequacy,
+        inflation=read.inflation,
         structure=solution.structure,
-        extent=extent_of(solution.objective.data, solution.final.residuals),
+        extent=extent_of(solution.objective.data, left),
         noise=solution.objective.data.noise_words,
     )
+
+
+def _left_at(fit: Fit, best: FloatArray) -> FloatArray:
+    """What is left of the data, (m,): at the most likely point where that is beyond the box."""
+    solution = fit.solution
+    x = to_search(solution.parameters, best)
+    if outside_box(solution.parameters, x):
+        with contextlib.suppress(FmuFailure):
+            return evaluate_many(solution.objective, [x])[0].residuals
+    return solution.final.residuals
 
 
 def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fitting.campaign.parameters import SLACK
 from fitting.inference.error_bars import EVEN, ErrorBars
 from fitting.inference.verdict import Verdict
 from fitting.text.notation import span
@@ -29,10 +30,14 @@ class _Reported:
         return math.isnan(self.most_likely) or self.value == self.most_likely
 
     @property
+    def likely(self) -> float:
+        """The likelihood's value, of which error and interval are."""
+        return self.value if self.is_most_likely else self.most_likely
+
+    @property
     def likely_words(self) -> str:
         """The most likely value with what is true of its error."""
-        best = self.value if self.is_most_likely else self.most_likely
-        return self.bars.words(best, self.std, self.unit, self.ci95)
+        return self.bars.words(self.likely, self.std, self.unit, self.ci95)
 
     @property
     def is_outside(self) -> bool:
@@ -78,6 +83,16 @@ class ParameterResult(_Reported):
     reason: str = ""
     asked: bool = True
     bars: ErrorBars = EVEN
+
+    @property
+    def box_end(self) -> float:
+        """The end of the campaign's box beyond which the most likely value lies; NaN: in it."""
+        slack = SLACK * (self.upper - self.lower)
+        if self.period is not None or not self.asked or not math.isfinite(self.likely):
+            return math.nan
+        if self.likely > self.upper + slack:
+            return self.upper
+        return self.lower if self.likely < self.lower - slack else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -330,6 +330,22 @@ def rounded_alike(value: float, *others: float, error: float) -> tuple[str, ...]
     )
 
 
+def as_its_error(value: float, error: float, digits: int) -> str:
+    """A value by itself, rounded where the second digit of its error stands.
+
+    Args:
+        value: the number.
+        error: standard deviation, in the same unit.
+        digits: significant ones where there is no error, or one beyond all digits of the value.
+    """
+    if not (math.isfinite(error) and error > 0.0 and math.isfinite(value) and value != 0.0):
+        return number(value, digits)
+    place = math.floor(math.log10(error)) - 1
+    if -12 <= place < 6:
+        return rounded_alike(value, error=error)[0]
+    return number(value, min(max(1, math.floor(math.log10(abs(value))) - place + 1), digits))
+
+
 def quantity(value: float, error: float, unit: str) -> str:
     """Value ± error with a prefix that suits the value, unless the error were all zeros in it.
 

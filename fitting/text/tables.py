@@ -20,7 +20,8 @@ from fitting.text.files import NoFile, read_whole
 #: What programs write where a number is missing.
 NOT_A_NUMBER = ("nan", "na", "n/a", "null", "none", "-")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*")
+#: Name and unit in brackets, which may hold brackets of their own: "noise (V/sqrt(Hz))".
+_HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>(?:[^()\[\]]|\([^()\[\]]*\))*?)\s*[)\]]\s*")
 #: Bytes that tell UTF-16 without a mark: every second one is zero in European languages.
 _SAMPLE = 8
 #: Characters of a column's name and unit; the pattern takes its time over longer ones.

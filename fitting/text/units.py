@@ -31,6 +31,8 @@ LONGEST = 400
 
 # Names that FMI tools write and pint does not know; all else is left to pint.
 _FMI_NAMES = {"-": "dimensionless", "": "dimensionless", "1": "dimensionless"}
+# a root as instruments write it: "√Hz", "sqrt(Hz)", "rtHz"
+_ROOT = re.compile(r"(?:√|\bsqrt|\brt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))")
 _PLAIN = re.compile(r"[\w°Ωµμ%./*^() \u00b2\u00b3·-]+")
 
 
@@ -47,13 +49,18 @@ def _registry() -> pint.UnitRegistry[Any]:
 def _unit(text: str) -> pint.Unit | None:
     """Unit of a written name, in pint's spelling or FMI's ("kg.m2", "m/s2"); None if unknown."""
     name = _FMI_NAMES.get(text.strip(), text.strip())
-    if len(name) > LONGEST or not _PLAIN.fullmatch(name):
+    if len(name) > LONGEST:
+        return None
+    name = _ROOT.sub(lambda match: f"({match[1] or match[2]})**0.5", name)
+    if not _PLAIN.fullmatch(name):
         return None
     spelled = re.sub(r"(?<=[A-Za-z)])(-?\d+)", r"**\1", name).replace("·", "*")
     spelled = re.sub(r"(?<=[\w)])\.(?=[A-Za-z(])", "*", spelled)
     for candidate in (name, spelled):
         try:
-            return _registry().parse_units(candidate)
+            found = _registry().parse_units(candidate)
+            _ = found.dimensionality  # a level over a unit, as dBm/Hz, has none
+            return found
         except Exception:  # noqa: S112 - pint raises half a dozen types on nonsense
             continue
     return None

@@ -196,31 +196,6 @@ def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) ->
     assert boxes["f1"]["upper"] == pytest.approx(boxes["f2"]["lower"], abs=0.5)
 
 
-F_NOISE = ETA + np.linspace(-150.0, 150.0, 241)
-
-
-def test_a_power_spectral_density_becomes_a_noise_spectrum_that_finds_the_truth(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    # a line in closed form; an average of 100 periodograms scatters as Gamma says
-    density = np.abs(mode(F_NOISE, ETA, WIDTH)) ** 2 + 0.01
-    density *= 1e-24 * np.random.default_rng(5).gamma(100.0, 0.01, F_NOISE.size)
-    file = write_csv(tmp_path / "psd.csv", "Frequency (Hz),PSD (m^2/Hz)", F_NOISE, density)
-    found = fitted(tmp_path, [str(file)])
-    # errors by the Cramer-Rao bound of these points, by differences of the closed form
-    for name, value, least in (("f1", ETA, 0.184), ("d1", WIDTH, 0.466)):
-        each = found.parameters[name]
-        assert abs(each.value - value) < 4.0 * each.std, name
-        assert each.std == pytest.approx(least, rel=0.3), name
-    written = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))
-    [table] = written["noise_spectrum"]
-    assert table["columns"] == {"frequency": "Frequency", "density": "PSD"}
-    assert "sweep" not in written
-    told = " ".join(capsys.readouterr().out.split())
-    assert "A noise spectrum with one line: f = 30" in told
-    assert "Not described by this campaign" not in told
-
-
 def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None:
     seen = np.abs(mode(F, ETA, WIDTH) + noise(F.size, 2e-3, 1) + (0.3 - 0.2j))
     path, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen), out=tmp_path / "o")

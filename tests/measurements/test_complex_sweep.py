@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ from fitting.campaign.instruments import read_trace
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import Wiring
+from fitting.report.words.answer import answer_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from tests.support.coloured import coloured
@@ -78,6 +80,33 @@ def test_value_error_and_freedom_are_those_of_least_squares_in_all_unknowns(
         assert 0.5 * (high - low) == pytest.approx(half, rel=0.02)
     assert found.inferred.knowledge is not None
     assert found.inferred.knowledge.freedom == pytest.approx(2 * SEEN.size - 4 - 2, abs=0.01)
+
+
+def test_a_value_beyond_its_box_is_told_as_such_with_what_is_left_there(
+    oscillator_fmu: Path,
+) -> None:
+    """The box of the width ends at 11 Hz; least squares without one know 12.5 Hz and its error."""
+    y = measured(0.01)
+    curve = ComplexCurve(SEEN, y, wiring=Wiring(background="constant"))
+    inside = (ff.Parameter("d1", 10.0, bounds=(1.0, 11.0), scale=5.0), PARAMETERS[1])
+    problem = ff.Problem(oscillator_fmu, inside, ff.ComplexSweep(SETUP, curve))
+    found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1))
+    value, error, scatter = best(SEEN, y, 2)
+    answer = answer_of(found.result)
+    [known] = [k for k in answer.known if k.name == "d1"]
+    told = re.fullmatch(
+        r"= ([\d.]+) ± ([\d.]+) Hz \(beyond its box, which ends at 11 Hz\)",
+        known.shown.replace("\u00a0", " "),
+    )
+    assert told is not None
+    assert float(told[1]) == pytest.approx(value[0], abs=0.05 * error[0])
+    assert float(told[2]) == pytest.approx(error[0], rel=0.05)
+    assert answer.advice.startswith("a box of d1 that holds 12.")
+    # the distance of X + iY from the model, rms over the largest value, as those squares leave it
+    left = math.sqrt(2.0 * (1.0 - 3.0 / SEEN.size)) * scatter / float(np.max(np.abs(y)))
+    share = re.search(r"to ([\d.]+) % of the largest", found.result.ending.extent)
+    assert share is not None
+    assert float(share[1]) == pytest.approx(100.0 * left, rel=0.03)
 
 
 def test_the_measured_cantilever_is_that_of_least_squares(tmp_path: Path) -> None:

@@ -341,6 +341,7 @@ def test_kinds_of_noise_that_are_no_noise_of_the_model_are_told(fmu: ff.Fmu) -> 
             id="both",
         ),
         pytest.param('"1 ng"', '"1 nm"', "wanted 'kg'", id="unit"),
+        pytest.param('mass = "1 ng"\n', "", "wanted mass or spring_constant", id="no mass"),
         pytest.param('"thermal"', '"pink"', 'wanted one of "white", "thermal"', id="force"),
     ],
 )

@@ -239,3 +239,28 @@ def test_two_outputs_that_are_one_number_are_told_once(result: Result) -> None:
     ):
         pair = replace(result, derived={"f1": f1, "f2": f2}, line=None)
         assert {k.named for k in answer_of(pair).known} == names
+
+
+@pytest.mark.parametrize("reported", ["likelihood", "algorithm2"])
+def test_of_a_value_beyond_its_box_that_of_the_data_is_known(result: Result, reported: str) -> None:
+    """93.42 ± 0.24 Hz in a box up to 90 Hz, where Algorithm 2 ended: nobody is to believe 90."""
+    d1 = result.parameters["d1"]
+    out = replace(d1, upper=90.0, algorithm2=90.0, most_likely=d1.value)
+    if reported == "algorithm2":
+        out = replace(out, value=90.0)
+    there = replace(
+        result, parameters={**result.parameters, "d1": out}, line=None, status="converged"
+    )
+    answer = answer_of(there)
+    known = next(k for k in answer.known if k.name == "d1")
+    shown = known.shown.replace("\u00a0", " ")
+    assert shown == "= 93.42 ± 0.24 Hz (beyond its box, which ends at 90 Hz)"
+    assert answer.notes[0].replace("\u00a0", " ").startswith("d1: believe what stands here, 93.42")
+    assert "those of 90 Hz instead" in answer.notes[0].replace("\u00a0", " ")
+    assert answer.advice.replace("\u00a0", " ") == (
+        "a box of d1 that holds 93.425 Hz, with room (it ends at 90 Hz)"
+    )
+    table = "\n".join(text_lines(values_table(there, there.title)))
+    assert "beyond its box (ends at 90 Hz)" in table
+    inside = answer_of(replace(result, line=None))
+    assert all(not k.beyond for k in inside.known)

@@ -262,3 +262,21 @@ def test_an_error_of_rounding_leaves_the_value_its_plain_digits() -> None:
     """Not "(2 ± 9.3 × 10⁻¹⁷) × 10¹": a power of ten drawn out spares no zeros there."""
     assert notation.with_error(20.0, 9.3e-16).split() == ["20", "±", "9.3", "×", "10⁻¹⁶"]
     assert notation.with_error(7e6, 0.03).split() == ["7000000.000", "±", "0.030"]
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "shown"),
+    [
+        (94.6537216, 0.67, "94.65"),
+        (0.28, 0.0057, "0.2800"),
+        (-62345.678, 120.0, "−62350"),
+        (9.9562681e31, 7.6e29, "9.956 × 10³¹"),
+        (6940249.912, 0.24, "6940249.91"),
+        (2.5, math.inf, "2.5"),
+        (0.0, 0.3, "0"),
+    ],
+)
+def test_a_value_in_a_table_is_as_exact_as_its_error(
+    value: float, error: float, shown: str
+) -> None:
+    assert notation.as_its_error(value, error, 8) == shown

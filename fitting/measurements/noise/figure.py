@@ -31,7 +31,7 @@ def noise_figure(
     u, x = spectrum.seen_hz[every], Axis("frequency", "Hz")
     tails = 0.5 * (1.0 - INSIDE)
     low, high = gammaincinv(spectrum.count, [tails, 1.0 - tails]) / spectrum.count
-    y = Axis(f"density ({spectrum.unit}²/Hz)", log=True)
+    y = Axis("density" if spectrum.unit == "1" else f"density ({spectrum.unit}²/Hz)", log=True)
     band = "95 % of the points, if the model is right"
     shown = Panel(
         x=x,

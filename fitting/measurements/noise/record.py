@@ -49,6 +49,8 @@ class NoiseRecord:
         temperature_k: Of the resonator, K; 0: not known, and solved for.
         mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
         spring_constant: Instead of the mass, N/m; 0: not told.
+        drives_force: (thermal) Whether the drive is a force, or its mass is told: else no
+            temperature is told.
         floor: Whether a white floor is solved for.
         window: Of the periodograms, whose length is one over the spacing of the frequencies: it
             widens the lines, and every second point is used, as neighbours hang together by it.
@@ -72,6 +74,7 @@ class NoiseRecord:
     temperature_k: float = 0.0
     mass_kg: float = 0.0
     spring_constant: float = 0.0
+    drives_force: bool = True
     floor: bool = True
     window: str = "none"
     settings: Mapping[str, Scalar] = field(default_factory=dict)

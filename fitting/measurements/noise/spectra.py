@@ -72,6 +72,8 @@ class NoiseSpectrum(NoiseRecord, AtOnePlace):
         temperature_k: Of the resonator, K; 0: not known, and solved for.
         mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
         spring_constant: Instead of the mass, N/m; 0: not told.
+        drives_force: (thermal) Whether the drive is a force, or its mass is told: else no
+            temperature is told.
         floor: Whether a white floor is solved for.
         window: Of the periodograms, whose length is one over the spacing of the frequencies: it
             widens the lines, and every second point is used, as neighbours hang together by it.
@@ -258,7 +260,7 @@ class NoiseSpectra(MeasurementKind):
             if each.temperature_k:
                 value = float(np.sqrt(a / (Boltzmann * each.temperature_k)))
                 found[f"read-out in {each.unit}/m{tag}"] = Estimated(value, 0.5 * value * std / a)
-            elif each.unit == "m":
+            elif each.unit == "m" and each.drives_force:
                 found[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
         return found
 

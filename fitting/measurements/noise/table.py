@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
+
+import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
@@ -37,12 +41,17 @@ from fitting.text.keys import (
     Value,
 )
 from fitting.text.tables import Column, Table, read_table
-from fitting.text.units import convert
+from fitting.text.units import convert, same_kind
 from fitting.text.written import above_zero
 
-#: Units of what is seen whose squares per Hz a density may have.
+#: What a campaign may tell of the resonator, with its unit.
 TOLD = {"temperature": "K", "mass": "kg", "spring_constant": "N/m"}
+#: Units of what is seen whose squares per Hz a density may have.
 SEEN_UNITS = ("m", "V", "m/s", "m/s**2", "A", "1")
+#: Words for what a column holds where its unit does not tell it.
+DENSITY, ROOT = HOLDS = ("density", "root")
+#: Levels over a bandwidth, as "dBm/Hz" or "dBV/√Hz": ten decibels are a factor of ten in power.
+LEVEL = re.compile(r"dB\w*\s*/\s*.*Hz.*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +82,9 @@ class NoiseSpectrumTable(MeasurementTable):
     """Number of independent periodograms that were averaged; without it their scatter tells it."""
     columns: WrittenNoiseColumns = field(default_factory=WrittenNoiseColumns)
     """Names of columns, where they are not the usual ones."""
+    holds: Annotated[Text | None, OneOf(HOLDS)] = None
+    """"density" or "root", its root, of a column whose unit does not tell it: its numbers are then
+    relative ones. Levels in dB are powers either way."""
     output: Text | None = None
     """The FMU output that is seen; without it that of [observe]."""
     force: Annotated[Text, OneOf(FORCES)] = WHITE
@@ -95,6 +107,8 @@ class NoiseSpectrumTable(MeasurementTable):
     """Start values of the FMU during the spectrum."""
 
     def __post_init__(self) -> None:
+        if self.holds is not None and self.holds not in HOLDS:
+            raise Refused(f"found '{self.holds}', wanted {' or '.join(HOLDS)}", "holds")
         if self.averages is not None and self.averages < 1.0:
             raise Refused(f"found {self.averages:g}, wanted 1 or more", "averages")
         for key in ("temperature", "mass", "spring_constant"):
@@ -115,8 +129,7 @@ class NoiseSpectrumTable(MeasurementTable):
         hertz = unit_of(table, frequency, "frequency (Hz)")
         where = f"{self.file}: column '{frequency.name}'"
         to_hz = convert(1.0, hertz, "Hz", where=where)
-        unit = unit_of(table, density, "density (V2/Hz)")
-        seen, factor = _seen_unit(unit, f"{self.file}: column '{density.name}'")
+        read = self._density(table, density)
         force = None
         if self.force == COLOURED:
             force = table.numbers(self._column(table, names.force, "force"))
@@ -125,10 +138,30 @@ class NoiseSpectrumTable(MeasurementTable):
         return ReadNoise(
             self,
             to_hz * table.numbers(frequency),
-            factor * table.numbers(density),
-            unit=seen,
+            read.numbers,
+            unit=read.unit,
             force=force,
         )
+
+    def _density(self, table: Table, column: Column) -> Density:
+        """The column as a density, by its unit or by what the campaign says that it holds."""
+        where = f"{self.file}: column '{column.name}'"
+        found = None if column.unit is None else density_of(table.numbers(column), column.unit)
+        if found is None and self.holds is not None:
+            found = relative_density(table.numbers(column), column.unit, self.holds)
+        if found is None:
+            unit = unit_of(table, column, "density (V2/Hz)")
+            raise BadInput(
+                f"{where}: found unit '{unit}', wanted that of a power spectral density, as V2/Hz "
+                'or nm2/Hz, or of its root, as V/√Hz; or holds = "density" or "root" in '
+                f"[[{self.TABLE}]], of relative numbers"
+            )
+        if found.is_relative and self.temperature is not None:
+            raise BadInput(
+                f"{where}: its numbers are relative ones; wanted a unit, as V2/Hz, beside a "
+                "temperature"
+            )
+        return found
 
     def _column(self, table: Table, name: str, usual: str) -> Column:
         """A column by its name in the campaign, else by its usual one."""
@@ -147,16 +180,49 @@ class NoiseSpectrumTable(MeasurementTable):
         return ReadNoiseSpectra(tuple(gathered(x.columns_read for x in tables)), tuple(labels))
 
 
-def _seen_unit(unit: str, where: str) -> tuple[str, float]:
-    """SI unit of what is seen, and the factor to its square per Hz."""
+@dataclass(frozen=True, eq=False)
+class Density:
+    """A power spectral density (n,) in `unit` squared per Hz, or relative; made of its root."""
+
+    numbers: FloatArray
+    unit: str
+    is_relative: bool = False
+    is_root: bool = False
+
+
+def density_of(numbers: FloatArray, unit: str) -> Density | None:
+    """The density that a column holds, or its root, or levels; None: the unit tells none of them.
+
+    Args:
+        numbers: of the column, shape (n,).
+        unit: of the column.
+    """
+    if LEVEL.fullmatch(unit):
+        return Density(_powers(numbers), "1", is_relative=True)
     for seen in SEEN_UNITS:
-        try:
-            return seen, convert(1.0, unit, f"({seen})**2/Hz", where=where)
-        except BadInput:
-            continue
-    raise BadInput(
-        f"{where}: found unit '{unit}', wanted that of a power spectral density, as V2/Hz or nm2/Hz"
-    )
+        for power, whole in ((1, f"({seen})**2/Hz"), (2, f"({seen})/Hz**0.5")):
+            with contextlib.suppress(BadInput):
+                factor = convert(1.0, unit, whole, where="")
+                return Density((factor * numbers) ** power, seen, is_root=power == 2)
+    return None
+
+
+def relative_density(numbers: FloatArray, unit: str | None, holds: str) -> Density:
+    """The density of a column whose unit does not tell it, as relative numbers.
+
+    Args:
+        numbers: of the column, shape (n,).
+        unit: of the column; None: none is told.
+        holds: `DENSITY` or `ROOT`.
+    """
+    if (unit or "").startswith("dB"):
+        return Density(_powers(numbers), "1", is_relative=True)
+    is_root = holds == ROOT
+    return Density(numbers ** (2 if is_root else 1), "1", is_relative=True, is_root=is_root)
+
+
+def _powers(levels: FloatArray) -> FloatArray:
+    return np.asarray(10.0 ** ((levels - np.max(levels)) / 10.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +253,7 @@ class ReadNoise:
         return NoiseRecord(
             self.frequency_hz,
             self.density,
+            drives_force=self._drives_force(binder, setup),
             averages=table.averages,
             force=table.force,
             force_density=self.force,
@@ -201,6 +268,25 @@ class ReadNoise:
             unit=self.unit,
             source=str(table.file),
         )
+
+    def _drives_force(self, binder: Binder, setup: Setup) -> bool:
+        """Whether the drive is a force, or an acceleration of a mass that is told.
+
+        Raises:
+            BadInput: a temperature is told, and the mass of an acceleration is not.
+        """
+        table, drive = self.table, setup.drive
+        names = [n for n in (*drive.amplitude_names, drive.input) if n in binder.variables]
+        units = [binder.variables[n].unit or "" for n in names if n is not None]
+        accelerates = any(same_kind(unit, "m/s**2") for unit in units if unit)
+        if not accelerates or table.mass is not None or table.spring_constant is not None:
+            return True
+        if table.temperature is not None:
+            raise BadInput(
+                f"{setup.source}: [[{table.TABLE}]] temperature: the FMU's drive is an "
+                "acceleration; wanted mass or spring_constant beside it"
+            )
+        return False
 
     def _readers(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What looks at each name and value by itself."""

@@ -14,7 +14,7 @@ from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.words.values import Valued, offset_name, told_twice, verdict_words
 from fitting.result.result import Result
-from fitting.text.notation import markup, number, span, unit_text, with_error
+from fitting.text.notation import as_its_error, markup, number, span, unit_text, with_error
 
 #: Said where values and errors are of two estimators.
 BESIDE = (
@@ -58,7 +58,7 @@ class Value:
         """The value as shown; none where the data leave it open."""
         if self.open or self.same or not math.isfinite(self.found.value):
             return Cell("–")
-        return Cell(number(self.found.value, self.digits), value=self.found.value)
+        return rounded(self.found.value, self.found, self.digits)
 
     @property
     def most_likely(self) -> Cell:
@@ -66,7 +66,7 @@ class Value:
         best = self.found.value if self.found.is_most_likely else self.found.most_likely
         if self.open or not math.isfinite(best):
             return Cell("–")
-        return Cell(number(best, self.digits), value=best)
+        return rounded(best, self.found, self.digits)
 
 
 #: Colour of every verdict.
@@ -99,6 +99,21 @@ def error(found: ParameterResult | DerivedResult | OffsetResult) -> float | Cell
     if bars.is_even or not math.isfinite(found.std):
         return found.std
     return Cell(f"+{number(bars.above, 2)}\u00a0−{number(bars.below, 2)}", value=found.std)
+
+
+def rounded(
+    value: float, found: ParameterResult | DerivedResult | OffsetResult, digits: int = 6
+) -> Cell:
+    """A value as exact as the smaller of its errors.
+
+    Args:
+        value: by either estimator.
+        found: what is known of it.
+        digits: significant ones where it has no error.
+    """
+    sides = (found.bars.below, found.bars.above) if not found.bars.is_even else ()
+    shown = as_its_error(value, min((found.std, *sides)), digits)
+    return Cell(shown, value=value if math.isfinite(value) else None)
 
 
 def interval(bounds: tuple[float, float]) -> Cell:
@@ -201,7 +216,7 @@ def _of_values(title: str, columns: Sequence[Column[Value]], rows: Sequence[Valu
 
 PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("parameter", lambda row: symbol(row[0]), role="name"),
-    Column("value", lambda row: row[1].value),
+    Column("value", lambda row: rounded(row[1].value, row[1])),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("std", lambda row: error(row[1]), digits=2),
     Column("95 % interval", lambda row: interval(row[1].ci95)),
@@ -259,9 +274,15 @@ def _if_known(d: DerivedResult, shown: float | Cell) -> float | Cell:
     return shown if d.identifiable.has_value else Cell("–")
 
 
+def _if_rounded(d: DerivedResult) -> Cell:
+    """The mean, rounded as its error where that is told."""
+    known = d.identifiable.has_value
+    return rounded(d.mean, d, 9) if known else Cell(number(d.mean, 9), value=d.mean)
+
+
 DERIVED: tuple[Column[Output], ...] = (
     Column("output", lambda row: symbol(row[0]), role="name"),
-    Column("mean", lambda row: row[1].mean, digits=9),
+    Column("mean", lambda row: _if_rounded(row[1])),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("spread", lambda row: row[1].spread, digits=2),
     Column("std", lambda row: _if_known(row[1], error(row[1])), digits=2),
@@ -292,7 +313,9 @@ def derived_table(result: Result) -> Table:
 
 def _beside(columns: Sequence[Column[Found]], digits: int) -> list[Column[Found]]:
     """Columns with the most likely value in place of Algorithm 2's, which is the value."""
-    likely: Column[Found] = Column("most likely", lambda row: row[1].most_likely, digits=digits)
+    likely: Column[Found] = Column(
+        "most likely", lambda row: rounded(row[1].most_likely, row[1], digits)
+    )
     return [likely if column.name == PAPERS else column for column in columns]
 
 
@@ -365,7 +388,7 @@ OFFSETS: tuple[Column[OffsetResult], ...] = (
         "added to",
         lambda o: Cell(", ".join(o.variables), html=", ".join(markup(n) for n in o.variables)),
     ),
-    Column("value", lambda o: o.value, digits=5),
+    Column("value", lambda o: rounded(o.value, o, 5)),
     Column("unit", lambda o: unit_text(o.unit)),
     Column("std", lambda o: o.std, digits=2),
     Column("95 % interval", lambda o: span(*o.ci95)),

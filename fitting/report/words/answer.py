@@ -48,7 +48,8 @@ class Known:
     """One value that is known: `shown` with its error or bounds; `fitted`: what the fit says of it.
 
     `fitted` is empty unless the sweep by itself knows it better; `others` are names of the same
-    number; `is_even`: its error is ±, or it has none.
+    number; `is_even`: its error is ±, or it has none. `beyond`: which number to believe where it
+    lies beyond its box, mostly empty.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Known:
     fitted: str = ""
     apart: float = math.nan
     is_even: bool = True
+    beyond: str = ""
 
     @property
     def named(self) -> str:
@@ -92,16 +94,18 @@ class Answer:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Why a number stands here that is not the fit's, and what ± means."""
+        """Which number to believe, why one stands here that is not the fit's, and what ± means."""
         better = [k for k in self.known if k.fitted]
         convention = CONVENTION if all(k.is_even for k in self.known) else CONVENTION_UNEVEN
+        beyond = tuple(k.beyond for k in self.known if k.beyond)
         if not better:
-            return (convention,)
+            return (*beyond, convention)
         names, fitted = listed(k.name for k in better), listed(k.fitted for k in better)
         verb = "is" if len(better) == 1 else "are"
         away = max(k.apart for k in better)
         far = "" if math.isnan(away) else f", {number(away, 2)} standard errors away"
         return (
+            *beyond,
             f"{names} {verb} best known by the line of the sweep alone. The fit of the peaks says "
             f"{fitted}{far}: it takes the scale from the sweep and nothing else "
             '(use = "fit" under [sweep] would fit both together).',
@@ -120,6 +124,7 @@ def answer_of(result: Result) -> Answer:
     every = {name: found for name, found in every.items() if name not in twice}
     known = [_known(name, found, result.line) for name, found in every.items()]
     known = [k and replace(k, others=_others(k.name, twice)) for k in known]
+    known = [k and _with_box(k, every[k.name]) for k in known]
     best = sorted((k for k in known if k is not None), key=lambda k: k.share)
     names = {k.name for k in best}
     left = {name: found for name, found in every.items() if name not in names}
@@ -162,12 +167,14 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
         value, std = better
         fitted, apart, is_even = "", math.nan, True
         if verdict.has_value:
-            fitted, apart = own, abs(_likely(found) - value) / math.hypot(std, found.std)
+            fitted, apart = own, abs(found.likely - value) / math.hypot(std, found.std)
             is_even = found.bars.is_even
         shown, share = f"= {quantity(value, std, found.unit)}", _share(value, std)
         return Known(name, shown, share=share, fitted=fitted, apart=apart, is_even=is_even)
     if verdict is Verdict.DETERMINED:
         share = _share(found.value, found.std)
+        if not math.isnan(_box_end(found)):  # what Algorithm 2 says is the end of the box
+            own = found.likely_words
         return Known(name, f"= {own}", share=share, is_even=found.bars.is_even)
     words = {
         Verdict.BOUNDED: f"between {_range(*found.ci95, found.unit).replace(' to ', ' and ')}",
@@ -177,6 +184,33 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
     if verdict not in words:
         return None
     return Known(name, words[verdict], share=math.inf)
+
+
+def _with_box(known: Known, found: Found) -> Known:
+    """The same; of a value beyond its box where the box ends, and which number to believe."""
+    end = _box_end(found)
+    if math.isnan(end):
+        return known
+    ended, stopped = (_shown(value, found.unit) for value in (end, found.algorithm2))
+    return replace(
+        known,
+        shown=f"{known.shown} (beyond its box, which ends at {ended})",
+        beyond=(
+            f"{known.name}: believe what stands here, {known.shown.removeprefix('= ')}. The data "
+            f"say it, wherever the box ends. J, deviations and figures of the data are those of "
+            f"{stopped} instead, where Algorithm 2 ended in the box; a wider box mends them."
+        ),
+    )
+
+
+def _box_end(found: Found) -> float:
+    """The end of the box beyond which a value lies; NaN: it lies in the box, or has none."""
+    return found.box_end if isinstance(found, ParameterResult) else math.nan
+
+
+def _shown(value: float, unit: str) -> str:
+    factor, shown = prefixed(abs(value), unit)
+    return f"{number(value / factor, 5)}\u00a0{shown}".strip()
 
 
 def by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, float] | None:
@@ -194,13 +228,8 @@ def by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, flo
         return None
     if not found.identifiable.has_value or math.isnan(found.std):
         return value, std
-    near = abs(_likely(found) - value) <= APART_SIGMA * math.hypot(std, found.std)
+    near = abs(found.likely - value) <= APART_SIGMA * math.hypot(std, found.std)
     return (value, std) if std < found.std and near else None
-
-
-def _likely(found: Found) -> float:
-    """The likelihood's value, of which the error is."""
-    return found.value if found.is_most_likely else found.most_likely
 
 
 def _share(value: float, std: float) -> float:
@@ -282,9 +311,23 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
         return "a start nearer to the solution, or more starts (--starts N)", ""
     if result.status != "converged":
         return _otherwise(result), ""
+    wider = _wider(result)
+    if wider:
+        return wider, ""
     if result.knowledge is None:
         return _profiles(result)
     return _measurement(result, left)
+
+
+def _wider(result: Result) -> str:
+    """Which boxes are to be wider, as the data want a value beyond them; mostly empty."""
+    out = {n: p for n, p in result.parameters.items() if not math.isnan(p.box_end)}
+    told = [
+        f"{name} that holds {_shown(p.likely, p.unit)}, with room (it ends at "
+        f"{_shown(p.box_end, p.unit)})"
+        for name, p in out.items()
+    ]
+    return f"a box of {listed(told)}" if told else ""
 
 
 def _measurement(result: Result, left: dict[str, Found]) -> tuple[str, str]:

@@ -105,6 +105,9 @@ def _taken(found: Ringdown) -> str:
 
 def _sized(found: Ringdown, value: float, error: float) -> str:
     factor, unit = prefixed(max(abs(value), error), "" if found.unit == "1" else found.unit)
+    if error == 0.0:
+        times = "× " if unit.startswith("10") else ""
+        return f"{number(value / factor, 3)} {times}{unit}".rstrip()
     return with_error(value / factor, error / factor, unit)
 
 

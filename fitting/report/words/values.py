@@ -130,6 +130,8 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
         Verdict.LINEARISED: str(verdict),
     }
     words = said.get(verdict, f"{verdict}: {found.reason}")
+    if isinstance(found, ParameterResult) and not math.isnan(found.box_end):
+        words += f", beyond its box (ends at {number(found.box_end)} {found.unit}".rstrip() + ")"
     if verdict.has_value and found.is_outside:
         words += "; the value lies outside its 95 % interval"
     return words
@@ -163,12 +165,14 @@ def deviation_sentence(result: Result) -> str:
         result: of a reconstruction.
     """
     first, last = result.deviations.initial.mean, result.deviations.final.mean
-    what = f"{len(result.peaks)} peaks" if result.peaks else "the curve"
+    what = "The mean size of the residuals"
+    if result.peaks:
+        count = len(result.peaks)
+        what = f"The mean relative deviation between simulation and laboratory over {count} peaks"
     share = f" ({number(100.0 * last / first, 3)} % of it)" if first > 0.0 else ""
     return (
-        f"The mean relative deviation between simulation and laboratory over {what} is "
-        f"{number(first, 3)} with the start parameters and {number(last, 3)} with the fitted "
-        f"ones{share}."
+        f"{what} is {number(first, 3)} with the start parameters and {number(last, 3)} with the "
+        f"fitted ones{share}."
     )
 
 

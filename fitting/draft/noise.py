@@ -1,0 +1,263 @@
+"""Whether a file is a noise spectrum, as a draft sees it: by unit, by name, or by how it scatters.
+
+A density that nobody drove scatters by the same share of itself everywhere; a sweep scatters by the
+same amount. With m the lines that follow the points y best, the logarithms of the likelihood are
+
+    by a share     -n ln(rms((y - m)/m)) - sum ln m
+    by an amount   -n ln(rms(y - m))
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.campaign.instruments.roles import plain_name
+from fitting.draft.questions import Question
+from fitting.draft.two_modes import COUPLED as COUPLED_MODES
+from fitting.draft.two_modes import TwoModes, apart_hz
+from fitting.measurements.noise.table import (
+    DENSITY,
+    HOLDS,
+    ROOT,
+    SEEN_UNITS,
+    Density,
+    density_of,
+    relative_density,
+)
+from fitting.resonance.reading import Roles
+from fitting.resonance.two_lines import TwoLines
+from fitting.signal.noise_lines import COUPLED, TOGETHER, NoiseLines, noise_lines
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import listed, quantity
+from fitting.text.tables import read_table
+from fitting.text.units import same_kind
+
+NOISE, SWEEP = KINDS = ("noise", "sweep")
+#: Names of columns that say what they hold, in small letters.
+NAMES = {
+    ROOT: re.compile(r"\b(asd|lsd|(amplitude|linear) spectral density)\b"),
+    DENSITY: re.compile(r"\b(psd|pxx|s_?xx|(spectral|noise) density|noise power)\b"),
+}
+#: Gain of the logarithm of the likelihood from which the scatter tells, span of the lines over
+#: their floor below which it does not, and the least share of itself that a density scatters by.
+TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
+#: How much less a density has to scatter than its root, where the unit is that of amplitudes.
+PLAINLY = 1.5
+#: Why a file is taken for a noise spectrum.
+BY_UNIT, BY_NAME, BY_SCATTER = "unit", "name", "scatter"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseLook:
+    """What a file shows if it is a noise spectrum.
+
+    `by` is why it seems to be one, empty where nothing says so; `holds` what its column holds where
+    the unit does not tell it, else empty, and `is_root` whether that is the root of the density;
+    `lines` None where it shows none.
+    """
+
+    lines: NoiseLines | None
+    by: str
+    holds: str
+    is_root: bool
+
+    @property
+    def column(self) -> str:
+        """What its column holds, in words."""
+        return "root of the density" if self.is_root else "density"
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether unit or name tell it, so that nobody need be asked."""
+        return self.by in (BY_UNIT, BY_NAME)
+
+    @property
+    def two(self) -> TwoLines | None:
+        """Its two lines as those of a sweep; None of others.
+
+        The height of a mode that has a force of its own goes with g/(f^2 w), of modes under one
+        force with the square of g/(f w): `ratio` is what makes g of both alike.
+        """
+        lines = self.lines
+        if lines is None or len(lines.frequency_hz) < 2:
+            return None
+        (f1, f2), (w1, w2), (a1, a2) = lines.frequency_hz, lines.width_hz, lines.height
+        ratio = a2 / a1 * f2 / f1
+        if lines.kind == TOGETHER:
+            ratio = math.copysign(math.sqrt(abs(a2 / a1)), a2)
+        return TwoLines((f1, f2), (w1, w2), complex(ratio))
+
+    @property
+    def modes(self) -> TwoModes | None:
+        """Its coupled modes; None where it shows none."""
+        lines = self.lines
+        if lines is None or lines.kind != COUPLED:
+            return None
+        f1, w1, f2, w2, coupling = lines.modes
+        return TwoModes(
+            kind=COUPLED_MODES,
+            frequency_hz=(f1, f2),
+            width_hz=(w1, w2),
+            coupling_hz=coupling,
+            drive=0.0,
+            describes=True,
+            line_hz=(*lines.frequency_hz, *lines.width_hz),
+            line_std_hz=(*lines.frequency_std_hz, *lines.width_std_hz),
+            apart_hz=apart_hz((f1, f2), (w1, w2), coupling),
+        )
+
+    @property
+    def residual(self) -> float:
+        """By which share of itself it scatters; 0: unknown."""
+        return 0.0 if self.lines is None else 1.0 / math.sqrt(max(self.lines.averages, 1.0))
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What it shows, in sentences."""
+        lines = self.lines
+        if lines is None:
+            return ("A noise spectrum that shows no line.",)
+        places = [
+            f"f = {quantity(f, e, 'Hz')}, width {quantity(w, d, 'Hz')}"
+            for f, e, w, d in zip(
+                lines.frequency_hz,
+                lines.frequency_std_hz,
+                lines.width_hz,
+                lines.width_std_hz,
+                strict=True,
+            )
+        ]
+        what = "one line" if len(places) == 1 else "two lines"
+        forces = (_forces_words(lines),) if len(places) > 1 else ()
+        return (f"A noise spectrum with {what}: {listed(places)}.", *forces)
+
+
+def _forces_words(lines: NoiseLines) -> str:
+    """Whether one force drives two modes, or each has its own."""
+    if lines.kind == TOGETHER:
+        return (
+            "The density between the lines is that of modes which one force drives: force = "
+            '"white".'
+        )
+    if lines.kind == COUPLED:
+        return (
+            "The density is that of two coupled modes in heat, of which one is seen: force = "
+            '"thermal". Two lines that only add up describe it less well.'
+        )
+    own = 'each have a force of their own, as in heat: force = "thermal"'
+    if not lines.plainly:
+        return (
+            f"Taken: both modes {own}. The density between the lines does not tell them from modes "
+            "that one force drives."
+        )
+    return f"The densities of both lines add up, as of modes that {own}."
+
+
+def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
+    """What a file shows if it is a noise spectrum; None where it cannot be one.
+
+    Args:
+        roles: of its columns.
+        frequency_hz: of its points, shape (n,), Hz.
+    """
+    channel = roles.sizes
+    if channel is None or roles.is_complex or np.any(np.diff(frequency_hz) <= 0.0):
+        return None
+    column, numbers = roles.recording.column(channel.name), roles.recording.numbers(channel)
+    if not _is_table(roles):
+        return None
+    name = plain_name(column)
+    named = next((way for way, words in NAMES.items() if words.search(name)), "")
+    known = density_of(numbers, channel.unit) if channel.unit else None
+    if known is not None:
+        told = column.unit != channel.unit  # by whoever drafts, and the file does not
+        holds = "" if not told else ROOT if known.is_root else DENSITY
+        return _look(known, frequency_hz, BY_UNIT, holds)
+    if named:
+        return _look(relative_density(numbers, channel.unit, named), frequency_hz, BY_NAME, named)
+    if np.any(numbers < 0.0) and not _is_level(channel.unit):
+        return None
+    return _by_scatter(numbers, channel.unit, frequency_hz)
+
+
+def _is_table(roles: Roles) -> bool:
+    """Whether a campaign can read it: a table whose frequencies have a unit in their header."""
+    try:
+        table = read_table(roles.recording.path)
+    except BadInput:
+        return False
+    frequency = table.find(roles.frequency.name)
+    sizes = None if roles.sizes is None else table.find(roles.sizes.name)
+    return sizes is not None and frequency is not None and frequency.unit is not None
+
+
+def _is_level(unit: str | None) -> bool:
+    return (unit or "").startswith("dB")
+
+
+def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> NoiseLook | None:
+    found = density.numbers
+    if not np.all(np.isfinite(found)) or np.any(found <= 0.0):
+        return None
+    lines = noise_lines(frequency_hz, found)
+    return NoiseLook(lines=lines, by=by, holds=holds, is_root=density.is_root)
+
+
+def _by_scatter(numbers: FloatArray, unit: str | None, f: FloatArray) -> NoiseLook | None:
+    """The same where neither unit nor name tell it: the closer of density and root."""
+    looks = {way: _look(relative_density(numbers, unit, way), f, "", way) for way in HOLDS}
+    # of a density that is read as a root the squares scatter twice as much
+    left = {
+        way: look.residual / (2.0 if way == ROOT else 1.0)
+        for way, look in looks.items()
+        if look is not None and look.lines is not None
+    }
+    if any(same_kind(unit or "", each) for each in SEEN_UNITS[:-1]) and DENSITY in left:
+        left[DENSITY] *= PLAINLY  # an amplitude by its unit
+    best = min(left, key=lambda way: left[way], default="")
+    look = looks.get(best)
+    if look is None:
+        return None
+    return replace(look, by=BY_SCATTER if _scatters_by_a_share(look, numbers, unit) else "")
+
+
+def _scatters_by_a_share(look: NoiseLook, numbers: FloatArray, unit: str | None) -> bool:
+    """Whether points scatter by the same share of themselves, and by no small one."""
+    lines = look.lines
+    if lines is None or look.residual < SHARE:
+        return False
+    curve = np.sqrt(lines.curve) if look.is_root else lines.curve
+    y = numbers
+    if _is_level(unit):
+        y = relative_density(numbers, unit, DENSITY).numbers
+    if not float(np.max(curve)) > SPAN * float(np.min(curve)):
+        return False
+    left = y - curve
+    amount = y.size * math.log(float(np.sqrt(np.mean(left**2))))
+    share = y.size * math.log(float(np.sqrt(np.mean((left / curve) ** 2))))
+    return amount - share - float(np.sum(np.log(curve))) > TELLS
+
+
+def kind_question(name: str, look: NoiseLook) -> Question:
+    """Whether a file is a noise spectrum or a sweep, where nothing tells it for sure.
+
+    Args:
+        name: of the file.
+        look: what it shows if it is a noise spectrum.
+    """
+    seen = look.by == BY_SCATTER
+    return Question(
+        key="kind",
+        words=f"{name}: is it a noise spectrum that nobody drove, or a sweep of amplitudes?",
+        options=KINDS,
+        default=(NOISE,) if seen else (SWEEP,),
+        why=f"a guess: its points scatter by the same share of themselves everywhere, as "
+        f"the {look.column} of noise does"
+        if seen
+        else "neither unit, name nor scatter say noise",
+    )

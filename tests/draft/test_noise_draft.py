@@ -1,0 +1,164 @@
+"""A campaign of noise from a file of densities: it runs unedited and finds what made the data."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fitting.cli.main import main
+from fitting.draft.files import files_of, settled
+from fitting.draft.questions import Answers
+from fitting.inference.values import ParameterResult
+from fitting.resonance.reading import Columns
+from fitting.result.result import read_result
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from tests.support.lines import mode, noise, write_csv
+
+ETA, WIDTH = 30_000.0, 25.0
+F_ONE = ETA + np.linspace(-150.0, 150.0, 241)
+F_TWO = ETA + np.linspace(-200.0, 500.0, 301)
+COUPLING = 1300.0
+
+
+def averaged(density: FloatArray, averages: int, seed: int) -> FloatArray:
+    """An average of periodograms of a density: so many exponential ones."""
+    scatter = np.random.default_rng(seed).gamma(averages, 1.0 / averages, density.size)
+    return np.asarray(density * scatter)
+
+
+def two_lines() -> FloatArray:
+    """Two modes with forces of their own: their densities add up; 100 periodograms."""
+    upper = 0.5 * np.abs(mode(F_TWO, ETA + 300.0, 1.5 * WIDTH)) ** 2
+    density = np.abs(mode(F_TWO, ETA, WIDTH)) ** 2 + upper + 0.02
+    return averaged(1e-12 * density, 100, 8)
+
+
+def two_coupled() -> FloatArray:
+    """What heat does to the first of two coupled coordinates, by inverting their matrix."""
+    density = []
+    for u in F_TWO:
+        own = [e**2 - u**2 + 1j * u * w for e, w in ((ETA, WIDTH), (ETA + 100.0, 2.0 * WIDTH))]
+        matrix = np.array([[own[0], COUPLING**2], [COUPLING**2, own[1]]])
+        density.append(-np.linalg.inv(matrix)[0, 0].imag / u)
+    return averaged(1e-12 * (np.array(density) / np.max(density) + 0.01), 300, 9)
+
+
+def fitted(folder: Path, file: Path) -> tuple[dict[str, ParameterResult], dict[str, Any]]:
+    """What `reconstruct` finds with the campaign that `init` wrote, and its table of noise."""
+    out, results = folder / "drafted", folder / "results"
+    assert main(["init", str(file), "--out", str(out), "--yes"]) == 0
+    campaign = out / "campaign.toml"
+    quick = ["--no-report", "--no-profiles", "--workers", "1"]
+    assert main(["reconstruct", str(campaign), "--out", str(results), *quick]) == 0
+    written = tomllib.loads(campaign.read_text("utf-8"))
+    assert "sweep" not in written
+    [table] = written["noise_spectrum"]
+    return dict(read_result(results / "result.json").parameters), table
+
+
+def test_a_density_of_one_line_becomes_a_noise_spectrum_that_finds_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    density = averaged(1e-24 * (np.abs(mode(F_ONE, ETA, WIDTH)) ** 2 + 0.01), 100, 5)
+    file = write_csv(tmp_path / "psd.csv", "Frequency (Hz),PSD (m^2/Hz)", F_ONE, density)
+    found, table = fitted(tmp_path, file)
+    # errors by the Cramer-Rao bound of these points, by differences of the closed form
+    for name, value, least in (("f1", ETA, 0.184), ("d1", WIDTH, 0.466)):
+        each = found[name]
+        assert abs(each.value - value) < 4.0 * each.std, name
+        assert each.std == pytest.approx(least, rel=0.3), name
+    assert table["columns"] == {"frequency": "Frequency", "density": "PSD"}
+    told = " ".join(capsys.readouterr().out.split())
+    assert "A noise spectrum with one line: f = 30" in told
+    assert "Read: frequency 'Frequency' (Hz) and density 'PSD' (m^2/Hz)." in told
+    assert "Not described by this campaign" not in told
+    assert "sweep" not in told.partition("written:")[0].lower()
+
+
+def test_a_density_of_two_lines_becomes_a_noise_spectrum_that_finds_both(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = write_csv(tmp_path / "psd.csv", "Frequency (Hz),PSD (V^2/Hz)", F_TWO, two_lines())
+    found, table = fitted(tmp_path, file)
+    # heat moves a mode by d over its weight: heights go with g2/(f^2 d)
+    g2 = 0.5 * 1.5 * ((ETA + 300.0) / ETA) ** 2
+    truth = {"f1": ETA, "d1": WIDTH, "f2": ETA + 300.0, "d2": 1.5 * WIDTH, "g2": g2}
+    for name, value in truth.items():
+        each = found[name]
+        assert abs(each.value - value) < 4.0 * each.std < 0.2 * value, name
+    assert table["force"] == "thermal"
+    told = " ".join(capsys.readouterr().out.split())
+    assert "A noise spectrum with two lines: f = 30" in told
+    assert "The densities of both lines add up" in told
+    assert "sweep" not in told.partition("written:")[0].lower()
+
+
+def test_coupled_modes_in_heat_of_which_one_is_seen_find_the_coupling(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = np.sqrt(two_coupled())
+    file = write_csv(tmp_path / "asd.csv", "Frequency (Hz),ASD (V/sqrt(Hz))", F_TWO, root)
+    found, table = fitted(tmp_path, file)
+    truth = {"f1": ETA, "d1": WIDTH, "f2": ETA + 100.0, "d2": 2.0 * WIDTH, "lambda12": COUPLING}
+    for name, value in truth.items():
+        each = found[name]
+        assert abs(each.value - value) < 4.0 * each.std < 0.3 * value, name
+    assert table["force"] == "thermal"
+    told = " ".join(capsys.readouterr().out.split())
+    assert "The density is that of two coupled modes in heat, of which one is seen" in told
+    assert "root of the density 'ASD' (V/sqrt(Hz))" in told
+    assert "Taken: mode 1 alone is seen, heat moves both modes" in told
+
+
+@pytest.mark.parametrize(
+    ("header", "power", "holds", "guessed"),
+    [
+        ("ASD (V/√Hz)", 0.5, "", False),
+        ("noise (V/sqrt(Hz))", 0.5, "", False),
+        ("level (dBm/Hz)", 0.0, "", False),
+        ("PSD", 1.0, "density", False),
+        ("amplitude spectral density", 0.5, "root", False),
+        ("S (V)", 0.5, "root", True),
+        ("reading", 1.0, "density", True),
+    ],
+)
+def test_unit_name_or_scatter_tell_a_noise_spectrum(
+    tmp_path: Path, header: str, power: float, holds: str, guessed: bool
+) -> None:
+    """The same densities, their roots, or levels (power 0); a scatter that is a guess is said."""
+    numbers = two_lines() ** power if power else 10.0 * np.log10(two_lines())
+    files = files_of([write_csv(tmp_path / "n.csv", f"f (Hz),{header}", F_TWO, numbers)], Columns())
+    answers = Answers()
+    [taken] = settled(files, answers).sweeps
+    assert taken.is_noise
+    assert taken.noise is not None
+    assert taken.noise.holds == holds
+    assert taken.noise.is_root is (power == 0.5)
+    assert taken.two is not None
+    assert taken.two.frequency_hz == pytest.approx((ETA, ETA + 300.0), abs=2.0)
+    assert any("kind: noise, a guess" in words for words in answers.said) is guessed
+    [asked] = settled(files, Answers(told={"kind": ("sweep",)})).sweeps
+    assert not asked.is_noise
+
+
+def test_a_sweep_with_noise_of_one_size_stays_a_sweep(tmp_path: Path) -> None:
+    f = ETA + np.linspace(-80.0, 80.0, 41)
+    seen = np.abs(mode(f, ETA, WIDTH) + noise(f.size, 3e-2, 1))
+    answers = Answers()
+    files = files_of([write_csv(tmp_path / "s.csv", "f (Hz),S", f, seen)], Columns())
+    [taken] = settled(files, answers).sweeps
+    assert not taken.is_noise
+    assert not answers.said
+
+
+def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
+    f = ETA + np.linspace(-80.0, 80.0, 41)
+    seen = mode(f, ETA, WIDTH) + noise(f.size, 1e-2, 1)
+    file = write_csv(tmp_path / "s.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
+    with pytest.raises(BadInput, match="cannot be one; wanted a table"):
+        settled(files_of([file], Columns()), Answers(told={"kind": ("noise",)}))
