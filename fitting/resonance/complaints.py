@@ -12,7 +12,6 @@ from fitting.resonance.form import TRANSMISSION, FittedForm
 from fitting.resonance.further_lines import Flank, FurtherLine, beyond_ends, flank
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoLines, TwoResonances, overlapping
-from fitting.signal.noise_lines import noise_lines
 from fitting.signal.peaks import AMONG, TAIL, UNKNOWNS
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
@@ -50,7 +49,6 @@ def check_one(
     f = trace.frequency_hz
     ends = hertz(f[0], f[-1], digits=8, joined=" and ")
     if _chance(trace, best, 1.0) > SEEN_P:
-        _complain_of_noise(trace)
         raise BadInput(
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
             "points as well"
@@ -194,27 +192,6 @@ def outside(trace: Trace, further: Sequence[FurtherLine]) -> Sequence[FurtherLin
         further: lines outside that are seen.
     """
     return further or beyond_ends(trace.frequency_hz, 0.1 * float(np.ptp(trace.frequency_hz)))
-
-
-def _complain_of_noise(trace: Trace) -> None:
-    """Complain of amplitudes whose squares show lines as a power spectral density does.
-
-    Points of one scatter by a share of themselves, those of a sweep by an amount: by such a scatter
-    a line of a few high points is none.
-    """
-    if trace.is_complex:
-        return
-    found = noise_lines(trace.frequency_hz, trace.amplitude**2)
-    if found is not None:
-        places = " and ".join(
-            f"{hertz(f, digits=6)}, {hertz(w, digits=3)} wide"
-            for f, w in zip(found.frequency_hz, found.width_hz, strict=True)
-        )
-        raise BadInput(
-            f"{trace.source}: scatters as a power spectral density does, by a share of itself, and "
-            f"shows as one {'two lines' if len(found.width_hz) > 1 else 'a line'}, at {places}; "
-            "wanted a campaign of noise, as fmu-fit init drafts it"
-        )
 
 
 def _overlapping(two: TwoLines) -> str:
