@@ -523,7 +523,13 @@ class MeasurementKind:
         return model.plan
 
     def reviewed(self, model: DrivenModel, p: FloatArray, workers: Workers) -> Plan:
-        """Nothing that was planned at single parameters."""
+        """Nothing that was planned at single parameters.
+
+        Args:
+            model: the FMU as the series drives it.
+            p: parameters (n,), each in its own unit.
+            workers: of the FMU.
+        """
         return model.plan
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:

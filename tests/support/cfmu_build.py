@@ -73,10 +73,20 @@ def build_lag_fmu(folder: Path) -> Path:
 
 
 def build_euler_lag_fmu(
-    folder: Path, step_s: float, *, divides: bool = False, told: bool = False
+    folder: Path,
+    step_s: float,
+    *,
+    divides: bool = False,
+    told: bool = False,
+    heun: bool = False,
 ) -> Path:
-    """The lag by steps of Euler's method of its own, which may stand in its description."""
-    options = (f"-DOWN_STEP={step_s!r}", *(("-DDIVIDES",) if divides else ()))
+    """The lag by steps of Euler's method of its own, which may stand in its description.
+
+    ``divides``: shorter communication steps divide them; ``heun``: by his method, of second order.
+    """
+    options = [f"-DOWN_STEP={step_s!r}"]
+    options += ["-DDIVIDES"] if divides else []
+    options += ["-DHEUN"] if heun else []
     path = _first_order(folder, "lag", options)
     if not told:
         return path

@@ -109,7 +109,13 @@ class TracesTogether(MeasurementKind, Generic[R]):
         return plan
 
     def reviewed(self, model: DrivenModel, p: FloatArray, workers: Workers) -> Plan:
-        """The plan with what the communication step of every trace leaves there."""
+        """The plan with what the communication step of every trace leaves there.
+
+        Args:
+            model: the FMU as the series drives it.
+            p: parameters (n,), each in its own unit.
+            workers: of the FMU.
+        """
         plan = model.plan
         for trace in self.traces:
             plan = Survey(self, trace, replace(model, plan=plan), workers).reviewed(p)
