@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
-from fitting.fmu import read_description
 from fitting.campaign.binder import Binder
+from fitting.fmu import read_description
 from fitting.lab.bench import measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
