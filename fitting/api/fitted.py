@@ -19,7 +19,7 @@ from fitting.api.problem import Problem
 from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
-from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
+from fitting.fit.fit import Hooks, Memory, Progress, Status, promised_anew, solve_problem
 from fitting.fit.likelihood.likelihood import Spent
 from fitting.fit.options import Options, usual_misfit
 from fitting.fit.path import HistoryRow
@@ -62,6 +62,8 @@ Found = ParameterResult | DerivedResult | OffsetResult
 LEVELS = (0.68, 0.95)
 #: Ends of parameters that are told under a table, at most.
 MOST_ENDS = 6
+#: How often a fit is made anew by a plan that was looked at where it ended.
+REVIEWS = 2
 
 
 @dataclass(frozen=True)
@@ -481,7 +483,27 @@ def fit(
     options = search_options(problem, method, starts, seed)
     hooks = Hooks(progress=progress or (lambda state: None), memory=memory)
     record = solve_problem(problem.record, problem.respond, options, hooks)
+    if problem.has_fmu and record.status is not Status.INTERRUPTED:
+        problem, record = _reviewed(problem, record, replace(hooks, memory=None))
     return Fit(problem, record, time.perf_counter() - begun)
+
+
+def _reviewed(problem: Problem, record: FitRecord, hooks: Hooks) -> tuple[Problem, FitRecord]:
+    """Problem and fit with the plan looked at again where the fit ended.
+
+    What it promises was seen at the start. Where it promises less there, errors are wider for it;
+    where it then takes shorter steps, the problem is solved again with these.
+    """
+    for _ in range(REVIEWS):
+        before = problem.planned
+        planned = before.reviewed(record.x, record.alternative)
+        if planned is before:
+            break
+        problem = problem.planned_as(planned)
+        if all(planned.plans[name].runs_as(plan) for name, plan in before.plans.items()):
+            return problem, promised_anew(record, problem.respond)
+        record = solve_problem(problem.record, problem.respond, record.options, hooks)
+    return problem, record
 
 
 def search_options(

@@ -259,6 +259,17 @@ class Problem:
         """The FMU with its plan: settling, windows, solver, as measured at the first use."""
         return plan_problem(self.record, self.fmu.workers)
 
+    def planned_as(self, planned: PlannedFmu) -> Problem:
+        """The same problem, its FMU by another plan.
+
+        Args:
+            planned: the FMU with that plan.
+        """
+        other = copy(self)
+        other.__dict__.pop("objective", None)
+        other.__dict__["planned"] = planned
+        return other
+
     def respond(self, alternative: Mapping[str, Scalar]) -> Response:
         """The model of one alternative.
 

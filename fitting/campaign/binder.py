@@ -48,8 +48,7 @@ class Binder:
             hint = did_you_mean(name, [*free, *sorted(self.variables)])
             raise BadInput(f"{where}: the FMU has no variable '{name}'{named}{hint}")
         variable = self.variables[name]
-        exact = getattr(variable, "initial", None) == "exact" and role.startswith("set")
-        if variable.causality not in causalities and not exact:
+        if variable.causality not in causalities and not _starts(variable, role):
             raise BadInput(
                 f"{where}: '{name}' is a variable of causality {variable.causality}, which cannot "
                 f"be {role}; wanted {' or '.join(causalities[:2])}"
@@ -226,6 +225,13 @@ def annotation_readers(campaign: Campaign, binder: Binder) -> Iterator[Callable[
             yield partial(binder.real, entry.bound, inside, READABLE, "read")
         yield partial(binder.settings, entry.set)
     yield partial(binder.settings, choice.full)
+
+
+def _starts(variable: VariableLike, role: str) -> bool:
+    """Whether it may be set or fitted since it is the start value of a state."""
+    exact = getattr(variable, "initial", None) == "exact"
+    constant = getattr(variable, "variability", None) == "constant"
+    return exact and not constant and (role.startswith("set") or role == "fitted")
 
 
 def _of_kind(variable: VariableLike) -> str:

@@ -408,7 +408,7 @@ class WrittenParameter(Keys):
     """A fitted FMU parameter; ``unit`` belongs to every bare number of the entry."""
 
     name: Text
-    """A Real parameter of the FMU, or a coefficient that a law names."""
+    """A Real parameter of the FMU, the start value of a state, or a coefficient of a law."""
     unit: Text | None = None
     """Of the bare numbers in this table; without it the FMU's, which has none of a coefficient."""
     scope: Annotated[Text, OneOf(("campaign", "experiment"))] = "campaign"

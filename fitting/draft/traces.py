@@ -508,5 +508,6 @@ def _box(offer: Offer, name: str) -> Box:
         upper=high if high == variable.max else round(high, digits),
         start=start,
         scale=float(f"{0.3 * abs(start) or 0.5:.2g}"),
-        why="the FMU's own start value; bounds are a guess: a tenth of it to ten times",
+        why="the FMU's own start value; bounds are a guess"
+        + (": a tenth of it to ten times" if start else ""),
     )

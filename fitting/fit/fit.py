@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol
 
@@ -222,6 +222,22 @@ def fit_from(fit: Fit, begins: Sequence[FloatArray], hooks: Hooks | None = None)
     [outcomes[fit.reported]] = polished_ends([course], [with_starts(course, fit.outcome, begins)])
     seconds = fit.seconds + hooks.clock() - begun
     return _finished(fit.problem, fit.options, fit.objectives, outcomes, seconds)
+
+
+def promised_anew(fit: Fit, respond: Callable[[Mapping[str, Scalar]], Response]) -> Fit:
+    """The same fit, its errors by what another response promises for the same answers.
+
+    Args:
+        fit: a solved problem.
+        respond: makes the response of one alternative.
+
+    Raises:
+        FmuFailure: the model failed at the solution.
+    """
+    alternatives = fit.problem.alternatives[: len(fit.objectives)]
+    pairs = zip(fit.objectives, alternatives, strict=True)
+    objectives = [replace(each, response=respond(settings)) for each, settings in pairs]
+    return _finished(fit.problem, fit.options, objectives, fit.outcomes, fit.seconds)
 
 
 def _course(objective: Objective, options: Options, alternative: int, journal: Journal) -> Course:

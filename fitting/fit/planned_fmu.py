@@ -17,7 +17,7 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
 from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 _log = logging.getLogger(__name__)
@@ -54,6 +54,28 @@ class PlannedFmu:
             models=models,
             derived=problem.derived,
         )
+
+    def reviewed(self, p: FloatArray, alternative: Mapping[str, Scalar]) -> PlannedFmu:
+        """The same with what the plans can promise at further parameters, as those of a fit.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            alternative: discrete settings, by name.
+
+        Raises:
+            FmuFailure: the FMU failed there.
+        """
+        plans, models = dict(self.plans), self.response(alternative).models
+        for m in self.problem.measurements:
+            plans[m.series] = m.reviewed(
+                replace(models[m.series], setup=m.setup, plan=plans[m.series]), p, self.workers
+            )
+        if all(plan is self.plans[name] for name, plan in plans.items()):
+            return self
+        found = replace(self, plans=plans)
+        for sentence in found.sentences:
+            _log.info("plan, where the fit ended: %s", sentence)
+        return found
 
     @property
     def sentences(self) -> tuple[str, ...]:

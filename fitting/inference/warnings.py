@@ -39,7 +39,7 @@ from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, settings_words, span
+from fitting.text.notation import hertz, listed, number, settings_words, span, unit_text
 from fitting.text.units import convert
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
@@ -204,7 +204,7 @@ def doubt_sentences(
     for name, value in values.items():
         noise = value.std - value.simulation
         if value.identifiable.has_value and value.simulation > WORTH_SAYING * noise:
-            told.append(f"{name} by {number(value.simulation, 2)} {value.unit}".rstrip())
+            told.append(f"{name} by {number(value.simulation, 2)} {unit_text(value.unit)}".rstrip())
     if not told:
         return []
     if scale_off > 1.0:  # far more than the simulation's own error
@@ -238,7 +238,7 @@ def estimator_sentences(
     ]
     for name, value in values.items():
         if value.identifiable.has_value and value.is_outside:
-            shown = f"{number(value.value, 7)} {value.unit}".rstrip()
+            shown = f"{number(value.value, 7)} {unit_text(value.unit)}".rstrip()
             said.append(
                 f"{name} = {shown}, of Algorithm 2, lies outside the 95 % interval of the "
                 f"likelihood, {span(*value.ci95, value.unit)}."
@@ -253,11 +253,11 @@ def _on_bounds(solution: Solution) -> list[str]:
         bound = min(parameter.lower, parameter.upper, key=lambda end: abs(p - end))
         if abs(p - bound) >= parameter.near(bound, NEAR_BOUND):
             continue
-        at = f"{bound:.9g} {parameter.unit}".rstrip()
+        at = f"{bound:.9g} {unit_text(parameter.unit)}".rstrip()
         if abs(p - bound) <= parameter.near(bound, ON_BOUND):
             said.append(f"{parameter.name} ended on a bound of its box ({at}).")
         else:
-            found = f"{p:.9g} {parameter.unit}".rstrip()
+            found = f"{p:.9g} {unit_text(parameter.unit)}".rstrip()
             said.append(f"{parameter.name} ended at {found}, next to a bound of its box ({at}).")
     return said
 

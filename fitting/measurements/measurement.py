@@ -219,6 +219,16 @@ class Measurement(Protocol):
         """
         ...
 
+    def reviewed(self, model: DrivenModel, p: FloatArray, workers: Workers) -> Plan:
+        """The model's plan, with what it can promise at further parameters, as those of a fit.
+
+        Args:
+            model: the FMU as the series drives it.
+            p: parameters (n,), each in its own unit.
+            workers: of the FMU.
+        """
+        ...
+
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
@@ -510,6 +520,16 @@ class MeasurementKind:
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
         """Nothing to do with fewer runs."""
+        return model.plan
+
+    def reviewed(self, model: DrivenModel, p: FloatArray, workers: Workers) -> Plan:
+        """Nothing that was planned at single parameters.
+
+        Args:
+            model: the FMU as the series drives it.
+            p: parameters (n,), each in its own unit.
+            workers: of the FMU.
+        """
         return model.plan
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:

@@ -71,17 +71,27 @@ class Plan:
         return next((plan for plan in self.steps if plan.label == label), None)
 
     def with_steps(self, found: StepPlan) -> Plan:
-        """The plan with the steps of a further trace; one decision tells of all of them.
+        """The plan with the steps of a trace, a further one or anew; one decision tells of all.
 
         Args:
             found: for the trace.
         """
-        steps = (*self.steps, found)
+        steps = (*(plan for plan in self.steps if plan.label != found.label), found)
         if self.budget is None:
             return replace(self, steps=steps)
         others = tuple(d for d in self.budget.decisions if d.kind != Kind.STEP)
         budget = Budget(self.budget.wanted, (*others, step_decision(steps)))
         return replace(self, steps=steps, budget=budget)
+
+    def runs_as(self, other: Plan) -> bool:
+        """Whether it asks the FMU for the same runs of traces, whatever either promises.
+
+        Args:
+            other: plan of the same series.
+        """
+        return {x.label: x.per_sample for x in self.steps} == {
+            x.label: x.per_sample for x in other.steps
+        }
 
     @property
     def has_long_steps(self) -> bool:

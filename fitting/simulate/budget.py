@@ -133,6 +133,15 @@ class Budget:
         """What the decisions leave of the wanted accuracy, at least 0."""
         return max(0.0, self.wanted - self.promised)
 
+    def left_beside(self, kind: Kind) -> float:
+        """What the decisions of all other kinds leave of the wanted accuracy, at least 0.
+
+        Args:
+            kind: of the decisions that do not count.
+        """
+        others = tuple(d for d in self.decisions if d.kind != kind)
+        return Budget(self.wanted, others).left
+
     @property
     def kept(self) -> bool:
         """Whether the bounds sum to at most the wanted accuracy."""

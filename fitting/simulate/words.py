@@ -411,6 +411,11 @@ def _halved(decision: Decision) -> str:
             "s, which cannot be shortened from outside: what Euler's method would leave is taken "
             "for its error"
         )
+    if "shifted" in decision.numbers:
+        said += (
+            ", with twice what it shifts an oscillation in time; where that is far from a sine, or "
+            "its period depends on its size, it may be more"
+        )
     if "few" in decision.numbers:
         few, of = (int(decision.numbers[key]) for key in ("few", "of"))
         said += f"; a free decay of {of} samples follows from {few} of them"

@@ -2,8 +2,8 @@
 
     python -m tests.bench.bench_quirks [--folder FMUS] [--no-fits]
 
-The first table has one FMU in C for every quirk (``tests/support/cfmus``), and those of a folder,
-as the Reference FMUs of the Modelica Association: what `ff.check` finds beside cosmetic things.
+The first table has one FMU in C for every quirk (``tests/support/cfmus``), Reference FMUs of the
+Modelica Association, and those of a folder: what `ff.check` finds beside cosmetic things.
 
 The second one has those that oscillate: a sweep in closed form, 1/|k - m w^2 + i c w| with a gain,
 0.1 % of noise and k = 4100 N/m, c = 0.2 N.s/m, is written to a file, `fmu-fit init` makes a
@@ -28,11 +28,12 @@ from fitting.fmu.findings import Severity
 from fitting.inference.values import ParameterResult
 from fitting.result.result import read_result
 from fitting.text.errors import BadInput
-from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, reworded
+from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, build_reference_fmu, reworded
 
 STIFFNESS, DAMPING, MASS, GAIN = 4100.0, 0.2, 1e-3, 0.37
 TIMEOUT_S = 3.0
 LOCALS = {'causality="output"': 'causality="local"'}
+REFERENCE = ("Dahlquist", "VanDerPol", "BouncingBall", "Feedthrough", "Stair")
 FIXED = {"<CoSimulation ": '<CoSimulation fixedInternalStepSize="1e-5" '}
 
 
@@ -79,7 +80,13 @@ def quirks(folder: Path) -> list[Quirk]:
         oscillator("hangs when freed", fits=False, **never),  # type: ignore[arg-type]
         Quirk("a lag, no resonance", build_lag_fmu, fits=False),
         Quirk("feed-through", fed_through, fits=False),
+        *(Quirk(f"Reference FMU {name}", reference(name), fits=False) for name in REFERENCE),
     ]
+
+
+def reference(name: str) -> Callable[[Path], Path]:
+    """What builds a Reference FMU."""
+    return lambda folder: build_reference_fmu(folder, name)
 
 
 def fed_through(folder: Path) -> Path:

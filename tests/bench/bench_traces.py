@@ -1,8 +1,9 @@
 """Coverage of the intervals of traces: steps of first order and ringdowns, noise from seeds.
 
-    python -m tests.bench.bench_traces [LABORATORIES]
+    python -m tests.bench.bench_traces [LABORATORIES] [--own-steps]
 
-Truth comes from closed forms and the matrix exponential; the noise is told by the residuals alone.
+Truth comes from closed forms, the matrix exponential and scipy's integrator; the noise is told by
+the residuals alone.
 """
 
 from __future__ import annotations
@@ -10,23 +11,31 @@ from __future__ import annotations
 import itertools
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 import build_fmu
 import fitting as ff
 from fitting.text.arrays import FloatArray
-from tests.support.cfmu_build import build_c_fmu, build_euler_lag_fmu, build_lag_fmu
+from tests.support.cfmu_build import (
+    build_c_fmu,
+    build_euler_lag_fmu,
+    build_lag_fmu,
+    build_reference_fmu,
+)
 from tests.support.linear_traces import held_response, oscillator, string
 
 QUICK = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
 #: Steps of Euler's method of an FMU's own, s.
-OWN_STEPS_S = (0.002, 0.01)
+OWN_STEPS_S = (0.002, 0.01, 0.05)
 Truth = dict[str, float]
 Laboratory = tuple[ff.Problem, Truth]
+Maker = Callable[[ff.Fmu, np.random.Generator], Laboratory]
 
 
 def step(fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
@@ -51,6 +60,86 @@ def step_response(fmu: ff.Fmu, rng: np.random.Generator, sigma: float) -> Labora
         ff.Parameter("gain", 1.0, bounds=(0.1, 10.0)),
     ]
     return ff.Problem(fmu, parameters, trace), {"tau": 0.3, "gain": 2.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decay:
+    """x' = -k x of the Reference FMU Dahlquist by its closed form, 0.1 % noise, 5 s."""
+
+    begun: float
+    k: float
+    spacing_s: float
+
+    @property
+    def __name__(self) -> str:
+        """What the answer is called."""
+        return f"Dahlquist, k = {self.k:g} from {self.begun:g}, {self.spacing_s:g} s apart"
+
+    def __call__(self, fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
+        """One of them, and what it was made of."""
+        t = self.spacing_s * np.arange(round(5.0 / self.spacing_s) + 1)
+        y = 2.0 * np.exp(-self.k * t) + 0.002 * rng.standard_normal(t.size)
+        trace = ff.Trace(t, y, setup=ff.Setup(ff.Drive(), "x"), unit="")
+        parameters = [
+            ff.Parameter("k", self.begun, bounds=(0.05, 9.0)),
+            ff.Parameter("x", 1.0, bounds=(0.1, 10.0)),
+        ]
+        return ff.Problem(fmu, parameters, trace), {"k": self.k, "x": 2.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relaxation:
+    """x'' = mu (1 - x^2) x' - x of the Reference FMU VanDerPol, 1 % noise, 20 samples a second."""
+
+    begun: float
+    mu: float
+    length_s: float
+
+    @property
+    def __name__(self) -> str:
+        """What the answer is called."""
+        return f"VanDerPol, mu = {self.mu:g} from {self.begun:g}, {self.length_s:g} s"
+
+    @cached_property
+    def clean(self) -> tuple[FloatArray, FloatArray]:
+        """Times and values."""
+        t = np.linspace(0.0, self.length_s, round(20.0 * self.length_s) + 1)
+        found = solve_ivp(
+            lambda _, x: (x[1], self.mu * (1.0 - x[0] ** 2) * x[1] - x[0]),
+            (0.0, self.length_s),
+            (2.0, 0.0),
+            t_eval=t,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        return t, found.y[0]
+
+    def __call__(self, fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
+        """One of them, and what it was made of."""
+        t, clean = self.clean
+        y = clean + 0.02 * rng.standard_normal(t.size)
+        trace = ff.Trace(t, y, setup=ff.Setup(ff.Drive(), "x0"), unit="")
+        parameter = ff.Parameter("mu", self.begun, bounds=(0.1, 5.0))
+        return ff.Problem(fmu, parameter, trace), {"mu": self.mu}
+
+
+#: Decays and relaxations through Reference FMUs.
+DECAYS = (
+    Decay(begun=1.0, k=1.3, spacing_s=0.1),
+    Decay(begun=1.0, k=1.3, spacing_s=0.02),
+    Decay(begun=1.0, k=1.3, spacing_s=0.25),
+    Decay(begun=0.2, k=4.0, spacing_s=0.1),
+    Decay(begun=8.0, k=0.3, spacing_s=0.1),
+)
+RELAXATIONS = (
+    Relaxation(begun=1.0, mu=0.5, length_s=20.0),
+    Relaxation(begun=1.0, mu=1.2, length_s=20.0),
+    Relaxation(begun=1.0, mu=1.2, length_s=200.0),
+    Relaxation(begun=1.0, mu=2.0, length_s=20.0),
+    Relaxation(begun=2.7, mu=3.0, length_s=60.0),
+    Relaxation(begun=4.2, mu=4.5, length_s=20.0),
+    Relaxation(begun=4.2, mu=4.5, length_s=60.0),
+)
 
 
 def ringdown(fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
@@ -127,9 +216,7 @@ class LetGo:
         return ff.Problem(fmu, parameters, trace), truth
 
 
-def coverage(
-    fmu: ff.Fmu, laboratory: Callable[[ff.Fmu, np.random.Generator], Laboratory], count: int
-) -> None:
+def coverage(fmu: ff.Fmu, laboratory: Maker, count: int) -> None:
     """Print how often 95 % intervals hold the truth, and the spread of the deviations."""
     inside: dict[str, list[bool]] = {}
     deviations: dict[str, list[float]] = {}
@@ -149,15 +236,35 @@ def coverage(
         )
 
 
+def steps(folder: Path, count: int) -> None:
+    """FMUs that advance in steps of their own."""
+    for heun in (False, True):
+        for own_s in OWN_STEPS_S:
+            print(f"steps of {own_s:g} s by {'Heun' if heun else 'Euler'}'s method:")
+            with ff.Fmu(build_euler_lag_fmu(folder, own_s, heun=heun), workers=1) as fmu:
+                coverage(fmu, quiet_step, count)
+    named: tuple[tuple[str, Sequence[Maker]], ...] = (
+        ("Dahlquist", DECAYS),
+        ("VanDerPol", RELAXATIONS),
+    )
+    for name, laboratories in named:
+        with ff.Fmu(build_reference_fmu(folder, name), workers=1) as fmu:
+            for laboratory in laboratories:
+                coverage(fmu, laboratory, count)
+
+
 def main() -> None:
-    """All kinds of traces."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    """All kinds of traces, or those through FMUs with steps of their own."""
+    words = [word for word in sys.argv[1:] if word != "--own-steps"]
+    count = int(words[0]) if words else 200
+    if len(words) < len(sys.argv) - 1:
+        with tempfile.TemporaryDirectory() as folder:
+            steps(Path(folder), count)
+        return
     with tempfile.TemporaryDirectory() as folder:
         with ff.Fmu(build_lag_fmu(Path(folder)), workers=1) as fmu:
             coverage(fmu, step, count)
-        for own_s in OWN_STEPS_S:
-            with ff.Fmu(build_euler_lag_fmu(Path(folder), own_s), workers=1) as fmu:
-                coverage(fmu, quiet_step, count)
+        steps(Path(folder), count)
         with ff.Fmu(build_c_fmu(Path(folder)), workers=1) as fmu:
             coverage(fmu, ringdown, count)
         path = build_fmu.build("CoupledOscillator", Path(folder))

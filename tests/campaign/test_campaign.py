@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.binder import Binder
 from fitting.fmu import read_description
 from fitting.lab.bench import measure
 from fitting.lab.benches import string_bench
@@ -31,6 +32,7 @@ class Variable:
     min: float | None = None
     max: float | None = None
     initial: str | None = None
+    variability: str = "continuous"
 
 
 def oscillator() -> dict[str, Variable]:
@@ -489,6 +491,21 @@ def test_wrong_ready_peaks_are_refused(
     with pytest.raises(BadInput) as caught:
         bound(ready(tmp_path, texts, edit))
     assert words in str(caught.value)
+
+
+def test_the_start_value_of_a_state_may_be_fitted() -> None:
+    """FMI counts it among outputs and locals; one that is calculated, or constant, is none."""
+    states = [Variable(n, causality=n, initial="exact") for n in ("output", "local")]
+    others = [
+        Variable("constant", causality="local", initial="exact", variability="constant"),
+        Variable("calculated", causality="local", initial="calculated"),
+    ]
+    binder = Binder({v.name: v for v in (*states, *others)})
+    for v in states:
+        assert binder.real(v.name, "here", ("parameter",), "fitted") is v
+    for v in others:
+        with pytest.raises(BadInput, match="which cannot be fitted; wanted parameter"):
+            binder.real(v.name, "here", ("parameter",), "fitted")
 
 
 def test_nothing_to_fit_is_refused(tmp_path: Path, texts: dict[str, str]) -> None:

@@ -50,7 +50,7 @@ def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) 
     assert "not determined" in lines["theta"]
     assert ": determined to " in lines["width_plus"]
     assert "±" not in said
-    assert "changes no peak by more than" in said
+    assert "changes no measured value by more than" in said
     found = read_json(out / "identify.json", Identification)
     assert found.synthetic
     assert found.knowledge.data

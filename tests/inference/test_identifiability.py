@@ -91,7 +91,10 @@ def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Knowle
     """The sentence's own numbers, read back and put into the closed form."""
     objective, knowledge = blind
     sentence = knowledge.directions[1].sentence
-    words = r"theta by (\S+) rad with d1 (\S+) Hz, d2 (\S+) Hz changes no peak by more than (\S+) s"
+    words = (
+        r"theta by (\S+) rad with d1 (\S+) Hz, d2 (\S+) Hz changes no measured value by more than "
+        r"(\S+) s"
+    )
     found = re.search(words, sentence)
     assert found is not None, sentence
     *change, most = (float(text) for text in found.groups())

@@ -65,6 +65,34 @@ def test_steps_that_nothing_shortens_widen_the_errors_to_the_truth(
         assert low <= true <= high
 
 
+@pytest.mark.parametrize("step_s", [0.002, 0.05])
+def test_a_better_method_leaves_less_than_is_told(tmp_path: Path, step_s: float) -> None:
+    """Heun's, of second order, which nothing tells from outside."""
+    fit, decision = fitted(build_euler_lag_fmu(tmp_path, step_s, heun=True), 1)
+    assert decision.numbers["stands_s"] == pytest.approx(step_s, rel=0.02)
+    for name, true in (("tau", TAU), ("gain", GAIN)):
+        low, high = fit[name].interval()
+        assert low <= true <= high
+
+
+def test_steps_are_shortened_where_the_fit_ended(tmp_path: Path) -> None:
+    """Communication steps are Euler's: 10 ms do for the 2 s of the start, not for 0.05 s."""
+    tau, accuracy = 0.05, 5e-3
+    noise = 5e-4 * np.random.default_rng(1).standard_normal(T.size)
+    y = GAIN * -np.expm1(-np.maximum(T - 0.1, 0.0) / tau) + noise
+    setup = ff.Setup(ff.Drive(), "y", start_values={"euler": 1.0}, accuracy=accuracy)
+    trace = ff.Trace(T, y, setup=setup, input="u", driven=(T, U), interpolation="held")
+    begun = (ff.Parameter("tau", 2.0, bounds=(0.02, 3.0)), PARAMETERS[1])
+    with ff.Fmu(build_lag_fmu(tmp_path), workers=1) as fmu:
+        fit = ff.fit(ff.Problem(fmu, begun, trace), method=QUICK, starts=1)
+        assert fit.result.plan is not None
+        [decision] = [d for d in fit.result.plan.decisions if d.kind == Kind.STEP]
+    assert float(decision.numbers["step_s"]) < 0.002
+    assert decision.bound < accuracy
+    low, high = fit["tau"].interval()
+    assert low <= tau <= high
+
+
 def test_steps_that_shorter_ones_divide_are_shortened(tmp_path: Path) -> None:
     """Of 5 ms, which 10 ms and 5 ms hold whole."""
     fit, decision = fitted(build_euler_lag_fmu(tmp_path, 5e-3, divides=True), 1)

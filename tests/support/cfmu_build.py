@@ -1,4 +1,7 @@
-"""Compile the C test FMUs of ``tests/cfmus`` with the system's compiler and fmpy's FMI headers."""
+"""Compile C FMUs for the tests with the system's compiler and fmpy's FMI headers.
+
+``cfmus`` are the tests' own, ``reference_fmus`` those of the Modelica Association, unchanged.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from pathlib import Path
 import fmpy
 
 SOURCES = Path(__file__).parent / "cfmus"
+REFERENCE = Path(__file__).parent / "reference_fmus"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 
@@ -69,10 +73,20 @@ def build_lag_fmu(folder: Path) -> Path:
 
 
 def build_euler_lag_fmu(
-    folder: Path, step_s: float, *, divides: bool = False, told: bool = False
+    folder: Path,
+    step_s: float,
+    *,
+    divides: bool = False,
+    told: bool = False,
+    heun: bool = False,
 ) -> Path:
-    """The lag by steps of Euler's method of its own, which may stand in its description."""
-    options = (f"-DOWN_STEP={step_s!r}", *(("-DDIVIDES",) if divides else ()))
+    """The lag by steps of Euler's method of its own, which may stand in its description.
+
+    ``divides``: shorter communication steps divide them; ``heun``: by his method, of second order.
+    """
+    options = [f"-DOWN_STEP={step_s!r}"]
+    options += ["-DDIVIDES"] if divides else []
+    options += ["-DHEUN"] if heun else []
     path = _first_order(folder, "lag", options)
     if not told:
         return path
@@ -136,6 +150,24 @@ def build_exchange_fmu(folder: Path, fmi: int = 2) -> Path:
     with zipfile.ZipFile(path, "w") as archive:
         archive.write(SOURCES / f"exchange{fmi}.xml", "modelDescription.xml")
         archive.write(library, f"binaries/{platform}/{library.name}")
+    return path
+
+
+def build_reference_fmu(folder: Path, name: str) -> Path:
+    """The Reference FMU of a name in ``reference_fmus``, for FMI 2.0, in ``folder``.
+
+    Its co-simulation takes steps of Euler's method of its own, FIXED_SOLVER_STEP of its config.h.
+    """
+    model, sources = REFERENCE / name, REFERENCE / "src"
+    library = folder / f"{name}{fmpy.sharedLibraryExtension}"
+    headers = (f"-I{model}", f"-I{REFERENCE / 'include'}")
+    further = (model / "model.c", sources / "cosimulation.c")
+    options = ("-DFMI_VERSION=2", "-DDISABLE_PREFIX", "-fvisibility=hidden", *headers)
+    compile_library(sources / "fmi2Functions.c", library, [*options, *map(str, further)])
+    path = folder / f"{name}.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(model / "FMI2.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
     return path
 
 

@@ -20,7 +20,7 @@ from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import as_known, number
+from fitting.text.notation import as_known, number, unit_text
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
 UNSEEN = 1.0
@@ -150,13 +150,13 @@ def _largest_move(evaluator: LikelihoodEvaluator, optimum: Optimum, x: FloatArra
 
 
 def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: float) -> str:
-    units = {p.name: p.unit for p in likelihood.parameters}
+    units = {p.name: unit_text(p.unit) for p in likelihood.parameters}
     (first, value), *rest = change.items()
     others = [f"{name} {_signed(v)} {units[name]}".rstrip() for name, v in rest]
     with_ = f" with {', '.join(others)}" if others else ""
     most = max(math.ceil(largest * 1000.0) / 1000.0, 0.001)
     head = f"a change of {first} by {_signed(value)} {units[first]}".rstrip()
-    return f"{head}{with_} changes no peak by more than {most:.2g} sigma"
+    return f"{head}{with_} changes no measured value by more than {most:.2g} sigma"
 
 
 def _signed(value: float) -> str:

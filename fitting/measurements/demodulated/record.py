@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from fitting.fmu import HeldSignal
 from fitting.measurements.traces.grid import refuse_clipped, spacing_s
+from fitting.measurements.traces.own_steps import LOOKED
 from fitting.measurements.traces.record import BEGINS, FIRST, SHIFTS
 from fitting.signal.decay import decay_start
 from fitting.signal.rician import Scatter, scatter_of
@@ -220,11 +221,12 @@ class DemodulatedRecord:
         """A step may be many periods: what it may not be is found by halving it."""
         return False
 
-    def look(self, fine: int) -> None:
+    def look(self, fine: int, most: int = LOOKED) -> None:
         """None: nothing but its start moves it.
 
         Args:
             fine: steps between two samples.
+            most: steps in all.
         """
 
     @property

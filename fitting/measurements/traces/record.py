@@ -260,17 +260,17 @@ class TraceRecord:
             seen = np.stack([wave.at(times) for wave in waves], axis=1)
         return HeldSignal(names, self.spacing_s / per_sample, held, seen)
 
-    def look(self, fine: int) -> Look | None:
+    def look(self, fine: int, most: int = LOOKED) -> Look | None:
         """A closer look at its run under the input; None: nothing but its start moves it.
 
         Args:
-            fine: steps between two samples, an even number.
+            fine: steps between two samples.
+            most: steps in all.
         """
         if not self.is_driven:
             return None
-        count = min(self.y.size, max(2, LOOKED // fine))
-        signal, half = self._held(fine, count), self._held(fine // 2, count)
-        return Look(self.window(count), signal, fine, half)
+        count = min(self.y.size, max(2, most // fine))
+        return Look(self.window(count), self._held(fine, count), fine)
 
     @cached_property
     def shifts(self) -> npt.NDArray[np.intp]:

@@ -43,9 +43,11 @@ class StepPlan:
     """Steps ``per_sample`` of one trace, ``label``, and what they may be off by, relative.
 
     ``change`` was seen when they were halved, ``runs`` is what that took; ``own_s`` is a step of
-    the FMU's own that the samples do not fit (0: none, or they do). ``few``: at which samples the
-    response to a pulse is simulated, where all follow from them to ``tolerance``, which is checked
-    in every evaluation, and to ``few_error`` in the survey; None: at all of them.
+    the FMU's own that the samples do not fit (0: none, or they do), ``stands_s`` one between whose
+    ends it was seen to stand still, ``shifted``: which shifts an oscillation in time. ``few``: at
+    which samples the response to a pulse is simulated, where all follow from them to
+    ``tolerance``, which is checked in every evaluation, and to ``few_error`` in the survey; None:
+    at all of them.
     """
 
     label: str
@@ -56,6 +58,7 @@ class StepPlan:
     runs: int = 0
     own_s: float = 0.0
     stands_s: float = 0.0
+    shifted: bool = False
     few: FewSamples | None = None
     tolerance: float = 0.0
     few_error: float = 0.0
@@ -205,7 +208,10 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
 def _stands(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
     """The longest step between whose ends the FMU was seen to stand still."""
     longest = max(plan.stands_s for plan in plans)
-    return {"stands_s": longest} if longest else {}
+    if not longest:
+        return {}
+    shifted = {"shifted": True} if any(plan.shifted for plan in plans) else {}
+    return {"stands_s": longest, **shifted}
 
 
 def _extrapolated(plans: Sequence[StepPlan]) -> dict[str, Scalar]:

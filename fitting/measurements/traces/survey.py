@@ -6,6 +6,7 @@ demodulator makes of them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -17,8 +18,9 @@ from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.traces.decay_run import Pulsed, few_samples, read_decay
-from fitting.measurements.traces.own_steps import Look, euler_leaves, looked_finely
+from fitting.measurements.traces.own_steps import LOOKED, Look, euler_leaves, looked_finely
 from fitting.measurements.traces.step_plan import (
+    MOST_STEPS,
     StepPlan,
     StepRuns,
     extrapolated,
@@ -26,6 +28,7 @@ from fitting.measurements.traces.step_plan import (
     planned_steps,
 )
 from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.budget import Kind as Decided
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
@@ -100,8 +103,8 @@ class Begun(Pulsed, Protocol):
     def has_own_steps(self) -> bool:
         """Whether its runs begin with the step that the FMU was made for."""
 
-    def look(self, fine: int) -> Look | None:
-        """A closer look at its run under the input; None: it has none."""
+    def look(self, fine: int, most: int = LOOKED) -> Look | None:
+        """A closer look at its run under the input, of so many steps; None: it has none."""
 
     @property
     def has_unknown_start(self) -> bool:
@@ -175,6 +178,39 @@ class Survey(Generic[T]):
             steps = self._of_few_samples(kept, steps, left)
         return plan.with_steps(steps)
 
+    def reviewed(self, p: FloatArray) -> Plan:
+        """The model's plan with what the steps of the trace leave at further parameters.
+
+        Steps that leave more than was wanted are shortened, where that helps.
+
+        Args:
+            p: parameters (n,) that the FMU takes.
+        """
+        plan = self.model.plan
+        before = plan.step_plan(self.kind.key(self.trace))
+        if before is None or plan.budget is None:
+            return plan
+        left = max(0.0, plan.budget.left_beside(Decided.STEP))
+        runs = partial(self._simulated, [p])
+        coarsest = before.per_sample // 2 if before.extrapolated else before.per_sample
+        begun = replace(before, per_sample=coarsest)
+        try:
+            steps = planned_steps(begun, runs, left, self.trace.run_samples)
+            steps = self._looked_closely([p], steps, left)
+        except NoAnswer:
+            raise
+        except FmuFailure:  # it refuses shorter steps there
+            return plan
+        if steps.per_sample > before.per_sample:
+            return plan.with_steps(replace(steps, runs=before.runs + steps.runs))
+        if not steps.stands_s and steps.bound <= max(before.bound, left):
+            return plan
+        longest = max(before.stands_s, steps.stands_s)
+        shifted = before.shifted or steps.shifted
+        return plan.with_steps(
+            replace(before, bound=steps.bound, stands_s=longest, shifted=shifted)
+        )
+
     def _looked_closely(
         self, points: Sequence[FloatArray], steps: StepPlan, left: float
     ) -> StepPlan:
@@ -196,8 +232,9 @@ class Survey(Generic[T]):
             batch.ask(values, look.closer, look.held_signal, output),
             batch.ask(values, look.window, look.signal, output),
         ]
-        if steps.extrapolated:
-            asked.append(batch.ask(values, look.window, look.half, output))
+        half = trace.look(fine // 2, LOOKED // 2) if steps.extrapolated else None
+        if half is not None:
+            asked.append(batch.ask(values, half.window, half.signal, output))
         try:
             batch.simulate(self.workers)
         except NoAnswer:
@@ -206,13 +243,10 @@ class Survey(Generic[T]):
             batch.forget()
             return steps
         seen = batch.samples(asked[0], output)
-        finest = Asked(driven=asked[1], coarse=asked[2] if steps.extrapolated else None)
+        finest = Asked(driven=asked[1], coarse=asked[2] if half is not None else None)
         stands_s, runs = look.standing_s(seen), steps.runs + len(asked)
         if stands_s:
-            count = steps.step_s / stands_s
-            late = abs(count - round(count)) > UNEVEN * count
-            bound = min(1.0, steps.bound + euler_leaves(seen, late=late))
-            return replace(steps, runs=runs, bound=bound, stands_s=stands_s)
+            return self._standing(values, replace(steps, runs=runs, stands_s=stands_s))
         coarse = self._under_input(points[0], steps)
         change = _change(coarse[: look.window.samples], finest.under_input(batch, output))
         if change <= steps.bound or 2.0 * change <= left:
@@ -225,6 +259,30 @@ class Survey(Generic[T]):
             trace.run_samples,
         )
         return replace(finer, runs=runs + finer.runs)
+
+    def _standing(self, values: Mapping[str, Scalar], steps: StepPlan) -> StepPlan:
+        """The steps with what Euler's method leaves over all steps of the FMU's own.
+
+        Args:
+            values: start values of the FMU.
+            steps: between which it stands still.
+        """
+        fine = max(1, math.ceil((1.0 - UNEVEN) * steps.spacing_s / steps.stands_s))
+        look = self.trace.look(fine, MOST_STEPS)
+        if look is None:
+            return steps
+        output = self.kind.output(self.trace)
+        run = self.batch.ask(values, look.closer, look.held_signal, output)
+        self.batch.simulate(self.workers)
+        count = steps.step_s / steps.stands_s
+        late = abs(count - round(count)) > UNEVEN * count
+        left = euler_leaves(self.batch.samples(run, output), look.pushed, late=late)
+        return replace(
+            steps,
+            runs=steps.runs + 1,
+            bound=steps.bound + left.share,
+            shifted=steps.shifted or left.shifted,
+        )
 
     def _of_few_samples(
         self, points: Sequence[FloatArray], steps: StepPlan, left: float

@@ -108,6 +108,19 @@ class TracesTogether(MeasurementKind, Generic[R]):
             plan = survey.planned(points)
         return plan
 
+    def reviewed(self, model: DrivenModel, p: FloatArray, workers: Workers) -> Plan:
+        """The plan with what the communication step of every trace leaves there.
+
+        Args:
+            model: the FMU as the series drives it.
+            p: parameters (n,), each in its own unit.
+            workers: of the FMU.
+        """
+        plan = model.plan
+        for trace in self.traces:
+            plan = Survey(self, trace, replace(model, plan=plan), workers).reviewed(p)
+        return plan
+
     def key(self, trace: R) -> str:
         """What the plan knows a trace by.
 

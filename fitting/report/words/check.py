@@ -202,8 +202,11 @@ def _resets(resets: Resets) -> list[str]:
 
 def _trial(trial: Trial, description: FmuDescription) -> str:
     outputs = any(v.causality == "output" for v in description.seen)
-    what = "outputs" if outputs else "local variables (it has no output)"
-    line = f"trial run: one step of {trial.step_s:g} s, {len(trial.numbers)} {what} are numbers"
+    count = len(trial.numbers)
+    what = _counted(count, "output" if outputs else "local")
+    said = "is a number" if count == 1 else "are numbers"
+    where = "" if outputs else " (it has no output)"
+    line = f"trial run: one step of {trial.step_s:g} s, {what}{where} {said}"
     return line + (f"; not a number: {', '.join(trial.blank)}" if trial.blank else "")
 
 

@@ -3,7 +3,8 @@
    room, C T' = (To - T)/R1 + Q, seen behind the other resistance, Ti = T + R2 Q. Exact steps; with euler > 0 steps
    of Euler's method, as long as the communication steps are, so that what a trace is off by hangs on these. With
    OWN_STEP steps of Euler's method of that length: all that end within a communication step, between which it stands
-   still, or with DIVIDES as many of one length, as long at most, as fill it. */
+   still, or with DIVIDES as many of one length, as long at most, as fill it; with HEUN by his method, of second
+   order. */
 #include "fmi2Functions.h"
 #include <math.h>
 #include <stdlib.h>
@@ -70,7 +71,11 @@ static void advance(Model *m, double at, double step) {
 #ifdef DIVIDES
     count = (long long)ceil(step / length - 1e-6), length = step / count;
 #endif
-    for (m->steps += count; count-- > 0;) m->x += length / tau(m->reals) * (rest(m->reals) - m->x);
+    double past = length / tau(m->reals);
+#ifdef HEUN
+    past -= past * past / 2;
+#endif
+    for (m->steps += count; count-- > 0;) m->x += past * (rest(m->reals) - m->x);
 }
 #else
 static void advance(Model *m, double at, double step) {

@@ -1,0 +1,80 @@
+"""Reference FMUs through the commands: plain sentences, whatever they are."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.cli.main import main
+from tests.support.cfmu_build import build_reference_fmu
+
+#: What `check` says of each, and what `init` and `simulate` want of it.
+FMUS = {
+    "Dahlquist": (
+        "careful: outputs move only every 0.1 s, its own step, as it declares",
+        "wanted something to drive",
+    ),
+    "VanDerPol": (
+        "careful: outputs move only every 0.01 s, its own step, as it declares",
+        "wanted something to drive",
+    ),
+    "BouncingBall": (
+        "a change by 0.1 % changed no output over 16 steps of 0.01 s: e",
+        "wanted something to drive",
+    ),
+    "Feedthrough": (
+        r"seen by an output without a step \(direct feed-through\): Float64_continuous_input",
+        "wanted one of Float64_fixed_parameter, Float64_tunable_parameter",
+    ),
+    "Stair": ("trial run: one step of 0.2 s, 1 output is a number", "no continuous Real output"),
+}
+
+
+@pytest.mark.parametrize("name", FMUS)
+def test_a_reference_fmu_is_told_of_plainly(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fmu = str(build_reference_fmu(tmp_path, name))
+    checked, wanted = FMUS[name]
+    assert main(["check", fmu]) == 0
+    assert re.search(f"^{checked}", capsys.readouterr().out, re.MULTILINE)
+    assert main(["init", fmu, "--out", str(tmp_path / "draft"), "--yes"]) == 2
+    [said] = capsys.readouterr().err.splitlines()
+    assert wanted in said
+    assert main(["simulate", fmu, "--out", str(tmp_path / "out")]) == 2
+    [said] = capsys.readouterr().err.splitlines()
+    assert "wanted the names of those that hold the frequencies of the tones" in said
+
+
+def test_an_output_that_follows_its_input_at_once_has_a_gain_of_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fmu = str(build_reference_fmu(tmp_path, "Feedthrough"))
+    drive = ["--input", "Float64_continuous_input", "--drive", "0.2 Hz", "--accuracy", "1e-3"]
+    assert main(["simulate", fmu, *drive, "--out", str(tmp_path / "out")]) == 0
+    told = re.search(r"^Float64_continuous_output: (\S+) ", capsys.readouterr().out, re.MULTILINE)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_decay_from_rest_becomes_a_campaign_that_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """x' = -1.3 x from the FMU's own start: its steps of 0.1 s move k by 0.08."""
+    t = 0.1 * np.arange(51)
+    x = np.exp(-1.3 * t) + 1e-3 * np.random.default_rng(1).standard_normal(t.size)
+    rows = "".join(f"{a:.1f},{b:.6f}\n" for a, b in zip(t.tolist(), x.tolist(), strict=True))
+    (tmp_path / "decay.csv").write_text("time (s),x (1)\n" + rows)
+    fmu, data = str(build_reference_fmu(tmp_path, "Dahlquist")), str(tmp_path / "decay.csv")
+    assert main(["init", fmu, data, "--out", str(tmp_path), "--yes"]) == 0
+    words = [str(tmp_path / "campaign.toml"), "--out", str(tmp_path / "out"), "--no-report"]
+    assert main(["reconstruct", *words, "--workers", "1"]) == 0
+    told = capsys.readouterr().out
+    found = re.search(r"^known: +k = (\S+) ± (\S+)", told, re.MULTILINE)
+    assert found is not None, told
+    value, std = float(found[1]), float(found[2])
+    assert 0.05 < abs(value - 1.3) < 2.0 * std
+    assert re.search(r"may move k by 0\.\d+: standard", told.replace("\n", " "))

@@ -1,0 +1,122 @@
+"""Traces through Reference FMUs, whose steps of Euler's method are their own, against the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import fitting as ff
+from fitting.measurements.traces.own_steps import Left, euler_leaves
+from fitting.simulate.budget import Decision, Kind
+from fitting.simulate.words import decision_in_words
+from fitting.text.arrays import FloatArray
+from tests.support.cfmu_build import build_reference_fmu
+
+QUICK = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("reference")
+    for name in ("Dahlquist", "VanDerPol"):
+        build_reference_fmu(made, name)
+    return made
+
+
+def decided(fit: ff.Fit) -> Decision:
+    assert fit.result.plan is not None
+    [decision] = [d for d in fit.result.plan.decisions if d.kind == Kind.STEP]
+    return decision
+
+
+def decay(
+    folder: Path, begun: float, k: float, spacing_s: float, seed: int
+) -> tuple[ff.Fit, Decision]:
+    """The fit of x' = -k x from 2, in closed form and 0.1 % of noise; and the decision on steps."""
+    t = spacing_s * np.arange(round(5.0 / spacing_s) + 1)
+    y = 2.0 * np.exp(-k * t) + 0.002 * np.random.default_rng(seed).standard_normal(t.size)
+    trace = ff.Trace(t, y, setup=ff.Setup(ff.Drive(), "x"), unit="")
+    parameters = [
+        ff.Parameter("k", begun, bounds=(0.05, 9.0)),
+        ff.Parameter("x", 1.0, bounds=(0.1, 10.0)),
+    ]
+    with ff.Fmu(folder / "Dahlquist.fmu", workers=1) as fmu:
+        fit = ff.fit(ff.Problem(fmu, parameters, trace), method=QUICK, starts=1)
+        return fit, decided(fit)
+
+
+@pytest.mark.parametrize(
+    ("begun", "k", "spacing_s"),
+    [
+        pytest.param(1.0, 1.3, 0.1, id="a step in a sample"),
+        pytest.param(1.0, 1.3, 0.5, id="five steps in a sample"),
+        pytest.param(1.0, 1.3, 0.02, id="five samples in a step"),
+        pytest.param(0.2, 4.0, 0.1, id="much faster than where the fit begins"),
+        pytest.param(8.0, 0.3, 0.1, id="much slower than where the fit begins"),
+    ],
+)
+def test_a_decay_from_rest_holds_the_truth(
+    folder: Path, begun: float, k: float, spacing_s: float
+) -> None:
+    """Steps of 0.1 s put k off by k^2 h/2, a hundred errors of the noise: one seed shows it."""
+    fit, decision = decay(folder, begun, k, spacing_s, 1)
+    assert decision.numbers["stands_s"] == pytest.approx(0.1, rel=0.02)
+    assert "in steps of its own" in decision_in_words(decision)
+    steps = np.arange(50)
+    off = np.max(np.abs((1.0 - 0.1 * k) ** steps - np.exp(-0.1 * k * steps)))
+    assert off < decision.bound < 12.0 * off + 0.1 * k
+    for name, true in (("k", k), ("x", 2.0)):
+        low, high = fit[name].interval()
+        assert low <= true <= high, name
+
+
+@pytest.mark.parametrize(("mu", "length_s"), [(0.5, 20.0), (1.2, 20.0), (1.2, 60.0)])
+def test_an_oscillation_that_is_shifted_holds_the_truth(
+    folder: Path, mu: float, length_s: float
+) -> None:
+    """Euler's method over 0.01 s makes the period of van der Pol's oscillator too long."""
+    t = np.linspace(0.0, length_s, round(length_s / 0.05) + 1)
+    clean: FloatArray = solve_ivp(
+        lambda _, x: (x[1], mu * (1.0 - x[0] ** 2) * x[1] - x[0]),
+        (0.0, length_s),
+        (2.0, 0.0),
+        t_eval=t,
+        rtol=1e-10,
+        atol=1e-12,
+    ).y[0]
+    y = clean + 0.02 * np.random.default_rng(2).standard_normal(t.size)
+    trace = ff.Trace(t, y, setup=ff.Setup(ff.Drive(), "x0"), unit="")
+    parameter = ff.Parameter("mu", 1.0, bounds=(0.1, 5.0))
+    with ff.Fmu(folder / "VanDerPol.fmu", workers=1) as fmu:
+        fit = ff.fit(ff.Problem(fmu, parameter, trace), method=QUICK, starts=1)
+        decision = decided(fit)
+    low, high = fit["mu"].interval()
+    assert low <= mu <= high
+    assert "shifts an oscillation in time" in decision_in_words(decision)
+
+
+def left_of(step: complex, count: int) -> tuple[Left, float]:
+    """What is told of Re z^k, z = 1 + s h by Euler's method, and what it is off e^(s h k) by."""
+    k = np.arange(count)
+    found, true = (1.0 + step) ** k, np.exp(step * k)
+    told = euler_leaves(
+        np.array(found.real, dtype=float), np.zeros(count - 1, dtype=bool), late=False
+    )
+    return told, float(np.max(np.abs(found - true).real) / np.max(np.abs(found.real)))
+
+
+@pytest.mark.parametrize("step", [0.01j, 0.01j - 5e-4, 0.02j - 5e-3, 0.01j - 0.01])
+def test_what_is_told_of_an_oscillation_is_more_than_is_left(step: complex) -> None:
+    told, off = left_of(step, 2000)
+    assert off < told.share < 8.0 * off
+    assert told.shifted
+
+
+def test_what_only_decays_is_not_shifted() -> None:
+    """Also where it has come to its end, and rounding turns it."""
+    told, off = left_of(-0.05 + 0.0j, 4000)
+    assert off < told.share < 4.0 * off
+    assert not told.shifted
