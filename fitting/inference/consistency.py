@@ -149,6 +149,15 @@ def warnings_of(joint: JointResult) -> list[str]:
     return [t.sentence for t in joint.tensions if t.sigmas > WORTH_A_WARNING]
 
 
+def contradictions(joint: JointResult | None) -> tuple[PairTest, ...]:
+    """Pairs of campaigns whose data cannot be of one set of values.
+
+    Args:
+        joint: the tests of their agreement; None: nothing was tested.
+    """
+    return () if joint is None else tuple(t for t in joint.tensions if t.sigmas > CONTRADICT)
+
+
 def _whitened(solution: Solution) -> tuple[_System, list[float]]:
     """The system of all campaigns, residuals beyond a campaign's noise widened; and by how much."""
     point, data = solution.final, solution.objective.data

@@ -20,6 +20,7 @@ DESCRIBES = "converged and describes the data"
 MISFIT = "converged but does not describe the data"
 NOT_CONVERGED = "not converged"
 ABSENT = "converged, but no line stands out of the noise"
+CONTRADICTED = "converged, but the campaigns contradict each other"
 #: Probability from which chi square is smaller than the noise lets it be.
 TOO_SMALL = 1.0 - 1e-4
 #: Where nothing was tested, and why: no row has a noise of its own, or there are too few rows.

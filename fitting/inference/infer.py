@@ -6,7 +6,6 @@ import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -24,14 +23,14 @@ from fitting.inference.alternatives import equal_fit
 from fitting.inference.budget import BUDGET
 from fitting.inference.closer_form import closer_form
 from fitting.inference.conditions import condition_sentences
-from fitting.inference.consistency import consistency, warnings_of
+from fitting.inference.consistency import consistency, contradictions, warnings_of
+from fitting.inference.contradictions import contradicted
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.ending import ABSENT, MISFIT, Ending, ending_of, extent_of
+from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
 from fitting.inference.equivalent_fits import (
     is_reason,
     reason_sentences,
 )
-from fitting.inference.error_bars import error_bars
 from fitting.inference.estimates import (
     Estimates,
     derived_results,
@@ -39,7 +38,8 @@ from fitting.inference.estimates import (
     parameter_results,
 )
 from fitting.inference.joint_result import JointResult
-from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
+from fitting.inference.judged_values import JudgedValues
+from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge
 from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
@@ -47,7 +47,6 @@ from fitting.inference.mistakes import SweepFindings, sweep_findings
 from fitting.inference.presence import unseen
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
-from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import (
     Kind,
     Warned,
@@ -59,10 +58,7 @@ from fitting.inference.warnings import (
 )
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-from fitting.text.notation import settings_words
-
-Valued = TypeVar("Valued", ParameterResult, DerivedResult)
-
+from fitting.text.notation import listed, number, settings_words
 
 #: Minima of a search from which the most likely point is looked for.
 LOWEST = 2
@@ -146,24 +142,30 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         errors = replace(errors, scatter=np.ones(m), freedom=errors.degrees_of_freedom)
     solution = replace(solution, errors=errors)
     estimates = Estimates(best, solution.final.parameters, fit.options.estimator)
-    parameters = parameter_results(solution, estimates)
-    derived = derived_results(solution, estimates, request.units, fit.options.schedule.seed)
-    offsets = offset_results(solution, estimates)
+    values = JudgedValues(
+        parameter_results(solution, estimates),
+        derived_results(solution, estimates, request.units, fit.options.schedule.seed),
+        offset_results(solution, estimates),
+        knowledge,
+    )
     joint = consistency(problem, solution) if problem.is_joint else None
-    profiles = knowledge.profiles if knowledge is not None else {}
+    status = _status(fit, adequacy)
+    is_best = status is Status.CONVERGED and _is_best(fit, knowledge)
     describes = adequacy is None or adequacy.describes
-    withdrawn = "" if adequacy is None or describes else adequacy.why_not
-    parameters = {n: _judged(v, profiles.get(n), withdrawn) for n, v in parameters.items()}
-    derived = {n: _judged(v, profiles.get(n), withdrawn) for n, v in derived.items()}
-    if not describes:
-        derived = {n: _withdrawn(d) for n, d in derived.items()}
-        offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
+    values = values.judged(
+        contradicted(joint, values.units) if is_best else {},
+        "" if adequacy is None or describes else adequacy.why_not,
+    )
+    parameters, derived, offsets = values.parameters, values.derived, values.offsets
+    knowledge = values.knowledge
+    profiles = knowledge.profiles if knowledge is not None else {}
     sweeps = _with_names(sweeps, fit, {**parameters, **derived})
     named: dict[str, ParameterResult | DerivedResult | OffsetResult]
     named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
-    status = _status(fit, adequacy)
     ending = _ending(fit, status, read, _left_at(fit, best))
+    if is_best and contradictions(joint):
+        ending = _contradicted(ending, joint)
     return Inference(
         fit=fit,
         parameters=parameters,
@@ -224,12 +226,6 @@ def _conditions(fit: Fit, parameters: Mapping[str, ParameterResult]) -> list[str
         return condition_sentences(fit, parameters)
     except (FmuFailure, np.linalg.LinAlgError):
         return []
-
-
-def _withdrawn(derived: DerivedResult) -> DerivedResult:
-    """An output without errors of single places: the model does not describe the data."""
-    nothing = (math.nan,) * len(derived.stds)
-    return replace(derived, stds=nothing, halves95=nothing)
 
 
 def _with_names(
@@ -380,10 +376,25 @@ def _refuted(solution: Solution) -> Adequacy | None:
     return unseen(solution) or closer_form(solution)
 
 
+def _is_best(fit: Fit, knowledge: Knowledge | None) -> bool:
+    """Whether a better fit was looked for than the descent from the start."""
+    return knowledge is not None or fit.outcome.search is not None
+
+
+def _contradicted(ending: Ending, joint: JointResult | None) -> Ending:
+    """How a fit ended whose campaigns are not of one set of values."""
+    pairs = listed(
+        f"{pair.one} and {pair.other} by {number(pair.sigmas, 2)} standard deviations"
+        for pair in contradictions(joint)
+    )
+    ground = f"what both determine differs, between {pairs}"
+    return replace(ending, words=CONTRADICTED, ground=ground, whole=False, extent="")
+
+
 def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | None) -> list[str]:
     """Campaigns that contradict each other, said only where a better joint fit was looked for."""
     said = warnings_of(joint) if joint is not None else []
-    if said and knowledge is None and fit.outcome.search is None:
+    if said and not _is_best(fit, knowledge):
         return [
             "The campaigns disagree at this fit, but the box was not searched for one at which "
             "they agree: wanted more than one start."
@@ -483,34 +494,3 @@ def _alternatives(fit: Fit, noise: RowNoise) -> tuple[Equivalent, ...]:
         there = objective, [np.array(outcome.best.steps[-1].x)]
         found.append(equal_fit(there, here, fit.problem.alternatives[k], noise))
     return tuple(equal for equal in found if equal is not None)
-
-
-def _judged(value: Valued, profile: Profile | None, withdrawn: str) -> Valued:
-    """A value with the verdict, error and interval of its profile, where one was walked.
-
-    `withdrawn`: why no verdict is given; empty where the model describes the data.
-    """
-    nowhere = (math.nan, math.nan)
-    if profile is None:
-        if not withdrawn:
-            return value
-        return replace(
-            value,
-            std=math.nan,
-            ci95=nowhere,
-            identifiable=Verdict.WITHDRAWN,
-            reason=withdrawn,
-        )
-    low, high = profile.interval68
-    std = 0.5 * (high - low) if profile.verdict.has_value else math.nan
-    return replace(
-        value,
-        std=std,
-        ci95=profile.interval95,
-        shrinkage=profile.shrinkage,
-        identifiable=profile.verdict,
-        precision=profile.precision,
-        simulation=profile.simulation,
-        reason=profile.reason,
-        bars=error_bars(profile),
-    )

@@ -126,11 +126,16 @@ def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
         if name not in made:
             made[name] = _without_value(explored, name, basis)
     why = basis.withdrawn
-    return {n: _withdrawn(p, why) for n, p in made.items()} if why else made
+    return {n: withdrawn(p, why) for n, p in made.items()} if why else made
 
 
-def _withdrawn(profile: Profile, why: str) -> Profile:
-    """A profile of a model that does not describe the data: its intervals are those of nothing."""
+def withdrawn(profile: Profile, why: str) -> Profile:
+    """A profile of a model that does not describe the data: its intervals are those of nothing.
+
+    Args:
+        profile: as it was walked.
+        why: there is no verdict.
+    """
     nowhere = (math.nan, math.nan)
     return replace(
         profile,

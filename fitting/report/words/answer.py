@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
 from fitting.inference.conditions import is_condition, taken_of
+from fitting.inference.ending import CONTRADICTED
 from fitting.inference.mistakes import FAR_OFF, SLIPPED
 from fitting.inference.sampled_twins import SAMPLED
 from fitting.inference.sweep_line import SweepLine, depends_on_background
@@ -257,7 +258,7 @@ def _open_words(found: Found, why_not: str) -> str:
     if found.identifiable is Verdict.LINEARISED:
         return f"{reported_words(found)} by its linearised error alone: no profile was walked"
     if found.identifiable is Verdict.WITHDRAWN:
-        return why_not
+        return found.reason or why_not
     return found.reason or str(found.identifiable)
 
 
@@ -311,6 +312,8 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
         return "a start nearer to the solution, or more starts (--starts N)", ""
     if result.status != "converged":
         return _otherwise(result), ""
+    if result.ending.words == CONTRADICTED:
+        return "what changed between the campaigns, or which is wrong: a fit of each by itself", ""
     wider = _wider(result)
     if wider:
         return wider, ""

@@ -1,0 +1,84 @@
+"""A ringdown and a sweep of one sample agree, or are told to disagree; of both in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import fitting as ff
+from fitting.inference.ending import CONTRADICTED
+from fitting.inference.verdict import Verdict
+from fitting.report.words.answer import Answer, answer_of
+from fitting.result.result import Result
+
+F_HZ, WIDTH_HZ = 1000.0, 10.0
+#: The second mode is neither driven nor seen.
+ONE_MODE = {"theta": 0.0, "g2": 0.0, "u2": 1500.0, "eta_minus": 2000.0, "d2": 20.0}
+SWEPT = ff.Setup(
+    ff.Drive(frequency_names=("u1", "u2"), amplitude_names=("A1", "A2")),
+    "q1_hybrid",
+    steady_start=True,
+    start_values=ONE_MODE | {"periodic_start": True},
+)
+FREE = ff.Setup(ff.Drive(), "q1_hybrid", start_values=ONE_MODE | {"A1": 0.0, "A2": 0.0})
+PARAMETERS = (
+    ff.Parameter("eta_plus", 1000.5, bounds=(950.0, 1050.0), unit="Hz"),
+    ff.Parameter("d1", 9.0, bounds=(1.0, 60.0), unit="Hz"),
+)
+METHOD = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
+
+
+def together(fmu: Path, ringing_hz: float) -> tuple[Result, Answer]:
+    """Both fitted with one frequency and one width, where the ringdown has a width of its own."""
+    rng = np.random.default_rng(5)
+    t = np.linspace(0.0, 0.0998, 500)
+    ring = np.exp(-np.pi * ringing_hz * t) * np.cos(2.0 * np.pi * F_HZ * t + 1.0)
+    f = np.linspace(960.0, 1040.0, 41)
+    swept = F_HZ * WIDTH_HZ / np.abs(F_HZ**2 - f**2 + 1j * f * WIDTH_HZ)
+    measurements = [
+        ff.Trace(
+            t,
+            ring + 0.005 * rng.standard_normal(t.size),
+            setup=FREE,
+            input="b",
+            start="unknown",
+            unit="m",
+            series="ring",
+        ),
+        ff.Sweep(
+            SWEPT,
+            f,
+            swept + 0.003 * rng.standard_normal(f.size),
+            amplitude_unit="m",
+            series="swept",
+        ),
+    ]
+    fit = ff.fit(ff.Problem(fmu, PARAMETERS, measurements), method=METHOD, starts=1)
+    found = ff.profile(fit, names=["d1", "eta_plus"]).result
+    return found, answer_of(found)
+
+
+def test_a_ringdown_and_a_sweep_of_one_width_agree(swift_fmu: Path) -> None:
+    result, answer = together(swift_fmu, WIDTH_HZ)
+    assert result.ending.words != CONTRADICTED
+    assert {known.name for known in answer.known} == {"d1", "eta_plus"}
+    d1 = result.parameters["d1"]
+    assert abs(d1.value - WIDTH_HZ) < 3.0 * d1.std
+
+
+def test_widths_that_differ_are_not_known_and_both_are_told(swift_fmu: Path) -> None:
+    """8 % apart, some eight errors: what lies between them is true of neither."""
+    result, answer = together(swift_fmu, 1.08 * WIDTH_HZ)
+    assert result.ending.words == CONTRADICTED
+    assert not result.ending.whole
+    assert [known.name for known in answer.known] == ["eta_plus"]  # of which both say the same
+    d1 = result.parameters["d1"]
+    assert d1.identifiable is Verdict.WITHDRAWN
+    assert np.isnan(d1.std)
+    assert result.joint is not None
+    for part, truth in zip(result.joint.series, (1.08 * WIDTH_HZ, WIDTH_HZ), strict=True):
+        alone = part.alone["d1"]
+        assert abs(alone.value - truth) < 3.0 * alone.std
+        assert f"{part.name} alone says {alone.value:.2f}" in answer.open_words
+    assert answer.advice.startswith("what changed between the campaigns")
