@@ -36,7 +36,7 @@ def together(fmu: Path, ringing_hz: float) -> tuple[Result, Answer]:
     ring = np.exp(-np.pi * ringing_hz * t) * np.cos(2.0 * np.pi * F_HZ * t + 1.0)
     f = np.linspace(960.0, 1040.0, 41)
     swept = F_HZ * WIDTH_HZ / np.abs(F_HZ**2 - f**2 + 1j * f * WIDTH_HZ)
-    measurements = [
+    measurements: list[ff.Trace | ff.Sweep] = [
         ff.Trace(
             t,
             ring + 0.005 * rng.standard_normal(t.size),
