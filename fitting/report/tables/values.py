@@ -277,7 +277,9 @@ def _if_known(d: DerivedResult, shown: float | Cell) -> float | Cell:
 def _if_rounded(d: DerivedResult) -> Cell:
     """The mean, rounded as its error where that is told."""
     known = d.identifiable.has_value
-    return rounded(d.mean, d, 9) if known else Cell(number(d.mean, 9), value=d.mean)
+    if known or not math.isfinite(d.mean):
+        return rounded(d.mean, d, 9)
+    return Cell(number(d.mean, 9), value=d.mean)
 
 
 DERIVED: tuple[Column[Output], ...] = (
