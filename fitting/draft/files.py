@@ -12,6 +12,7 @@ import numpy as np
 from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
 from fitting.draft.questions import Answers
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
+from fitting.resonance.clipped import LEFT_OUT
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import (
@@ -272,6 +273,7 @@ def _sweep(path: Path, columns: Columns) -> SweepFile:
     try:
         line = line_of(trace)
         turned = line.turned
+        said += [each for each in line.said if each.startswith(LEFT_OUT)]
         if line.second is not None:  # a model of two modes describes both
             two = as_two(line.frequency_hz, line.width_hz, line.second)
             line = None

@@ -86,15 +86,18 @@ class Answers:
             if not answer:
                 return ()
             try:
-                return self._checked(question, answer, question.key)
+                return self._checked(question, answer, question.key, listed_too=False)
             except BadInput as error:
                 asked, refused = replace(question, words=f"{error}"), error
         raise refused
 
-    def _checked(self, question: Question, answer: Sequence[str], where: str) -> tuple[str, ...]:
+    def _checked(
+        self, question: Question, answer: Sequence[str], where: str, *, listed_too: bool = True
+    ) -> tuple[str, ...]:
         for name in answer:
             if name not in question.options:
-                raise BadInput(f"{where}: found '{name}'{did_you_mean(name, question.options)}")
+                hint = did_you_mean(name, question.options, listed=listed_too)
+                raise BadInput(f"{where}: found '{name}'{hint}")
         if len(answer) > 1 and not question.several:
             raise BadInput(f"{where}: found {len(answer)} names, wanted one")
         self.said.append(f"{question.key}: {listed(answer)}, as asked for.")

@@ -32,7 +32,7 @@ from fitting.draft.ringdown import Ringdown, line_boxes, ringdown_of, silenced
 from fitting.draft.source import Source
 from fitting.draft.values import Box
 from fitting.fmu import Run
-from fitting.measurements.traces.record import FOUND, UNKNOWN, TraceRecord
+from fitting.measurements.traces.record import FIT, FOUND, UNKNOWN, TraceRecord
 from fitting.measurements.traces.waveform import HELD, LINEAR
 from fitting.resonance.reading import TIME_PAGE
 from fitting.signal.decay import decay_start
@@ -170,11 +170,19 @@ class TraceDraft:
             if self.late:
                 made["begin"] = FOUND
                 remarks["trace", k, "begin"] = "earlier samples, of a drive or a blow, are not used"
+        elif self._is_scaled(file):
+            made["gain"] = FIT
+            remarks["trace", k, "gain"] = f"{file.seen.unit} for the FMU's output: in proportion"
         if file.further:
             made["further_inputs"] = [column.name for column in file.further]
         if columns:
             made["columns"] = columns
         return made
+
+    def _is_scaled(self, file: TraceFile) -> bool:
+        """Whether a detector stands between the output and what was recorded, by their units."""
+        unit = self.source.workers.description.variables[self.output].unit
+        return bool(file.seen.unit and unit) and not same_kind(file.seen.unit or "", unit or "")
 
 
 def _how(interpolation: str) -> str:

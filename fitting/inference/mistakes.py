@@ -98,7 +98,10 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         doubts=_doubts(problem, found),
         # a sweep that is no line contradicts the peaks for that reason
         agreement=() if faults else sweep_agreement(solution),
-        left_out=tuple(s.left_out for s in sweeps.values() if s is not None and s.left_out),
+        left_out=(
+            *(s.left_out for s in sweeps.values() if s is not None and s.left_out),
+            *(said for m in problem.measurements for said in m.left_out),
+        ),
     )
 
 

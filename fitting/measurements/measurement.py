@@ -128,6 +128,11 @@ class Measurement(Protocol):
         ...
 
     @property
+    def left_out(self) -> tuple[str, ...]:
+        """Sentences on points of its files that are not fitted."""
+        ...
+
+    @property
     def is_trace(self) -> bool:
         """Whether its rows are samples over time: many, and of like noise."""
         ...
@@ -432,6 +437,11 @@ class MeasurementKind:
     def is_curve(self) -> bool:
         """Its rows are no points of a curve."""
         return False
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """All points are fitted."""
+        return ()
 
     @property
     def is_trace(self) -> bool:

@@ -16,12 +16,15 @@ import numpy as np
 
 from fitting.resonance.form import SLOPED, TRANSMISSION, FittedForm, fit_amplitudes
 from fitting.resonance.trace import Trace
+from fitting.signal.clipped_top import clipped_parts
 from fitting.signal.peaks import MIN_SWEEP_POINTS, OFFSET
 from fitting.signal.sweep_faults import CLIPPED_POINTS
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, number, prefixed
 
+#: How the sentence on it begins.
+LEFT_OUT = "Left out: "
 #: Standard deviations of a reading within which noise may take a point to the limit.
 CLOSE = 3.0
 #: Steps of the scale over noise, up to which three largest points are not equal by chance.
@@ -39,12 +42,14 @@ class Clipped:
     """A top that was cut off.
 
     Attributes:
-        limit: size of the points that were cut off, in the trace's unit.
+        limit: size of the points that were cut off, of complex values of the part that was, in the
+            trace's unit.
         count: how many there are.
         beside: how many others were left out, where noise decides which are cut off.
         low_hz: of the first point that was left out, Hz.
         high_hz: of the last one, Hz.
-        width_hz: full width at half of the power that the line of all points would have, Hz.
+        width_hz: full width at half of the power that the line of all points would have, Hz; NaN
+            of complex values.
     """
 
     limit: float
@@ -61,10 +66,12 @@ def without_clipped(trace: Trace) -> tuple[Trace, Clipped | None]:
     Args:
         trace: what was measured.
     """
+    if trace.is_complex:
+        return _without_clipped_parts(trace)
     a = trace.amplitude
     limit = float(np.max(a, initial=0.0))
     flat = a >= limit * (1.0 - 1e-12)
-    if trace.is_complex or not _is_cut(flat):
+    if not _is_cut(flat):
         return trace, None
     kept, plain = _kept(trace, ~flat, limit), _line(trace.frequency_hz, a, trace.source)
     if kept is None:
@@ -78,11 +85,43 @@ def without_clipped(trace: Trace) -> tuple[Trace, Clipped | None]:
         high_hz=float(left[-1]),
         width_hz=math.nan if plain is None else plain.width_hz,
     )
+    return _rest(trace, kept, clipped_words(found, trace.unit)), found
+
+
+def _without_clipped_parts(trace: Trace) -> tuple[Trace, Clipped | None]:
+    """The same of complex values, of which X and Y may be cut off, each by itself."""
+    cut, limit = clipped_parts(trace.frequency_hz, np.asarray(trace.values))
+    if not np.any(cut) or np.sum(~cut) < MIN_SWEEP_POINTS:
+        return trace, None
+    left = trace.frequency_hz[cut]
+    found = Clipped(
+        limit=limit,
+        count=int(np.sum(cut)),
+        beside=0,
+        low_hz=float(left[0]),
+        high_hz=float(left[-1]),
+        width_hz=math.nan,
+    )
+    said = (
+        f"{LEFT_OUT}{found.count} points between "
+        f"{hertz(found.low_hz, found.high_hz, digits=8, joined=' and ')}. X, Y or the amplitude is "
+        f"the same there at its largest, {_limit(found, trace.unit)}, or as close to it as noise "
+        "goes: it is clipped. All numbers are those of the other points."
+    )
+    return _rest(trace, ~cut, said), found
+
+
+def _rest(trace: Trace, kept: BoolArray, said: str) -> Trace:
+    """The trace of the points that are kept, and a sentence on the others."""
     whole = trace.whole
     if whole is not None:
-        whole = whole.points(~np.isin(whole.frequency_hz, left))
-    rest = replace(trace, whole=whole).points(kept)
-    return replace(rest, said=(*trace.said, clipped_words(found, trace.unit))), found
+        whole = whole.points(~np.isin(whole.frequency_hz, trace.frequency_hz[~kept]))
+    return replace(replace(trace, whole=whole).points(kept), said=(*trace.said, said))
+
+
+def _limit(found: Clipped, unit: str) -> str:
+    factor, of_unit = prefixed(found.limit, "" if unit == "1" else unit)
+    return f"{number(found.limit / factor, 4)} {of_unit}".rstrip()
 
 
 def clipped_words(found: Clipped, unit: str) -> str:
@@ -92,14 +131,13 @@ def clipped_words(found: Clipped, unit: str) -> str:
         found: the top that was cut off.
         unit: of its limit.
     """
-    factor, of_unit = prefixed(found.limit, "" if unit == "1" else unit)
-    limit = f"{number(found.limit / factor, 4)} {of_unit}".rstrip()
+    limit = _limit(found, unit)
     ends = hertz(found.low_hz, found.high_hz, digits=8, joined=" and ")
     beside = f", and {found.beside} beside them, which noise may have taken there"
     wide = "" if math.isnan(found.width_hz) else hertz(found.width_hz, digits=4)
     with_all = f"; with all points the width would be {wide}" * bool(wide)
     return (
-        f"Left out: the {found.count} largest points{beside * bool(found.beside)}, between {ends}. "
+        f"{LEFT_OUT}the {found.count} largest points{beside * bool(found.beside)}, between {ends}. "
         f"They are equal, {limit}: the top is clipped, and says how high the line is at least. All "
         f"numbers are those of the other points{with_all}."
     )

@@ -21,6 +21,8 @@ from fitting.text.units import convert, same_kind
 #: Units of squares of amplitudes, with and without the density over frequency.
 POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
 
+#: Names of columns that a complaint lists.
+MOST_SHOWN = 12
 #: What fits a recording over time, and what is said of one that is no free decay.
 TIME_PAGE = "docs/how-to/traces.md"
 TIME_WAY = (
@@ -240,7 +242,8 @@ def columns_there(recording: Recording) -> str:
     Args:
         recording: what was read of a file.
     """
-    return ", ".join(f"'{c.name}'" for c in recording.channels)
+    names = [f"'{c.name}'" for c in recording.channels]
+    return ", ".join((*names[:MOST_SHOWN], *(["..."] * (len(names) > MOST_SHOWN))))
 
 
 def _complain_of_cells(recording: Recording, taken: tuple[Channel, ...]) -> None:

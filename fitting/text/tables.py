@@ -118,7 +118,8 @@ def naming_neighbours(path: Path) -> Iterator[None]:
     try:
         yield
     except NoFile as error:
-        siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        beside = path.parent.iterdir() if path.parent.is_dir() else ()
+        siblings = [p.name for p in beside if not p.is_dir()]
         hint = did_you_mean(path.name, siblings, listed=False)
         name = str(path) if str(path).strip() else repr(str(path))
         raise NoFile(f"{name}: no such file{hint}") from error

@@ -215,6 +215,8 @@ def test_a_broken_row_is_named(change: Callable[[str], str], wanted: str, tmp_pa
         (b"PK\x03\x04....a.csv", r"is an archive \(zip\); unpack it"),
         (b"\x1f\x8b\x08", r"is compressed \(gzip\); unpack it first"),
         (b"\x93NUMPY\x01\0", "is an array of NumPy"),
+        (b'{"f_hz": [1.0, 2.0], "a_v": [3.0, 4.0]}', "is JSON; write its lists as columns of"),
+        (b"[[1.0, 2.0], [3.0, 4.0]]", "is JSON; write its lists as columns of"),
         (bytes(range(256)) * 4, "is not text and of no kind that is known here"),
     ],
 )

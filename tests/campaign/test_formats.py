@@ -24,6 +24,8 @@ from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
 from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, read_recording, read_trace
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex.table import ComplexSweepTable
+from fitting.resonance.reading import Columns as LineColumns
+from fitting.resonance.reading import roles_of
 from fitting.signal.amplitudes import declared_amplitude, to_peak
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record
@@ -592,3 +594,38 @@ def test_a_damaged_file_is_read_or_refused(name: str, tmp_path: Path) -> None:
         said = complaints(partial(recognised, path))
         said += complaints(partial(read_complex, path, None, told))
         assert all(str(path) in line for line in said)
+
+
+def test_names_of_matlab_end_in_their_unit(tmp_path: Path) -> None:
+    """Names there hold no brackets: f_kHz and z_mV are all that can be written."""
+    path = tmp_path / "sweep.mat"
+    savemat(path, {"f_kHz": 1e-3 * AXIS_HZ, "z_mV": 1e3 * VALUES})
+    read = read_complex(path)
+    np.testing.assert_allclose(read.frequency_hz, AXIS_HZ, rtol=1e-12)
+    np.testing.assert_allclose(1e-3 * read.values, VALUES, rtol=1e-12)
+    assert read.unit == "mV"
+
+
+def test_a_head_behind_a_percent_sign_names_its_columns_without_it(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.txt"
+    path.write_text("\n".join(["% f [Hz]\tR [V]", *lines(AXIS_HZ, R, between="\t")]), "utf-8")
+    names = [
+        (channel.name, channel.unit) for channel in read_recording(path, None, Selection()).channels
+    ]
+    assert names == [("f", "Hz"), ("R", "V")]
+
+
+def test_many_columns_are_not_all_listed(tmp_path: Path) -> None:
+    path = tmp_path / "wide.csv"
+    head = ",".join(f"c{k} (K)" for k in range(1, 161))
+    path.write_text("\n".join([head, *[",".join(["0.5"] * 160)] * 12]), "utf-8")
+    with pytest.raises(BadInput, match=r"'c12', \.\.\.; wanted") as caught:
+        roles_of(path, LineColumns())
+    assert len(str(caught.value)) < 500
+
+
+def test_a_folder_is_not_meant_where_a_file_is_missing(tmp_path: Path) -> None:
+    """The folder of results bore the file's name: 'out_sweep.csv' was proposed."""
+    (tmp_path / "out_sweep.csv").mkdir()
+    with pytest.raises(BadInput, match=r"sweep\.csv: no such file$"):
+        read_recording(tmp_path / "sweep.csv", None, Selection())

@@ -614,3 +614,16 @@ def test_a_recording_that_does_not_decay_wants_its_fmu(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "steady.csv", "t (s),U (V)", t, np.cos(2.0 * np.pi * 1234.5 * t))
     with pytest.raises(ff.BadInput, match="no free decay of one column; wanted --fmu"):
         init(path, out=tmp_path / "o")
+
+
+def test_a_recording_in_volts_of_an_output_in_metres_has_a_gain(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """It was drafted without one, and refused by the campaign's own reader."""
+    t = np.linspace(0.0, 1e-3, 400)
+    y = np.exp(-3e3 * t) * np.cos(2.0 * np.pi * 2e4 * t)
+    path = write_csv(tmp_path / "ring.csv", "time (s),U (V)", t, y)
+    made, _ = init(path, oscillator_fmu, out=tmp_path / "o", told={"fit": ["d1"]})
+    [trace] = tomllib.loads(made.read_text("utf-8"))["trace"]
+    assert trace["gain"] == "fit"
+    assert "V for the FMU's output: in proportion" in made.read_text("utf-8")

@@ -35,7 +35,7 @@ def test_an_answer_that_is_no_option_is_asked_for_again() -> None:
     answers = Answers(ask=person)
     assert answers.of(OUTPUT) == ("q2",)
     assert person.asked[0] == OUTPUT.words
-    assert "found 'Q3'" in person.asked[1]
+    assert person.asked[1] == "output: found 'Q3'"  # the options stand behind it
     assert answers.said == ["output: q2, as asked for."]
 
 

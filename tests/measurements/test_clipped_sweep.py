@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.signal.clipped_top import clipped_top
 from fitting.text.toml import read_toml, toml_text
 from tests.faults.scene import CAMPAIGN, D_HZ, ETA_HZ, FMU, SWEEP, amplitude_v, csv, texts
+from tests.support import crossing_spectra as crossing
+from tests.support.complex_data import mode, with_noise, write_xy
 
 F = np.linspace(242.0, 402.0, 81)
 
@@ -61,3 +64,72 @@ def test_a_flat_top_of_a_coarse_scale_is_no_limit() -> None:
     coarse = np.round(40.0 * a / a.max()) / 40.0
     assert np.sum(coarse == coarse.max()) > 3
     assert not np.any(clipped_top(coarse))
+
+
+ETA, WIDTH = 1000.0, 12.5
+SEEN = ETA + np.linspace(-40.0, 40.0, 65)
+COMPLEX = """
+title = "One mode"
+[fmu]
+file = "{fmu}"
+start = {{ periodic_start = true, theta = 0.0, d2 = "10 Hz", eta_minus = "2 kHz", u2 = "1.5 kHz" }}
+[observe]
+output = "q1_hybrid"
+steady_start = true
+[drive]
+kind = "tones"
+frequencies = ["u1", "u2"]
+amplitudes = ["A1", "A2"]
+[[complex_sweep]]
+file = "sweep.csv"
+[[parameters]]
+name = "d1"
+lower = "1 Hz"
+upper = "100 Hz"
+start = "30 Hz"
+[[parameters]]
+name = "eta_plus"
+lower = "0.98 kHz"
+upper = "1.02 kHz"
+start = "1.004 kHz"
+[continuation]
+starts = 1
+misfit = "squares"
+"""
+
+
+def test_parts_that_overflow_are_left_out_of_a_complex_sweep(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """X and Y of one mode in closed form, each cut off at 0.6 of the largest amplitude."""
+    y = np.exp(0.7j) * mode(SEEN, ETA, WIDTH)
+    y = with_noise(y / np.max(np.abs(y)), 0.005, seed=4)
+    cut = np.clip(y.real, -0.6, 0.6) + 1j * np.clip(y.imag, -0.6, 0.6)
+    write_xy(tmp_path / "sweep.csv", SEEN, cut)
+    path = tmp_path / "campaign.toml"
+    path.write_text(COMPLEX.format(fmu=oscillator_fmu.as_posix()), "utf-8")
+    fit = ff.fit(ff.Problem.of(path))
+    for name, truth, most in (("d1", WIDTH, 0.6), ("eta_plus", ETA, 0.2)):
+        assert abs(fit[name].value - truth) < min(most, 3.5 * fit[name].std)
+    [said] = [words for words in fit.warnings if "left out" in words]
+    assert said.startswith(str(tmp_path / "sweep.csv"))
+    assert "X, Y or the amplitude is the same there at its largest, 600 mV" in said
+
+
+def test_tops_that_are_cut_off_are_left_out_of_a_control_sweep(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """Amplitudes that reach the limit of the detector at some voltages and not at others."""
+    exact = crossing.measured(3, 0.01)
+    limit = 0.6 * float(np.max(exact))
+    path = crossing.written(tmp_path, oscillator_fmu, np.minimum(exact, limit))
+    [sweep] = ff.Problem.of(ff.read_campaign(path)).record.measurements
+    assert isinstance(sweep, ControlSweep)
+    for spectrum, row in zip(sweep.spectra, exact, strict=True):
+        run = np.convolve(row >= limit, np.ones(3), mode="valid")
+        if np.any(run == 3.0):
+            assert not np.any(np.isin(spectrum.u_hz, crossing.SWEPT_HZ[row >= limit]))
+            assert spectrum.left_out in sweep.left_out
+        else:
+            assert spectrum.u_hz.size == row.size
+    assert sweep.left_out

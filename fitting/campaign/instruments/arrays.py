@@ -13,6 +13,7 @@ from fitting.campaign.instruments.recording import Channel, Numbers, Recording, 
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, plain_name
 from fitting.campaign.instruments.trace import MIN_POINTS, Selection
 from fitting.text.errors import BadInput
+from fitting.text.loose_tables import suffixed_unit
 from fitting.text.tables import named_column
 
 #: Columns of a matrix that are taken for columns of a table; more are a map or a picture.
@@ -153,7 +154,8 @@ def _channel(array: NamedArray, folder: str) -> Channel:
     """A column by its name within the folder of the axis."""
     name = array.name.removeprefix(f"{folder}/") if folder else array.name
     written = named_column(name, 0)
-    return channel_of(written.name, array.unit or written.unit, array.values)
+    unit = array.unit or written.unit or suffixed_unit(written.name)[1]
+    return channel_of(written.name, unit, array.values)
 
 
 def flattened(values: Mapping[str, object], prefix: str = "") -> list[tuple[str, np.ndarray]]:

@@ -32,6 +32,7 @@ KINDS: tuple[tuple[bytes, str], ...] = (
     (b"<html", "a web page; wanted the numbers: download the data file itself"),
     (b"<!DOC", "a web page; wanted the numbers: download the data file itself"),
 )
+_JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])')
 _MDIF = re.compile(r"BEGIN\s+[A-Z]\w*\s*", re.IGNORECASE)
 #: A CITIfile says so in its head, below remarks.
 FIRST_LINES = 50
@@ -57,6 +58,8 @@ def _kind(head: Head) -> str:
 
 
 def _kind_of_text(head: Head) -> str:
+    if _JSON.match(head.data):
+        return "JSON; write its lists as columns of text (CSV), with a head of names and units"
     if any(line.upper().startswith("CITIFILE") for line in head.lines[:FIRST_LINES]):
         return f"a CITIfile; {_AS_TOUCHSTONE}"
     if any(_MDIF.fullmatch(line) for line in head.lines):

@@ -69,9 +69,10 @@ def _is_as_told(text: str) -> bool:
         return False
     head, *rows = (cells_of(line, delimiter) for line in kept)
     comma = delimiter != ","
-    if len(head) < 2 or any(is_number(c, decimal_comma=comma) for c in head):
+    commented = head[0].startswith("%")
+    if len(head) < 2 or commented or any(is_number(c, decimal_comma=comma) for c in head):
         return False
-    if any(mark in cell for cell in head for mark in "[(") and not head[0].startswith("%"):
+    if any(mark in cell for cell in head for mark in "[("):
         return True
     if len({c.lower() for c in head}) < len(head):
         return False  # as network analysers do: the values' columns have one name

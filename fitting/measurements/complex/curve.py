@@ -41,6 +41,7 @@ class ComplexCurve:
         restarted: Whether the phase of a shared gain is its own.
         unit: Of the values.
         source: What complaints name it by.
+        left_out: Which points of the file are not here, and why.
 
     Raises:
         BadInput: fewer than 8 points, shapes that differ, values that are no numbers.
@@ -60,6 +61,7 @@ class ComplexCurve:
     restarted: bool = False
     unit: str = "V"
     source: str = "complex sweep"
+    left_out: str = ""
     u_hz: FloatArray = field(init=False)
     y: ComplexArray = field(init=False)
 

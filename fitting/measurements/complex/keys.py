@@ -12,6 +12,7 @@ from fitting.campaign.complex_trace import (
     check_sense,
     conjugated,
 )
+from fitting.measurements.clipped import cut_off
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
 from fitting.text.errors import BadInput
@@ -102,9 +103,11 @@ class ComplexKeys(Keys):
             sigma = in_unit(self.sigma, measured.unit)
             if not sigma > 0.0:
                 raise BadInput(f"{self.sigma.where}: found {sigma:g}, wanted more than zero")
+        f, values = measured.frequency_hz, measured.values
+        cut, left_out = cut_off(f, values, measured.unit, f"{where}{f', {label}' * bool(label)}")
         return ComplexCurve(
-            measured.frequency_hz,
-            measured.values,
+            f[~cut],
+            values[~cut],
             sigma=sigma,
             label=label,
             wiring=Wiring(kind=self.wiring, background=self.background),
@@ -113,4 +116,5 @@ class ComplexKeys(Keys):
             restarted=self.restarted,
             unit=measured.unit,
             source=where,
+            left_out=left_out,
         )

@@ -166,6 +166,11 @@ class ComplexSweeps(MeasurementKind):
         return True
 
     @property
+    def left_out(self) -> tuple[str, ...]:
+        """Points that an instrument cut off."""
+        return tuple(c.left_out for c in self.curves if c.left_out)
+
+    @property
     def line_width_hz(self) -> float | None:
         """Width of the line that the first sweep follows, Hz."""
         line = self.curves[0].line

@@ -26,6 +26,7 @@ class ControlSpectrum:
         label: Name of the place; empty: the values of the controls.
         sigma: Standard deviations of the amplitudes, shape (n,) or one; 0: not known.
         drive: Amplitude of the drive over its level, shape (n,) or one.
+        left_out: Which points of the file are not here, and why.
 
     Raises:
         BadInput: fewer than 8 points, shapes that differ, frequencies that do not rise, amplitudes
@@ -39,6 +40,7 @@ class ControlSpectrum:
     label: str = ""
     sigma: npt.ArrayLike = 0.0
     drive: npt.ArrayLike = 1.0
+    left_out: str = ""
     u_hz: FloatArray = field(init=False)
     y: FloatArray = field(init=False)
     sigmas: FloatArray = field(init=False)

@@ -131,6 +131,11 @@ class ControlSweep(MeasurementKind):
         return joined_freedom((s.y.size, roughness_freedom(s.y.size)) for s in self.spectra)
 
     @property
+    def left_out(self) -> tuple[str, ...]:
+        """Points that an instrument cut off."""
+        return tuple(s.left_out for s in self.spectra if s.left_out)
+
+    @property
     def is_curve(self) -> bool:
         """Its points follow each other."""
         return True

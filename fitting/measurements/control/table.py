@@ -21,6 +21,7 @@ from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
+from fitting.measurements.clipped import cut_off
 from fitting.measurements.control.keys import ControlKeys
 from fitting.measurements.control.scales import SCALES
 from fitting.measurements.control.spectrum import ControlSpectrum
@@ -147,14 +148,7 @@ class ReadControlSweep:
         return ControlSweep(
             setup=setup,
             spectra=tuple(
-                ControlSpectrum(
-                    s.frequency_hz,
-                    s.amplitude,
-                    {name: float(binder.setting(name, w)) for name, w in s.controls.items()},
-                    label=s.label,
-                    sigma=np.hypot(sigma, table.relative * s.amplitude),
-                    drive=self._drive(s, setup, where),
-                )
+                self._spectrum(s, binder, sigma, self._drive(s, setup, where), unit)
                 for s in self.spectra
             ),
             units=table.control_units(binder),
@@ -164,6 +158,22 @@ class ReadControlSweep:
             logarithmic=self.format.trace.amplitude.kind == "dB",
             output=table.output or "",
             unit=unit,
+        )
+
+    def _spectrum(
+        self, s: MeasuredSpectrum, binder: Binder, sigma: float, drive: FloatArray, unit: str
+    ) -> ControlSpectrum:
+        """One spectrum, without what the instrument cut off at its limit."""
+        source = f"{s.source}{f', {s.label}' * bool(s.label)}"
+        cut, left_out = cut_off(s.frequency_hz, s.amplitude, unit, source)
+        return ControlSpectrum(
+            s.frequency_hz[~cut],
+            s.amplitude[~cut],
+            {name: float(binder.setting(name, w)) for name, w in s.controls.items()},
+            label=s.label,
+            sigma=np.hypot(sigma, self.table.relative * s.amplitude)[~cut],
+            drive=drive[~cut],
+            left_out=left_out,
         )
 
     def _names(self, binder: Binder, where: str, unit: str) -> Iterator[Callable[[], object]]:
