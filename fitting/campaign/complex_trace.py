@@ -217,11 +217,11 @@ def _of_polar(
     radians = recording.numbers(phase) * convert(1.0, phase_unit, "rad", where=f"{path}: phase")
     written = recording.numbers(amplitude)
     sizes = written
-    if unit == "dB":
+    if unit in ("dB", "dBm"):  # the load of dBm is a factor, which the gain takes
         sizes, unit = 10.0 ** (written / 20.0), "1"
     for i in np.flatnonzero(sizes < 0.0)[:1]:
         raise BadInput(
-            f"{path}: {recording.places[i]}, column 'amplitude': {written[i]:.6g} "
+            f"{path}: {recording.places[i]}, column '{amplitude.name}': {written[i]:.6g} "
             f"{unit}; wanted a magnitude (are columns exchanged, or is it in dB?)"
         )
     found = _measured(recording, frequency, sizes * np.exp(1j * radians), unit)

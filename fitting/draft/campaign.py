@@ -24,6 +24,8 @@ from fitting.text.units import same_kind
 
 #: Held steps per period of an input: the drive is scaled so that its fundamental is right.
 STEPS_PER_PERIOD = 28
+#: Of the input of an instrument that tells dBm, where nobody says another.
+LOAD = "50 ohm"
 BACKGROUNDS = {FANO: "constant", SLOPED: "slope"}
 #: The fit of a line by itself: the prior only helps at the start.
 CONTINUATION: Mapping[str, Any] = {
@@ -309,6 +311,9 @@ def _add_sweeps(
             "use": "fit",
             "scale": "fit",
         }
+        if choices.amplitude == "dBm":
+            tables["sweep"]["impedance"] = LOAD
+            remarks["sweep", "impedance"] = "a guess: of the input; plays no part in a fitted scale"
         remarks["sweep", "amplitude"] = (
             "peak or rms plays no part here: the scale is fitted"
             if fitted

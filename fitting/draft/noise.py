@@ -46,6 +46,8 @@ NAMES = {
 #: Gain of the logarithm of the likelihood from which the scatter tells, span of the lines over
 #: their floor below which it does not, and the least share of itself that a density scatters by.
 TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
+#: Mean square of steps between residuals over that of these: 2 of noise, 0 of a smooth misfit.
+ROUGH = 1.0
 #: How much less a density has to scatter than its root, where the unit is that of amplitudes.
 PLAINLY = 1.5
 #: Why a file is taken for a noise spectrum.
@@ -238,9 +240,20 @@ def _scatters_by_a_share(look: NoiseLook, numbers: FloatArray, unit: str | None)
     if not float(np.max(curve)) > SPAN * float(np.min(curve)):
         return False
     left = y - curve
+    if not _is_rough(left / curve):  # what a curve misses is not what points scatter
+        return False
     amount = y.size * math.log(float(np.sqrt(np.mean(left**2))))
     share = y.size * math.log(float(np.sqrt(np.mean((left / curve) ** 2))))
     return amount - share - float(np.sum(np.log(curve))) > TELLS
+
+
+def _is_rough(shares: FloatArray) -> bool:
+    """Whether residuals (n,) change from point to point as much as they are large.
+
+    Those of noise, next to each other, differ by twice their mean square; a curve that is another
+    leaves residuals that follow each other.
+    """
+    return float(np.mean(np.diff(shares) ** 2)) > ROUGH * float(np.mean(shares**2))
 
 
 def kind_question(name: str, look: NoiseLook) -> Question:

@@ -444,7 +444,12 @@ def _fitted(
             taken.append(name)
             basis = np.column_stack([basis, rest / own])
     ordered = tuple(n for n in names if n in taken)
-    return ordered, "each changes the output otherwise than the others, at the FMU's start values"
+    moved = [n for n in names if n in slopes and np.linalg.norm(slopes[n]) > SEEN * largest]
+    alike = [n for n in moved if n not in taken]
+    left_out = f"; not {listed(alike)}, which look like others there" if alike else ""
+    return ordered, (
+        "each changes the output otherwise than the others, at the FMU's start values" + left_out
+    )
 
 
 def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:

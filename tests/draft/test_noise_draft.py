@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import fitting as ff
+from fitting.api.init import init
 from fitting.cli.main import main
 from fitting.draft.files import files_of, settled
 from fitting.draft.questions import Answers
@@ -162,3 +164,35 @@ def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
     file = write_csv(tmp_path / "s.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
     with pytest.raises(BadInput, match="cannot be one; wanted a table"):
         settled(files_of([file], Columns()), Answers(told={"kind": ("noise",)}))
+
+
+def test_a_line_beside_crosstalk_in_dbm_is_no_noise(tmp_path: Path) -> None:
+    """What another curve misses of a smooth one is no scatter; a load of 50 ohm is taken."""
+    f = np.linspace(1233600.0, 1234400.0, 161)
+    line = 1.0 / (1.0 - 2j * (f - 1234012.0) / 38.0) + 0.3 + 0.2j
+    level = 20.0 * np.log10(np.abs(line)) - 30.0
+    level += 0.005 * np.random.default_rng(7).standard_normal(f.size)
+    path = tmp_path / "level.csv"
+    rows = [f"{1e-3 * a:.6f},{b:.4f}" for a, b in zip(f, level, strict=True)]
+    path.write_text("\n".join(["Frequency (kHz),Level (dBm)", *rows]) + "\n", "utf-8")
+    made, _ = init(path, out=tmp_path / "o")
+    written = tomllib.loads(made.read_text("utf-8"))
+    assert "noise_spectrum" not in written
+    assert written["sweep"]["impedance"] == "50 ohm"
+
+
+def test_dbm_and_degrees_are_drafted_as_complex_values_and_fit(tmp_path: Path) -> None:
+    f = np.linspace(1233600.0, 1234400.0, 161)
+    line = 1.0 / (1.0 - 2j * (f - 1234012.0) / 38.0)
+    real, imaginary = np.random.default_rng(8).standard_normal((2, f.size))
+    seen = line + 1e-3 * (real + 1j * imaginary)
+    rows = np.column_stack(
+        [1e-3 * f, 20.0 * np.log10(np.abs(seen)) - 30.0, np.degrees(np.angle(seen))]
+    )
+    path = tmp_path / "lockin.csv"
+    head = "Frequency (kHz),Level (dBm),Phase (deg)"
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.6f")
+    made, _ = init(path, out=tmp_path / "o")
+    fit = ff.fit(ff.Problem.of(made))
+    assert abs(fit["f1"].value - 1234012.0) < 4.0 * fit["f1"].std
+    assert abs(fit["d1"].value - 38.0) < 4.0 * fit["d1"].std

@@ -125,7 +125,8 @@ def answer_of(result: Result) -> Answer:
     every = {name: found for name, found in every.items() if name not in twice}
     known = [_known(name, found, result.line) for name, found in every.items()]
     known = [k and replace(k, others=_others(k.name, twice)) for k in known]
-    known = [k and _with_box(k, every[k.name]) for k in known]
+    if result.status == "converged":  # of another fit nobody knows what the data say
+        known = [k and _with_box(k, every[k.name]) for k in known]
     best = sorted((k for k in known if k is not None), key=lambda k: k.share)
     names = {k.name for k in best}
     left = {name: found for name, found in every.items() if name not in names}

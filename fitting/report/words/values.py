@@ -19,6 +19,7 @@ from fitting.text.notation import (
     prefixed,
     settings_words,
     span,
+    unit_text,
 )
 
 #: Values, and ends of intervals over their width, that are as near are the same.
@@ -131,7 +132,10 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     }
     words = said.get(verdict, f"{verdict}: {found.reason}")
     if isinstance(found, ParameterResult) and not math.isnan(found.box_end):
-        words += f", beyond its box (ends at {number(found.box_end)} {found.unit}".rstrip() + ")"
+        words += (
+            f", beyond its box (ends at {number(found.box_end)} {unit_text(found.unit)}".rstrip()
+            + ")"
+        )
     if verdict.has_value and found.is_outside:
         words += "; the value lies outside its 95 % interval"
     return words
