@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -62,6 +62,8 @@ from fitting.text.notation import listed, number, settings_words
 
 #: Minima of a search from which the most likely point is looked for.
 LOWEST = 2
+#: Why values of a fit that does not follow the data have no verdict.
+UNEXPLAINED = "the model does not describe the data"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,8 +154,9 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     status = _status(fit, adequacy)
     is_best = status is Status.CONVERGED and _is_best(fit, knowledge)
     describes = adequacy is None or adequacy.describes
+    left = _left_at(fit, best)
     values = values.judged(
-        contradicted(joint, values.units) if is_best else {},
+        contradicted(joint, values.units) if is_best else _unexplained(fit, values.units, left),
         "" if adequacy is None or describes else adequacy.why_not,
     )
     parameters, derived, offsets = values.parameters, values.derived, values.offsets
@@ -163,7 +166,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     named: dict[str, ParameterResult | DerivedResult | OffsetResult]
     named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
-    ending = _ending(fit, status, read, _left_at(fit, best))
+    ending = _ending(fit, status, read, left)
     if is_best and contradictions(joint):
         ending = _contradicted(ending, joint)
     return Inference(
@@ -374,6 +377,12 @@ def _knowledge(
 def _refuted(solution: Solution) -> Adequacy | None:
     """What speaks against the model of curves where chi square does not; None: nothing."""
     return unseen(solution) or closer_form(solution)
+
+
+def _unexplained(fit: Fit, names: Iterable[str], left: FloatArray) -> dict[str, str]:
+    """Why values have no verdict of whose data (m,) are `left`; mostly nothing."""
+    missed = fit.solution.objective.data.unexplained(left)
+    return dict.fromkeys(names, UNEXPLAINED) if missed else {}
 
 
 def _is_best(fit: Fit, knowledge: Knowledge | None) -> bool:

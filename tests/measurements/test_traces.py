@@ -15,8 +15,10 @@ from scipy.stats import chi2
 
 import fitting as ff
 from fitting.fmu import HeldSignal, Run
+from fitting.inference.verdict import Verdict
 from fitting.measurements.traces.step_plan import first_steps
 from fitting.measurements.traces.waveform import Recorded, Waveform
+from fitting.report.words.answer import answer_of
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -352,6 +354,17 @@ def test_the_step_is_halved_until_the_promise_holds(lag: ff.Fmu) -> None:
     assert 0.3 * decision.bound < off <= decision.bound <= 1e-3
     # and what is off enters the errors: the data are exact, the FMU is not
     assert abs(fit["tau"].value - TAU) < 2.0 * fit["tau"].std
+
+
+def test_of_a_fit_that_follows_nothing_nothing_is_known(lag: ff.Fmu) -> None:
+    """A step of 2 ms through a lag of 1 s, fitted by its gain alone: no gain follows it."""
+    t = np.linspace(0.0, 0.0299, 300)
+    y = 5.0 * -np.expm1(-t / 2.2e-3) + 0.01 * np.random.default_rng(7).standard_normal(t.size)
+    trace = ff.Trace(t, y, setup=LAG, input="u", driven=(t, np.full(t.size, 5.0)))
+    found = ff.profile(ff.fit(ff.Problem(lag, LAG_PARAMETERS[1:], trace), method=QUICK, starts=1))
+    assert found.result.status != "converged"
+    assert answer_of(found.result).known == ()
+    assert found.result.parameters["gain"].identifiable is Verdict.WITHDRAWN
 
 
 def lag_euler(per_sample: int) -> FloatArray:

@@ -131,7 +131,8 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
         Verdict.LINEARISED: str(verdict),
     }
     words = said.get(verdict, f"{verdict}: {found.reason}")
-    if isinstance(found, ParameterResult) and not math.isnan(found.box_end):
+    withdrawn = verdict is Verdict.WITHDRAWN
+    if isinstance(found, ParameterResult) and not (withdrawn or math.isnan(found.box_end)):
         words += (
             f", beyond its box (ends at {number(found.box_end)} {unit_text(found.unit)}".rstrip()
             + ")"
