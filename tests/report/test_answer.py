@@ -136,8 +136,11 @@ def test_values_that_the_samples_leave_are_settled_by_the_box(result: Result) ->
 
 
 def test_of_a_model_that_does_not_describe_the_data_nothing_is_known(result: Result) -> None:
+    why = "the model does not describe the data"
     gone = {
-        name: replace(p, identifiable=Verdict.WITHDRAWN, std=math.nan, ci95=(math.nan, math.nan))
+        name: replace(
+            p, identifiable=Verdict.WITHDRAWN, std=math.nan, ci95=(math.nan, math.nan), reason=why
+        )
         for name, p in result.parameters.items()
     }
     assert result.line is not None
