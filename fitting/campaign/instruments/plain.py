@@ -69,7 +69,9 @@ def _is_as_told(text: str) -> bool:
         return False
     head, *rows = (cells_of(line, delimiter) for line in kept)
     comma = delimiter != ","
-    if len(head) < 2 or head[0].startswith("%") or any(is_number(c, decimal_comma=comma) for c in head):
+    if len(head) < 2 or head[0].startswith("%"):
+        return False
+    if any(is_number(c, decimal_comma=comma) for c in head):
         return False
     if any(mark in cell for cell in head for mark in "[("):
         return True
