@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from fitting.inference.consistency import contradictions
 from fitting.inference.joint_result import Estimate, JointResult
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.verdicts import withdrawn
 from fitting.text.notation import listed, quantity
 
@@ -47,14 +47,13 @@ def without_verdicts(knowledge: Knowledge, reasons: Mapping[str, str]) -> Knowle
         knowledge: what the data say.
         reasons: why there is none, by name.
     """
-    groups = {
-        group: {n: withdrawn(p, reasons[n]) if n in reasons else p for n, p in profiles.items()}
-        for group, profiles in (
-            ("parameters", knowledge.parameters),
-            ("derived", knowledge.derived),
-        )
-    }
-    return replace(knowledge, parameters=groups["parameters"], derived=groups["derived"])
+
+    def judged(profiles: Mapping[str, Profile]) -> dict[str, Profile]:
+        return {n: withdrawn(p, reasons[n]) if n in reasons else p for n, p in profiles.items()}
+
+    return replace(
+        knowledge, parameters=judged(knowledge.parameters), derived=judged(knowledge.derived)
+    )
 
 
 def _apart(one: Estimate, other: Estimate) -> bool:

@@ -39,7 +39,7 @@ from fitting.inference.estimates import (
 )
 from fitting.inference.joint_result import JointResult
 from fitting.inference.judged_values import JudgedValues
-from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge
+from fitting.inference.likelihood.knowledge import UNDESCRIBED, Adequacy, Equivalent, Knowledge
 from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
@@ -62,8 +62,6 @@ from fitting.text.notation import listed, number, settings_words
 
 #: Minima of a search from which the most likely point is looked for.
 LOWEST = 2
-#: Why values of a fit that does not follow the data have no verdict.
-UNEXPLAINED = "the model does not describe the data"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -382,7 +380,7 @@ def _refuted(solution: Solution) -> Adequacy | None:
 def _unexplained(fit: Fit, names: Iterable[str], left: FloatArray) -> dict[str, str]:
     """Why values have no verdict of whose data (m,) are `left`; mostly nothing."""
     missed = fit.solution.objective.data.unexplained(left)
-    return dict.fromkeys(names, UNEXPLAINED) if missed else {}
+    return dict.fromkeys(names, UNDESCRIBED) if missed else {}
 
 
 def _is_best(fit: Fit, knowledge: Knowledge | None) -> bool:

@@ -18,6 +18,9 @@ Interval = tuple[float, float]
 #: What ended a branch of a profile.
 ENDS = ("crossed", "prior", "held", "bound", "round", "lost", "cost")
 
+#: Why values have no verdict, where nothing nearer is known.
+UNDESCRIBED = "the model does not describe the data"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Adequacy:
@@ -48,7 +51,7 @@ class Adequacy:
         """Why no verdict is given where the model does not describe the data, in a clause."""
         if self.absent:
             return "no line stands out of the noise"
-        return "the model does not describe the data"
+        return UNDESCRIBED
 
 
 @dataclass(frozen=True, kw_only=True)

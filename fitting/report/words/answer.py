@@ -9,6 +9,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 
 from fitting.inference.conditions import is_condition, taken_of
 from fitting.inference.ending import CONTRADICTED
+from fitting.inference.likelihood.knowledge import UNDESCRIBED
 from fitting.inference.mistakes import FAR_OFF, SLIPPED
 from fitting.inference.sampled_twins import SAMPLED
 from fitting.inference.sweep_line import SweepLine, depends_on_background
@@ -241,7 +242,7 @@ def _share(value: float, std: float) -> float:
 def _why_not(result: Result) -> str:
     """Why no verdict is given where the model does not describe the data."""
     if result.knowledge is None:
-        return "the model does not describe the data"
+        return UNDESCRIBED
     return result.knowledge.adequacy.why_not
 
 
