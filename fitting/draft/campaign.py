@@ -27,6 +27,8 @@ STEPS_PER_PERIOD = 28
 #: Of the input of an instrument that tells dBm, where nobody says another.
 LOAD = "50 ohm"
 BACKGROUNDS = {FANO: "constant", SLOPED: "slope"}
+#: The remark on start values that are taken.
+TAKEN_REMARK = "nobody measured these: leave out what you know to be so"
 #: The fit of a line by itself: the prior only helps at the start.
 CONTINUATION: Mapping[str, Any] = {
     "nu_start": 1e-6,
@@ -214,7 +216,7 @@ def _fmu(choices: Choices, folder: Path | None, remarks: Remarks) -> dict[str, A
         made = {"file": relative_path(Path(choices.fmu), folder)}
     if choices.taken:
         made["taken"] = list(choices.taken)
-        remarks["fmu", "taken"] = "nobody measured these: leave out what you know to be so"
+        remarks["fmu", "taken"] = TAKEN_REMARK
     if choices.start:
         made["start"] = dict(choices.start)
     for name in choices.start:

@@ -11,11 +11,13 @@ from pathlib import Path
 from fitting.draft.campaign import Choices, campaign_text, meaning, missing_text
 from fitting.draft.checked import Draft, check_text
 from fitting.draft.control import map_draft_of
+from fitting.draft.decays import decaying_lines
 from fitting.draft.files import Files
-from fitting.draft.model import Offer, Tone, offer_of
+from fitting.draft.model import COUPLING, ONE_MODE, TWO_MODES, UNCOUPLED, Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
-from fitting.draft.traces import Recording, decays, traces_of
+from fitting.draft.trace_draft import Recording
+from fitting.draft.traces import traces_of
 from fitting.draft.trial import Trial
 from fitting.draft.two_modes import COUPLED, DRIVEN, TwoModes
 from fitting.draft.values import (
@@ -34,14 +36,7 @@ from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, listed, number, quantity, with_error
 from fitting.text.units import convert, same_kind
 
-#: The models of this project that are one resonance, and two.
-ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
-#: What makes the second one two lines beside each other, and the parameter that weighs the upper
-#: one against the lower one.
-BESIDE = {
-    "lambda12": (0.0, "each line is a mode of its own: they do not tell a coupling"),
-    "readout2": (1.0, "the detector sees both modes"),
-}
+#: The parameter of two modes that weighs the upper one against the lower one.
 STRENGTH = "g2"
 #: What a draft of two modes takes, by the kind of model (`fitting.draft.two_modes`).
 TAKEN = {
@@ -58,7 +53,6 @@ NOISE = (
     "scatter; averages = N under [[noise_spectrum]] states it."
 )
 #: The same of two modes of which the first is driven and seen, and moves the second.
-COUPLING = "lambda12"
 THROUGH_COUPLING: dict[str, tuple[float, str]] = {
     "readout2": (0.0, "the detector sees mode 1"),
     STRENGTH: (0.0, "the drive moves mode 1, and the coupling mode 2"),
@@ -86,12 +80,15 @@ def model_for(files: Files) -> str:
 
 
 def model_for_recordings(recordings: Sequence[Recording]) -> str | None:
-    """The model of this project for recordings over time: one mode for ringdowns, else none.
+    """The model of this project for recordings over time: as many modes as ringdowns show, or none.
 
     Args:
         recordings: over time.
     """
-    return ONE_MODE if recordings and all(decays(each) for each in recordings) else None
+    shown = [len(decaying_lines(each)) for each in recordings]
+    if not shown or min(shown) == 0:
+        return None
+    return ONE_MODE if max(shown) == 1 else TWO_MODES
 
 
 def trace_draft_of(
@@ -388,7 +385,7 @@ def _more(modes: TwoModes | None) -> tuple[str, ...]:
 
 def _start_of_pair(modes: TwoModes | None, fitted: Sequence[str]) -> dict[str, tuple[float, str]]:
     """What makes two modes those of the sweep, with reasons, but for what is fitted."""
-    made = dict(BESIDE)
+    made = dict(UNCOUPLED)
     if modes is not None:
         found = "as both lines have it"
         made = THROUGH_COUPLING | {COUPLING: (modes.coupling_hz, found)}

@@ -13,6 +13,14 @@ from dataclasses import dataclass
 from fitting.fmu import FmuDescription, FmuVariable
 from fitting.text.units import same_kind
 
+#: The models of this project that are one resonance, and two.
+ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
+#: The parameter that couples the two; what makes them two lines beside each other, with reasons.
+COUPLING = "lambda12"
+UNCOUPLED: Mapping[str, tuple[float, str]] = {
+    COUPLING: (0.0, "each line is a mode of its own: they do not tell a coupling"),
+    "readout2": (1.0, "the detector sees both modes"),
+}
 #: Names and descriptions of what drives, and of what belongs to the solver or to a pump.
 DRIVES = re.compile(r"\b(drive|drives|driving|tone|excitation|stimulus)\b")
 TONE = re.compile(r"(u|tone|f_?drive|drive_?f|f_?exc\w*|excitation_?f\w*|omega)_?\d*")
@@ -91,7 +99,7 @@ def offer_of(description: FmuDescription) -> Offer:
     tones = _tones(variables)
     taken = {name for tone in tones for name in (tone.frequency, tone.amplitude)}
     free = [v for v in variables.values() if _is_parameter(v) and v.name not in taken]
-    sound = [v for v in free if not (OTHER.search(_words(v)) or OTHER_NAMES.search(_parts(v.name)))]
+    sound = [v for v in free if not (is_of_solver(v) or OTHER_NAMES.search(_parts(v.name)))]
     widths = [v for v in sound if _is_width(v)]
     places = [v for v in sound if v not in widths and _is_place(v)]
     real = [v for v in description.seen if v.kind == "Real"]
@@ -112,6 +120,15 @@ def offer_of(description: FmuDescription) -> Offer:
         derived=tuple(v.name for v in numbers)[:MOST_DERIVED],
         qualities=tuple(v.name for v in real if QUALITY.search(v.description.lower())),
     )
+
+
+def is_of_solver(variable: FmuVariable) -> bool:
+    """Whether a variable belongs to the solver, to a pump or to the phase of a drive, by its words.
+
+    Args:
+        variable: of the FMU.
+    """
+    return bool(OTHER.search(_words(variable)))
 
 
 def _words(variable: FmuVariable) -> str:

@@ -1,8 +1,9 @@
-"""A free decay as a draft sees it: whether a record is one, and the line that its spectrum shows.
+"""A free decay as a draft sees it: whether a record is one, and the lines that it shows.
 
 A record without a column that drives is a ringdown where its size falls from its first half to its
-second. The frequency is that of the highest line of the spectrum of the whole record, refined by a
-parabola through the logarithms about it; the width follows from the halves,
+second. Its lines are those that `fitting.resonance.ringdown` finds, one or two that decay. Where it
+finds none, the frequency is that of the highest line of the spectrum of the whole record, refined
+by a parabola through the logarithms about it; the width follows from the halves,
 
     rms_2/rms_1 = exp(-pi width T/2)
 """
@@ -10,14 +11,18 @@ parabola through the logarithms about it; the width follows from the halves,
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from fitting.draft.model import Offer
 from fitting.draft.values import Box
+from fitting.resonance.decay_record import SAMPLES, decay_record_of
+from fitting.resonance.ringdown import ringdown_of as lines_of
 from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
 
 #: Size of the second half over the first below which a record decays, and its crossings, at least.
 DECAYS, CROSSINGS = 0.8, 8
@@ -25,16 +30,29 @@ DECAYS, CROSSINGS = 0.8, 8
 REACH, WIDTHS, FACTOR = 0.02, 20.0, 20.0
 
 
+#: Digits of the ends of a box.
+DIGITS = 3
+SPECTRUM = "the highest line of the record's spectrum"
+HALVES = "from how the record decays from its first half to its second"
+FITTED = "from lines that decay, fitted to the record"
+
+
 @dataclass(frozen=True, kw_only=True)
-class Ringdown:
-    """The highest line of a free decay: its frequency and its full width, Hz."""
+class DecayingLine:
+    """A line of a free decay: its frequency and its full width, Hz, and how each was found.
+
+    ``amplitude`` is that at the first sample, in any unit.
+    """
 
     frequency_hz: float
     width_hz: float
+    amplitude: float = 1.0
+    frequency_words: str = FITTED
+    width_words: str = FITTED
 
 
-def ringdown_of(time_s: FloatArray, values: FloatArray) -> Ringdown | None:
-    """The line of a record that decays freely; None where it does not decay or hardly oscillates.
+def ringdown_of(time_s: FloatArray, values: FloatArray) -> tuple[DecayingLine, ...]:
+    """The lines of a record that decays freely, the lower one first; none where it does not.
 
     Args:
         time_s: times of the samples, evenly spaced, shape (n,), s.
@@ -42,13 +60,38 @@ def ringdown_of(time_s: FloatArray, values: FloatArray) -> Ringdown | None:
     """
     y = values - np.mean(values)
     if np.count_nonzero(np.diff(np.sign(y))) < CROSSINGS or _highest(y) < 0.5 * CROSSINGS:
-        return None
+        return ()
     first, second = (float(np.sqrt(np.mean(half**2))) for half in np.array_split(y, 2))
     if not 0.0 < second < DECAYS * first:
-        return None
+        return ()
+    found = _fitted(time_s, values)
+    if found:
+        return found
     span_s = float(time_s[-1] - time_s[0]) * y.size / (y.size - 1)
-    width_hz = 2.0 * math.log(first / second) / (math.pi * span_s)
-    return Ringdown(frequency_hz=_highest(y) / span_s, width_hz=width_hz)
+    return (
+        DecayingLine(
+            frequency_hz=_highest(y) / span_s,
+            width_hz=2.0 * math.log(first / second) / (math.pi * span_s),
+            frequency_words=SPECTRUM,
+            width_words=HALVES,
+        ),
+    )
+
+
+def _fitted(time_s: FloatArray, values: FloatArray) -> tuple[DecayingLine, ...]:
+    """Lines that were fitted to the samples, one or two; none where that finds no decay."""
+    try:
+        record = decay_record_of(time_s, values, "1")
+        line = lines_of(replace(record, kind=SAMPLES))
+    except BadInput:
+        return ()
+    found = [DecayingLine(frequency_hz=line.frequency_hz, width_hz=line.width_hz)]
+    if line.second is not None and line.second.decays:
+        one = line.second
+        found.append(
+            DecayingLine(frequency_hz=one.frequency_hz, width_hz=one.width_hz, amplitude=one.share)
+        )
+    return tuple(sorted(found, key=lambda each: each.frequency_hz))
 
 
 def _highest(y: FloatArray) -> float:
@@ -71,35 +114,67 @@ def silenced(offer: Offer) -> Mapping[str, float]:
     return {tone.amplitude: 0.0 for tone in offer.tones}
 
 
-def line_boxes(found: Ringdown, offer: Offer) -> tuple[Box, ...]:
-    """Boxes of frequency and width; none where the FMU has not one of each, in hertz.
+def lines_for(lines: Sequence[DecayingLine], offer: Offer) -> tuple[DecayingLine, ...]:
+    """The lines that an FMU may have: the largest one where it has but one mode.
 
     Args:
-        found: the line.
+        lines: of the record.
+        offer: what the FMU offers.
+    """
+    if len(offer.places) == len(offer.widths) == 1 < len(lines):
+        return (max(lines, key=lambda line: line.amplitude),)
+    return tuple(lines)
+
+
+def line_boxes(lines: Sequence[DecayingLine], offer: Offer) -> tuple[Box, ...]:
+    """Boxes of frequencies and widths; none where the FMU has other numbers of them, in hertz.
+
+    Boxes of two frequencies meet in the middle between their lines: neither line is the other's.
+
+    Args:
+        lines: of the record, the lower one first.
         offer: what the FMU offers.
     """
     names = (*offer.places, *offer.widths)
-    if (len(offer.places), len(offer.widths)) != (1, 1) or {*map(offer.unit, names)} != {"Hz"}:
+    counts = {len(lines), len(offer.places), len(offer.widths)}
+    if len(counts) > 1 or {*map(offer.unit, names)} != {"Hz"}:
         return ()
-    f, d = float(f"{found.frequency_hz:.7g}"), float(f"{found.width_hz:.3g}")
-    reach = float(f"{max(REACH * f, WIDTHS * d):.2g}")
-    return (
-        Box(
-            name=offer.places[0],
-            unit="Hz",
-            lower=max(0.5 * f, f - reach),
-            upper=f + reach,
-            start=f,
-            scale=reach,
-            why="the highest line of the record's spectrum",
-        ),
-        Box(
-            name=offer.widths[0],
-            unit="Hz",
-            lower=d / FACTOR,
-            upper=d * FACTOR,
-            start=d,
-            scale=d,
-            why="from how the record decays from its first half to its second",
-        ),
+    apart = [0.5 * (b.frequency_hz - a.frequency_hz) for a, b in pairwise(lines)]
+    return tuple(
+        box
+        for line, place, width in zip(lines, offer.places, offer.widths, strict=True)
+        for box in (_place(line, place, min(apart, default=math.inf)), _width(line, width))
     )
+
+
+def _place(line: DecayingLine, name: str, most: float) -> Box:
+    """The box of a frequency, ``most`` Hz to either side at most."""
+    f = float(f"{line.frequency_hz:.9g}")
+    reach = min(most, _rounded(max(REACH * f, WIDTHS * line.width_hz), 2))
+    return Box(
+        name=name,
+        unit="Hz",
+        lower=_rounded(max(0.5 * f, f - reach), 9),
+        upper=_rounded(f + reach, 9),
+        start=f,
+        scale=_rounded(reach, 2),
+        why=line.frequency_words,
+    )
+
+
+def _width(line: DecayingLine, name: str) -> Box:
+    """The box of a full width, Hz."""
+    d = _rounded(line.width_hz, DIGITS)
+    return Box(
+        name=name,
+        unit="Hz",
+        lower=_rounded(d / FACTOR, DIGITS),
+        upper=_rounded(d * FACTOR, DIGITS),
+        start=d,
+        scale=d,
+        why=line.width_words,
+    )
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits}g}")

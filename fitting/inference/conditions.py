@@ -7,15 +7,17 @@ and T = V^-1/2 dr/dt beside the whitened derivatives W of the fit: with t free t
 
 Where C'_ii is about C_ii the data tell t so well that a wrong one would be seen. Where it is much
 larger they fit as well with another t, beside other values: nothing in chi square speaks of it, and
-the values are known under t alone. Where t acts by its square (a coupling of zero) so does T.
+the values are known under t alone. Where t acts by a higher power (a coupling of zero
+moves lines by its fourth) so does T.
 
 Source: C. R. Rao, Linear Statistical Inference and Its Applications (partitioned normal equations).
 """
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +41,10 @@ RESTS = 1.5
 STEPS = tuple(10.0**k for k in range(-5, 9))
 #: Length of what a step changes, in standard deviations of the rows, that is seen well.
 SEEN = 0.3
+#: The same from which a step is too long, and how often it is shortened.
+LONGEST, SHORTENED = 3.0, 6
+#: The highest power with which anything goes: lines move with the fourth of a coupling lambda.
+POWERS = 4
 #: Share of a column that is left by others, below which they leave nothing of it.
 UNTOLD = 0.05
 #: Rise of chi square up to which a fit is as good.
@@ -158,12 +164,31 @@ def _column(solution: Solution, taken: Taken) -> _Column | None:
         for share in STEPS:
             found = change(share * size)
             if np.linalg.norm(found) > SEEN:
-                half = float(np.linalg.norm(change(0.5 * share * size)))
-                power = 2 if np.linalg.norm(found) > 3.0 * half else 1
-                return _Column(taken, share * size, power, found)
+                return _small(taken, share * size, change, found)
     except (FmuFailure, BadInput):  # the FMU does not have such a value
         return None
     return None
+
+
+def _small(
+    taken: Taken, step: float, change: Callable[[float], FloatArray], found: FloatArray
+) -> _Column:
+    """What a step changes, shortened to a few standard deviations: a longer one is bent."""
+    for _ in range(SHORTENED):
+        length = float(np.linalg.norm(found))
+        if length < LONGEST:
+            break
+        step *= (0.5 * LONGEST / length) ** (1.0 / _power(change, step, found))
+        found = change(step)
+    power = _power(change, step, found)
+    return _Column(taken, step, power, found)
+
+
+def _power(change: Callable[[float], FloatArray], step: float, found: FloatArray) -> int:
+    """The power of a step with which its change goes, one to `POWERS`."""
+    half = float(np.linalg.norm(change(0.5 * step)))
+    ratio = float(np.linalg.norm(found)) / max(half, 1e-300)
+    return min(max(round(math.log2(max(ratio, 1.0))), 1), POWERS)
 
 
 def _with(objective: Objective, settings: Mapping[str, float]) -> Objective:

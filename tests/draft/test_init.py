@@ -584,12 +584,34 @@ def test_a_ringdown_is_drafted_with_the_drives_off(tmp_path: Path) -> None:
     assert written["derived"]["outputs"] == ["Q1"]
 
 
+def test_an_fmu_of_two_modes_takes_a_ringdown_of_two(oscillator_fmu: Path, tmp_path: Path) -> None:
+    """Of its outputs q1 shows both; q1_hybrid hardly shows the upper one, and comes first."""
+    t = np.arange(3000) / 50e3
+    y = np.exp(-np.pi * 40.0 * t) * np.cos(2.0 * np.pi * 10e3 * t)
+    y += 0.7 * np.exp(-np.pi * 60.0 * t) * np.cos(2.0 * np.pi * 10.15e3 * t + 1.0)
+    y += 0.01 * np.random.default_rng(3).standard_normal(t.size)
+    path = write_csv(tmp_path / "ring.csv", "t (s),U (V)", t, y)
+    made, said = init(path, oscillator_fmu, out=tmp_path / "o")
+    written = tomllib.loads(made.read_text("utf-8"))
+    assert written["observe"]["output"] == "q1"
+    assert written["trace"][0]["states"] == 4
+    assert "theta" in written["fmu"]["taken"]
+    starts = {p["name"]: p["start"] for p in written["parameters"]}
+    assert starts["eta_plus"] == pytest.approx(10e3, abs=0.5)
+    assert starts["eta_minus"] == pytest.approx(10.15e3, abs=0.5)
+    assert {"d1", "d2"} <= set(starts)
+    made, said = init(path, "CoupledModes1", out=tmp_path / "one")
+    assert any("The FMU has one mode, which is taken for the larger line" in s for s in said)
+    starts = {p["name"]: p["start"] for p in tomllib.loads(made.read_text("utf-8"))["parameters"]}
+    assert starts["f1"] == pytest.approx(10e3, abs=0.5)
+
+
 def test_a_record_that_does_not_decay_is_no_ringdown() -> None:
     t = np.arange(4000) / 8000.0
-    assert ringdown_of(t, np.cos(2.0 * np.pi * 1234.5 * t)) is None
-    assert ringdown_of(t, np.exp(-20.0 * t)) is None
+    assert not ringdown_of(t, np.cos(2.0 * np.pi * 1234.5 * t))
+    assert not ringdown_of(t, np.exp(-20.0 * t))
     rough = np.random.default_rng(5).standard_normal(t.size)
-    assert ringdown_of(t, 0.2 * np.exp(-20.0 * t) + 2e-3 * rough) is None  # noise crosses zero
+    assert not ringdown_of(t, 0.2 * np.exp(-20.0 * t) + 2e-3 * rough)  # noise crosses zero
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,40 @@ def test_what_one_sweep_does_not_tell_of_two_modes_stands_beside_the_answer(
     assert one - other == pytest.approx(values["g2"].std, rel=0.15)
 
 
+def test_two_lines_that_decay_do_not_tell_their_coupling(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two modes beside each other; lambda moves both lines by lambda^4/(2 f (f2^2 - f1^2))."""
+    t = np.arange(3000) / 50e3
+    lines = ((10e3, 40.0, 1.0), (10.15e3, 60.0, 0.7))
+    y = 0.01 * np.random.default_rng(3).standard_normal(t.size)
+    for f, width, size in lines:
+        rings = np.sqrt(f**2 - 0.25 * width**2)
+        y += size * np.exp(-np.pi * width * t) * np.cos(2.0 * np.pi * rings * t + size)
+    file = write_csv(tmp_path / "ring.csv", "t (s),U (V)", t, y)
+    assert main(["init", str(file), "--out", str(tmp_path), "--yes"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "two lines decay, at " in told
+    written = tomllib.loads((tmp_path / "campaign.toml").read_text("utf-8"))
+    assert written["fmu"]["model"] == "CoupledModes2"
+    assert written["fmu"]["taken"] == ["lambda12"]
+    assert written["trace"][0]["states"] == 4
+    assert written["derived"]["outputs"] == ["Q1", "Q2"]
+    found = reconstructed(tmp_path / "campaign.toml")
+    values = found.parameters
+    for k, (f, width, _) in enumerate(lines, start=1):
+        assert abs(values[f"f{k}"].value - f) < 4.0 * values[f"f{k}"].std
+        assert abs(values[f"d{k}"].value - width) < 4.0 * values[f"d{k}"].std
+        q = found.derived[f"Q{k}"]
+        assert abs(q.value - f / width) < 4.0 * q.std
+    [said] = [each for each in found.warnings if "hold only if" in each]
+    assert said.startswith("f1, d1, f2 and d2 hold only if lambda12 = 0 Hz, which nobody measured")
+    [(more, name)] = re.findall(r"with lambda12 ([\d.]+) Hz higher, say, .* and (\w+) one", said)
+    (f1, _, _), (f2, _, _) = lines
+    shift = float(more) ** 4 / (2.0 * {"f1": f1, "f2": f2}[name] * (f2**2 - f1**2))
+    assert shift == pytest.approx(values[name].std, rel=0.2)
+
+
 def _fit(y: ComplexArray, seen: float, start: list[float]) -> tuple[float, float]:
     """Least squares of the closed form beside a constant, with a gain; and g2 there."""
     size = np.array([1.0, 1.0, 1.0, 1.0, 10.0, 0.1])

@@ -1,0 +1,212 @@
+"""The text of a campaign of traces, and what it is made of: recordings, their columns, boxes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fitting.draft.campaign import (
+    CONTINUATION,
+    TAKEN_REMARK,
+    Remarks,
+    parameter_table,
+    put_remarks,
+    relative_path,
+)
+from fitting.draft.model import Offer
+from fitting.draft.source import Source
+from fitting.draft.values import Box
+from fitting.measurements.traces.record import FIT, FOUND, STATES_OF_ONE, UNKNOWN
+from fitting.measurements.traces.waveform import HELD
+from fitting.text.errors import BadInput
+from fitting.text.tables import Column, Table
+from fitting.text.toml import rewritten, toml_text
+from fitting.text.units import same_kind
+
+#: Factor to either side of the FMU's own start value.
+FACTOR = 10.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A table over time, and its column of times."""
+
+    table: Table
+    time: Column
+
+    @property
+    def others(self) -> tuple[Column, ...]:
+        """All columns but that of times."""
+        return tuple(c for c in self.table.columns if c is not self.time)
+
+
+@dataclass(frozen=True)
+class TraceFile:
+    """A recording whose columns are known: of the output, and of the input, None: none drives.
+
+    ``further`` are columns of further inputs, by their names.
+    """
+
+    recording: Recording
+    seen: Column
+    driven: Column | None
+    interpolation: str
+    further: tuple[Column, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """Of the file."""
+        return self.recording.table.path
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceDraft:
+    """A campaign of traces: ``input`` is empty where nothing drives; ``seen`` are sentences.
+
+    ``start`` are start values of the FMU, each with its reason, ``taken`` those of them that the
+    files do not tell; with ``modes`` the traces are ringdowns of so many from a state that nobody
+    knows, which a pulse at the input spans; with ``late`` they begin inside the records.
+    ``derived`` are outputs that are reported.
+    """
+
+    source: Source
+    output: str
+    input: str
+    files: tuple[TraceFile, ...]
+    boxes: tuple[Box, ...]
+    seen: tuple[str, ...]
+    start: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    taken: tuple[str, ...] = ()
+    modes: int = 0
+    late: bool = False
+    derived: tuple[str, ...] = ()
+
+    def text(self, folder: Path | None) -> str:
+        """The text of the campaign.
+
+        Args:
+            folder: where it stands, to which paths are relative; None: they are absolute.
+        """
+        remarks: Remarks = {}
+        name = self.source.name
+        fmu: dict[str, Any] = (
+            {"model": name} if self.source.is_model else {"file": relative_path(Path(name), folder)}
+        )
+        if self.start:
+            fmu["start"] = {name: value for name, (value, _) in self.start.items()}
+            for name, (_, why) in self.start.items():
+                remarks["fmu", "start", name] = why
+        if self.taken:
+            fmu["taken"] = list(self.taken)
+            remarks["fmu", "taken"] = TAKEN_REMARK
+        tables: dict[str, Any] = {
+            "title": ", ".join(file.path.stem for file in self.files),
+            "fmu": fmu,
+            "observe": {"output": self.output},
+            "trace": [self._trace(file, k, folder, remarks) for k, file in enumerate(self.files)],
+            "parameters": [parameter_table(box, k, remarks) for k, box in enumerate(self.boxes)],
+            **({"derived": {"outputs": list(self.derived)}} if self.derived else {}),
+            "continuation": dict(CONTINUATION),
+        }
+        remarks["continuation", "nu_start"] = "the prior only helps at the start"
+        head = (
+            "A first campaign, written by fmu-fit init from these files: it runs as it is.",
+            "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
+        )
+        return rewritten(toml_text(tables, head), lambda made: put_remarks(made, remarks))
+
+    def _trace(
+        self, file: TraceFile, k: int, folder: Path | None, remarks: Remarks
+    ) -> dict[str, Any]:
+        made: dict[str, Any] = {"file": relative_path(file.path, folder)}
+        columns = {}
+        if file.recording.time.name != "time":
+            columns["time"] = file.recording.time.name
+        if file.seen.name != self.output:
+            columns["output"] = file.seen.name
+        if file.driven is not None:
+            made |= {"input": self.input, "interpolation": file.interpolation}
+            remarks["trace", k, "interpolation"] = _how(file.interpolation)
+            if file.driven.name != self.input:
+                columns["input"] = file.driven.name
+        if self.modes:
+            made |= {"input": self.input, "start": UNKNOWN}
+            if self.modes > 1:
+                made["states"] = STATES_OF_ONE * self.modes
+                remarks["trace", k, "states"] = "two for each mode"
+            remarks["trace", k, "input"] = "a pulse at it spans the states that ring down"
+            remarks["trace", k, "start"] = "solved for: nobody knows where a ringdown starts"
+            if self.late:
+                made["begin"] = FOUND
+                remarks["trace", k, "begin"] = "earlier samples, of a drive or a blow, are not used"
+        elif self._is_scaled(file):
+            made["gain"] = FIT
+            remarks["trace", k, "gain"] = f"{file.seen.unit} for the FMU's output: in proportion"
+        if file.further:
+            made["further_inputs"] = [column.name for column in file.further]
+        if columns:
+            made["columns"] = columns
+        return made
+
+    def _is_scaled(self, file: TraceFile) -> bool:
+        """Whether a detector stands between the output and what was recorded, by their units."""
+        unit = self.source.workers.description.variables[self.output].unit
+        return bool(file.seen.unit and unit) and not same_kind(file.seen.unit or "", unit or "")
+
+
+def _how(interpolation: str) -> str:
+    if interpolation == HELD:
+        return 'a guess: it stands still and jumps; or "linear" between samples'
+    return 'a guess: it moves from sample to sample; or "held" from each to the next'
+
+
+def said_of(file: TraceFile, output: str, driven: str) -> str:
+    """What a file was taken for.
+
+    Args:
+        file: a recording whose columns are known.
+        output: of the FMU, that was recorded.
+        driven: input of the FMU; empty: none.
+    """
+    count = len(file.recording.table.cells)
+    under = "" if file.driven is None else f", under '{driven}' as '{file.driven.name}'"
+    under += "".join(f" and '{column.name}'" for column in file.further)
+    return (
+        f"{file.path.name}: {count} samples over time of '{output}' as '{file.seen.name}'{under}."
+    )
+
+
+def start_box(offer: Offer, name: str) -> Box:
+    """A tenth to ten times the FMU's own start value, within its range.
+
+    Args:
+        offer: what the FMU offers.
+        name: of the parameter.
+
+    Raises:
+        BadInput: the start value lies at the end of its range.
+    """
+    variable = offer.description.variables[name]
+    start = float(variable.start or 0.0)
+    low, high = sorted((start / FACTOR, start * FACTOR)) if start else (-1.0, 1.0)
+    low = low if variable.min is None else max(low, variable.min)
+    high = high if variable.max is None else min(high, variable.max)
+    if not low < start < high:
+        raise BadInput(
+            f"{name}: its start value {start:g} lies at the end of its range, {low:g} to {high:g}; "
+            "wanted another --fit"
+        )
+    digits = 3 - math.floor(math.log10(max(abs(low), abs(high))))
+    return Box(
+        name=name,
+        unit=offer.unit(name),
+        lower=low if low == variable.min else round(low, digits + 2),
+        upper=high if high == variable.max else round(high, digits),
+        start=start,
+        scale=float(f"{0.3 * abs(start) or 0.5:.2g}"),
+        why="the FMU's own start value; bounds are a guess"
+        + (": a tenth of it to ten times" if start else ""),
+    )
