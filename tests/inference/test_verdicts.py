@@ -414,10 +414,25 @@ def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     assert known.parameters["a"].verdict is Verdict.DETERMINED
     [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
     assert re.match(r"Beyond the box d = [\d.]+ \(box: 1 to 100\) fits as well, with a = ", said)
-    assert said.endswith("what is said of a rests on the box.")
+    assert said.endswith("what the fit says of a rests on the box.")
     d, a = (float(v) for v in re.findall(r"[ad] = ([\d.]+)", said))
     assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit
     assert a > known.parameters["a"].interval95[1]
+
+
+def test_an_exchange_beyond_the_box_is_called_one() -> None:
+    """Sum and product tell a and b as 3 and 7 or as 7 and 3; the boxes keep them apart."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        a, b = p
+        return np.array([(a + b - 10.0) / 0.01, (a * b - 21.0) / 0.01, 0.1])
+
+    known = learnt(whitened(rows, parameter("a", 2.0, 4.5), parameter("b", 5.5, 9.0)))
+    assert known.parameters["a"].verdict is Verdict.DETERMINED
+    [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
+    assert said.endswith(
+        "fits as well, the same fit with a and b exchanged: which is which rests on the box."
+    )
 
 
 def test_a_fit_is_seen_beyond_thirty_times_the_box() -> None:
@@ -429,7 +444,7 @@ def test_a_fit_is_seen_beyond_thirty_times_the_box() -> None:
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
     assert known.parameters["a"].verdict is Verdict.DETERMINED
     [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
-    assert said.endswith("what is said of a rests on the box.")
+    assert said.endswith("what the fit says of a rests on the box.")
 
 
 @pytest.mark.parametrize(("sigma", "verdict"), [(0.25, Verdict.OPEN), (0.02, Verdict.DETERMINED)])
@@ -481,7 +496,7 @@ def test_an_end_that_another_box_makes_names_that_box() -> None:
     known = learnt(whitened(rows, a, d))
     assert known.parameters["a"].held == ("d",)
     [said] = [s for s in known.sentences if "rests on the box" in s and s.startswith("What")]
-    assert said.startswith("What is said of a rests on the box of d: ")
+    assert said.startswith("What the fit says of a rests on the box of d: ")
 
 
 def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:

@@ -154,7 +154,7 @@ def test_an_exchange_that_the_box_excludes_is_told(tmp_path: Path) -> None:
     [told] = [s for s in found.knowledge.sentences if s.startswith("Beyond the box")]
     turned = laboratory.truth(reflection=True)
     assert "at reflection = true fits as well" in told
-    assert told.endswith("what is said of d1 rests on the box.")
+    assert told.endswith("what the fit says of d1 rests on the box.")
     there = float(told.split("d1 = ")[1].split(" ")[0])
     assert there == pytest.approx(turned["d1"], abs=0.2)
     assert abs(there - laboratory.truth()["d1"]) > 5.0

@@ -200,16 +200,51 @@ def beyond_sentences(
         ]
         if new and places:
             told.update(new)
-            there = ", ".join(
-                f"{name} = {as_known(values[name], profiles[name].sigma, profiles[name].unit)}"
-                for name in new
-            )
             at = f"{' and '.join(places)} at {each.where}" if each.where else " and ".join(places)
-            said.append(
-                f"Beyond the box {at} fits as well, with {there}: what is said of "
-                f"{', '.join(new)} rests on the box."
-            )
+            said.append(f"Beyond the box {at} fits as well, {_told(new, values, profiles)}")
     return tuple(said)
+
+
+def _told(
+    names: Sequence[str], values: Mapping[str, float], profiles: Mapping[str, Profile]
+) -> str:
+    """What a fit beyond the box says of values: an exchange of them, or each by itself."""
+    pairs = _exchanged(names, values, profiles)
+    if pairs:
+        both = ", ".join(f"{one} and {other}" for one, other in pairs)
+        return f"the same fit with {both} exchanged: which is which rests on the box."
+    there = ", ".join(
+        f"{name} = {as_known(values[name], profiles[name].sigma, profiles[name].unit)}"
+        for name in names
+    )
+    return f"with {there}: what the fit says of {', '.join(names)} rests on the box."
+
+
+def _exchanged(
+    names: Sequence[str], values: Mapping[str, float], profiles: Mapping[str, Profile]
+) -> list[tuple[str, str]]:
+    """Pairs of values of which each is what the other one was; empty where not all are such."""
+    left, pairs = list(names), []
+    while left:
+        one = left.pop(0)
+        partner = next((other for other in left if _swapped(one, other, values, profiles)), None)
+        if partner is None:
+            return []
+        left.remove(partner)
+        pairs.append((one, partner))
+    return pairs
+
+
+def _swapped(
+    one: str, other: str, values: Mapping[str, float], profiles: Mapping[str, Profile]
+) -> bool:
+    mine, theirs = profiles[one], profiles[other]
+    near = mine.sigma + theirs.sigma
+    return (
+        mine.unit == theirs.unit
+        and abs(values[one] - theirs.best) < near
+        and abs(values[other] - mine.best) < near
+    )
 
 
 def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
@@ -223,7 +258,7 @@ def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
         if profile.held and name not in profile.held:
             by_limits.setdefault(profile.held, []).append(name)
     return tuple(
-        f"What is said of {', '.join(names)} rests on the box of {' and '.join(held)}: it was "
+        f"What the fit says of {', '.join(names)} rests on the box of {' and '.join(held)}: it was "
         "followed up to the end of that box, and a wider one may say more."
         for held, names in by_limits.items()
     )

@@ -26,7 +26,7 @@ from tests.support.virtual.judge import (
 #: That a verdict holds inside the box only.
 RESTS = re.compile(
     r"^Beyond the box .* with (?P<beyond>.*) rests? on the box\.$|"
-    r"^What is said of (?P<held>.*) rests on the box of",
+    r"^What the fit says of (?P<held>.*) rests on the box of",
     re.DOTALL,
 )
 #: Verdicts that say nothing of a value: the search was lost, the model does not describe the data.
