@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from fitting.api.init import init
     from fitting.api.jobs import identify, report
     from fitting.api.line import Columns, Line, line, write_line
+    from fitting.api.noise_line import NoiseLine, noise_line
     from fitting.api.posterior import (
         Posterior,
         PosteriorCost,
@@ -89,6 +90,7 @@ _HOMES = {
         "write_posterior",
     ),
     "api.problem": ("Problem",),
+    "api.noise_line": ("NoiseLine", "noise_line"),
     "api.ringdown": ("Ringdown", "ringdown"),
     "api.synthesis": ("synthesize", "synthesize_curves"),
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
@@ -135,6 +137,7 @@ __all__ = [
     "Limits",
     "Line",
     "Noise",
+    "NoiseLine",
     "NoiseSpectrum",
     "Parameter",
     "Posterior",
@@ -164,6 +167,7 @@ __all__ = [
     "init",
     "limits",
     "line",
+    "noise_line",
     "plot",
     "posterior",
     "posterior_cost",

@@ -11,6 +11,7 @@ from typing import Any
 import numpy.typing as npt
 
 import fitting.resonance.line as resonance
+from fitting.api.noise_line import NoiseLine
 from fitting.api.ringdown import Ringdown
 from fitting.report.words import line as words
 from fitting.resonance.dip_reading import DipReading
@@ -119,11 +120,11 @@ def columns_of(**told: Any) -> Columns:
     return Columns(**{k: v for k, v in told.items() if k in known and v is not None})
 
 
-def write_line(found: Line | Ringdown, out: str | Path) -> tuple[Path, ...]:
+def write_line(found: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Path, ...]:
     """Write line.json, line.csv and a figure of data, fit and residual.
 
     Args:
-        found: What `line` or `ringdown` returned.
+        found: What `line`, `ringdown` or `noise_line` returned.
         out: Folder, made where there is none.
 
     Returns:

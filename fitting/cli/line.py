@@ -1,4 +1,4 @@
-"""``fmu-fit line``: one resonance of one sweep or ringdown: frequency, width, Q with errors."""
+"""``fmu-fit line``: one resonance of a sweep, a ringdown or a noise spectrum."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ NAME = "line"
 EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"
 DOCUMENT = "the line"
 FILES = ("line.json", "line.csv", "line.png", "line.svg")
+NOISE, SWEEP = KINDS = ("noise", "sweep")
 WIRINGS = (
     "transmission",
     "fano",
@@ -38,7 +39,10 @@ WIRINGS = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument(
-        "file", type=Path, metavar="FILE", help="a sweep or a ringdown, as an instrument wrote it"
+        "file",
+        type=Path,
+        metavar="FILE",
+        help="a sweep, a ringdown or a noise spectrum, as an instrument wrote it",
     )
     parser.add_argument(
         "--from",
@@ -57,6 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help='of a demodulated ringdown: the frequency of the lock-in, as "1.2 MHz"',
     )
+    parser.add_argument(
+        "--kind",
+        choices=KINDS,
+        help="of a file over frequency: a noise spectrum or a sweep (told by unit and name)",
+    )
     add_columns(parser, over_time=True)
     parser.add_argument(
         "--out", type=Path, help="folder for line.json, line.csv and figure (none is written)"
@@ -71,11 +80,17 @@ def run(args: argparse.Namespace) -> int:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
     from fitting.api.line import write_line
+    from fitting.api.noise_line import is_noise_spectrum
     from fitting.api.ringdown import is_over_time
 
     columns = columns_of(args)
-    over_time = is_over_time(args.file, columns)
-    found = _ringdown(args, columns) if over_time else _line(args, columns)
+    found: ff.Line | ff.Ringdown | ff.NoiseLine
+    if is_over_time(args.file, columns):
+        found = _ringdown(args, columns)
+    elif args.kind == NOISE or (args.kind is None and is_noise_spectrum(args.file, columns)):
+        found = _noise_line(args, columns)
+    else:
+        found = _line(args, columns)
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")
     return 0
@@ -101,9 +116,10 @@ def _ringdown(args: argparse.Namespace, columns: Columns) -> ff.Ringdown:
     """The line of a ringdown, told."""
     from fitting.report.words.ringdown import answer, forms_table, sentences
 
-    if args.wiring is not None:
+    if args.wiring is not None or args.kind is not None:
+        option = "--kind" if args.wiring is None else "--wiring"
         raise ff.BadInput(
-            f"--wiring: is of a sweep, and {args.file} is a recording over time; wanted it without"
+            f"{option}: is of a sweep, and {args.file} is a recording over time; wanted it without"
         )
     at = args.demodulated_at
     found = ff.ringdown(
@@ -119,14 +135,31 @@ def _ringdown(args: argparse.Namespace, columns: Columns) -> ff.Ringdown:
     return found
 
 
-def _tell(answer: Sequence[str], sentences: Sequence[str], forms: Table) -> None:
+def _noise_line(args: argparse.Namespace, columns: Columns) -> ff.NoiseLine:
+    """The line of a noise spectrum, told."""
+    from fitting.report.words.noise_line import answer, sentences
+
+    for option, told in (("--demodulated-at", args.demodulated_at), ("--wiring", args.wiring)):
+        if told is not None:
+            raise ff.BadInput(
+                f"{option}: {args.file} is a noise spectrum, which has none; wanted it without, or "
+                "--kind sweep"
+            )
+    found = ff.noise_line(args.file, within_hz=_range(args, "Hz"), columns=columns)
+    hand_over(args, found)
+    _tell(answer(found), sentences(found))
+    return found
+
+
+def _tell(answer: Sequence[str], sentences: Sequence[str], forms: Table | None = None) -> None:
     from fitting.report.table import terminal_text, text_lines, wrapped
 
     for line in answer:
         print(terminal_text(line))
     for line in sentences:
         print(*wrapped(line), sep="\n")
-    print(*text_lines(forms), sep="\n")
+    if forms is not None:
+        print(*text_lines(forms), sep="\n")
 
 
 def _range(args: argparse.Namespace, unit: str) -> tuple[float | None, float | None]:

@@ -10,12 +10,10 @@ same amount. With m the lines that follow the points y best, the logarithms of t
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.instruments.roles import plain_name
 from fitting.draft.questions import Question
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
 from fitting.draft.two_modes import TwoModes, apart_hz
@@ -25,9 +23,9 @@ from fitting.measurements.noise.table import (
     ROOT,
     SEEN_UNITS,
     Density,
-    density_of,
     relative_density,
 )
+from fitting.resonance.noise_reading import BY_NAME, BY_UNIT, told_density
 from fitting.resonance.reading import Roles
 from fitting.resonance.two_lines import TwoLines
 from fitting.signal.noise_lines import COUPLED, TOGETHER, NoiseLines, noise_lines
@@ -38,11 +36,6 @@ from fitting.text.tables import read_table
 from fitting.text.units import same_kind
 
 NOISE, SWEEP = KINDS = ("noise", "sweep")
-#: Names of columns that say what they hold, in small letters.
-NAMES = {
-    ROOT: re.compile(r"\b(asd|lsd|(amplitude|linear) spectral density)\b"),
-    DENSITY: re.compile(r"\b(psd|pxx|s_?xx|(spectral|noise) density|noise power)\b"),
-}
 #: Gain of the logarithm of the likelihood from which the scatter tells, span of the lines over
 #: their floor below which it does not, and the least share of itself that a density scatters by.
 TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
@@ -50,8 +43,8 @@ TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
 ROUGH = 1.0
 #: How much less a density has to scatter than its root, where the unit is that of amplitudes.
 PLAINLY = 1.5
-#: Why a file is taken for a noise spectrum.
-BY_UNIT, BY_NAME, BY_SCATTER = "unit", "name", "scatter"
+#: Why a file is taken for a noise spectrum that neither unit nor name calls one.
+BY_SCATTER = "scatter"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,18 +163,12 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
     channel = roles.sizes
     if channel is None or roles.is_complex or np.any(np.diff(frequency_hz) <= 0.0):
         return None
-    column, numbers = roles.recording.column(channel.name), roles.recording.numbers(channel)
     if not _is_table(roles):
         return None
-    name = plain_name(column)
-    named = next((way for way, words in NAMES.items() if words.search(name)), "")
-    known = density_of(numbers, channel.unit) if channel.unit else None
-    if known is not None:
-        told = column.unit != channel.unit  # by whoever drafts, and the file does not
-        holds = "" if not told else ROOT if known.is_root else DENSITY
-        return _look(known, frequency_hz, BY_UNIT, holds)
-    if named:
-        return _look(relative_density(numbers, channel.unit, named), frequency_hz, BY_NAME, named)
+    told = told_density(roles)
+    if told is not None:
+        return _look(told.density, frequency_hz, told.by, told.holds)
+    numbers = roles.recording.numbers(channel)
     if np.any(numbers < 0.0) and not _is_level(channel.unit):
         return None
     return _by_scatter(numbers, channel.unit, frequency_hz)

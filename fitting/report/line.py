@@ -6,22 +6,25 @@ import csv
 import io
 from pathlib import Path
 
+from fitting.measurements.figure import Figure
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.style import save, style
 from fitting.report.shown import ShownCampaign
 from fitting.resonance.figure import line_figure
 from fitting.resonance.line import Line
+from fitting.resonance.noise_line import NoiseLine
+from fitting.resonance.noise_line_figure import noise_line_figure
 from fitting.resonance.ringdown import Ringdown
 from fitting.resonance.ringdown_figure import ringdown_figure
 from fitting.text.files import write_whole
 from fitting.text.records import write_json
 
 
-def write_line(line: Line | Ringdown, out: Path) -> tuple[Path, ...]:
+def write_line(line: Line | Ringdown | NoiseLine, out: Path) -> tuple[Path, ...]:
     """Write line.json, line.csv and the figure; the files written.
 
     Args:
-        line: as it was fitted, of a sweep or of a ringdown.
+        line: as it was fitted, of a sweep, of a ringdown or of a noise spectrum.
         out: folder.
 
     Raises:
@@ -31,20 +34,27 @@ def write_line(line: Line | Ringdown, out: Path) -> tuple[Path, ...]:
     write_whole(out / "line.csv", _table(line))
     with style():
         shown = ShownCampaign(title=Path(line.source).name, synthetic=False)
-        drawn = line_figure(line) if isinstance(line, Line) else ringdown_figure(line)
-        figure = save(draw_measurement(drawn, shown), out)
+        figure = save(draw_measurement(_figure(line), shown), out)
     return (out / "line.json", out / "line.csv", figure.png, figure.svg)
 
 
-def _table(line: Line | Ringdown) -> str:
-    points, unit = line.points, f"({line.unit})"
-    columns = {f"measured {unit}": points.measured, f"fitted {unit}": points.fitted}
-    if line.is_complex:
+def _figure(line: Line | Ringdown | NoiseLine) -> Figure:
+    if isinstance(line, Line):
+        return line_figure(line)
+    return ringdown_figure(line) if isinstance(line, Ringdown) else noise_line_figure(line)
+
+
+def _table(line: Line | Ringdown | NoiseLine) -> str:
+    unit = f"({line.unit})"
+    if isinstance(line, NoiseLine):
+        unit = "(relative)" if line.unit == "1" else f"({line.unit}**2/Hz)"
+    columns = {f"measured {unit}": line.points.measured, f"fitted {unit}": line.points.fitted}
+    if not isinstance(line, NoiseLine) and line.is_complex:
         columns = {
-            f"measured X {unit}": points.measured,
-            f"measured Y {unit}": points.measured_imaginary,
-            f"fitted X {unit}": points.fitted,
-            f"fitted Y {unit}": points.fitted_imaginary,
+            f"measured X {unit}": line.points.measured,
+            f"measured Y {unit}": line.points.measured_imaginary,
+            f"fitted X {unit}": line.points.fitted,
+            f"fitted Y {unit}": line.points.fitted_imaginary,
         }
     axis = (
         {"time (s)": line.points.time_s}

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,11 +58,13 @@ class NoiseLines:
     """Lines of a density, the lowest frequency first: frequencies and full widths, Hz, and errors.
 
     `height` of each is its density at its frequency, in the unit of the density; of `TOGETHER`
-    that of the second is negative where it answers against the first. `floor` is that of the
-    density, `deviance` D, `points` n. `kind` is how two modes are moved, `plainly` whether the
-    density tells that; else each has a force of its own. `modes` are frequency and width, Hz, of
-    the seen mode and of the other one by themselves, then the root of K, Hz, where they are
-    `COUPLED`.
+    that of the second is negative where it answers against the first. `power` is that of each line
+    over all frequencies, pi/2 times height times width, with errors; none of lines that are moved
+    in another way than each by itself. `floor` is that of the density, `deviance` D, `points` n,
+    `slopes` (n, k) the derivatives of ln S by what was fitted. `kind` is how two modes are moved,
+    `plainly` whether the density tells that; else each has a force of its own. `modes` are
+    frequency and width, Hz, of the seen mode and of the other one by themselves, then the root of
+    K, Hz, where they are `COUPLED`.
     """
 
     frequency_hz: tuple[float, ...]
@@ -75,6 +77,9 @@ class NoiseLines:
     deviance: float
     points: int
     curve: FloatArray
+    slopes: FloatArray
+    power: tuple[float, ...] = ()
+    power_std: tuple[float, ...] = ()
     plainly: bool = True
     modes: tuple[float, ...] = ()
 
@@ -114,6 +119,8 @@ def _in_unit(found: NoiseLines, unit: float) -> NoiseLines:
     return replace(
         found,
         height=tuple(unit * height for height in found.height),
+        power=tuple(unit * power for power in found.power),
+        power_std=tuple(unit * std for std in found.power_std),
         floor=unit * found.floor,
         curve=unit * found.curve,
     )
@@ -255,6 +262,16 @@ class _Fit:
             modes = [(float(abs(p)), float(2.0 * p.imag)) for p in roots]
         return np.array(sorted(modes)).T.ravel()
 
+    def slopes(self, x: FloatArray) -> FloatArray:
+        """Derivatives of ln S by x, (n, k)."""
+        ends = [(self.curve(x + step), self.curve(x - step)) for step in SMALL * np.eye(x.size)]
+        return np.transpose([np.log(up / down) / (2.0 * SMALL) for up, down in ends])
+
+    def powers(self, x: FloatArray) -> FloatArray:
+        """Of lines with forces of their own over all frequencies at x, the lowest line first."""
+        lines = sorted(self.lines(x))
+        return np.array([0.5 * math.pi * width * _power(size) for _, width, size in lines])
+
     def rows(self, x: FloatArray) -> FloatArray:
         """Signed roots of the deviances at x, (n,)."""
         s = np.maximum(self.curve(x), LEAST)
@@ -274,9 +291,12 @@ class _Fit:
         """The lines at the end of a fit."""
         x, places, curve = fit.values, self.places(fit.values), self.curve(fit.values)
         f, w = places.reshape(2, -1)
-        f_std, w_std = self.errors(fit).reshape(2, -1)
+        f_std, w_std = self.errors(fit, self.places).reshape(2, -1)
         heights = [_power(a) for _, _, a in sorted(self.lines(x))]
         modes: tuple[float, ...] = ()
+        power, power_std = np.empty(0), np.empty(0)
+        if self.kind == OWN:
+            power, power_std = self.powers(x), self.errors(fit, self.powers)
         if self.kind == COUPLED:
             heights = np.interp(f, self.f, curve).tolist()
             modes = (*self.lines(x)[0][:2], *self.lines(x)[1][:2], math.sqrt(abs(self.coupling(x))))
@@ -293,18 +313,21 @@ class _Fit:
             deviance=float(fit.residuals @ fit.residuals),
             points=self.y.size,
             curve=curve,
+            slopes=self.slopes(x),
+            power=tuple(power.tolist()),
+            power_std=tuple(power_std.tolist()),
             modes=modes,
         )
 
-    def errors(self, fit: LeastSquaresFit) -> FloatArray:
-        """Errors of the places of the lines, Hz, by slopes over a hundredth of an error."""
+    def errors(self, fit: LeastSquaresFit, of: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """Errors of numbers of the lines, by slopes over a hundredth of an error."""
         spread = np.array(fit.covariance)
         unseen = ~np.isfinite(np.diag(spread))
         spread[unseen, :] = spread[:, unseen] = 0.0
         steps = np.where(unseen, SMALL, 0.01 * np.sqrt(np.maximum(np.diag(spread), LEAST)))
         slopes = np.transpose(
             [
-                (self.places(fit.values + step) - self.places(fit.values - step)) / (2.0 * step[k])
+                (of(fit.values + step) - of(fit.values - step)) / (2.0 * step[k])
                 for k, step in enumerate(np.diag(steps))
             ]
         )

@@ -1,0 +1,101 @@
+"""A file over frequency as a noise spectrum: its unit or the name of its column says that it is."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fitting.campaign.instruments.roles import plain_name
+from fitting.measurements.noise.table import (
+    DENSITY,
+    ROOT,
+    Density,
+    density_of,
+    relative_density,
+)
+from fitting.resonance.noise_line import NoiseRecord, noise_record_of
+from fitting.resonance.reading import Columns, Roles, columns_words, hertz_in, map_in, roles_of
+from fitting.text.errors import BadInput
+
+#: Names of columns that say what they hold, in small letters.
+NAMES = {
+    ROOT: re.compile(r"\b(asd|lsd|(amplitude|linear) spectral density)\b"),
+    DENSITY: re.compile(r"\b(psd|pxx|s_?xx|(spectral|noise) density|noise power)\b"),
+}
+#: Why a file is taken for a noise spectrum.
+BY_UNIT, BY_NAME = "unit", "name"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToldDensity:
+    """A density that a file tells, ``by`` its unit or its name.
+
+    ``holds`` is what its column holds where the file's own unit does not tell it, else empty.
+    """
+
+    density: Density
+    by: str
+    holds: str
+
+
+def told_density(roles: Roles) -> ToldDensity | None:
+    """The density in a file's column of sizes; None where neither unit nor name says it is one.
+
+    Args:
+        roles: of its columns.
+    """
+    channel = roles.sizes
+    if channel is None or roles.is_complex:
+        return None
+    column, numbers = roles.recording.column(channel.name), roles.recording.numbers(channel)
+    name = plain_name(column)
+    named = next((way for way, words in NAMES.items() if words.search(name)), "")
+    known = density_of(numbers, channel.unit) if channel.unit else None
+    if known is not None:
+        told = column.unit != channel.unit  # by whoever reads it, and the file does not
+        holds = "" if not told else ROOT if known.is_root else DENSITY
+        return ToldDensity(density=known, by=BY_UNIT, holds=holds)
+    if not named:
+        return None
+    density = relative_density(numbers, channel.unit, named)
+    return ToldDensity(density=density, by=BY_NAME, holds=named)
+
+
+def is_noise_spectrum(path: Path, columns: Columns) -> bool:
+    """Whether a file says by its unit or its name that it is a noise spectrum.
+
+    Args:
+        path: of the file.
+        columns: what is told of its columns.
+    """
+    try:
+        roles = roles_of(path, columns)
+        return told_density(roles) is not None and map_in(roles) is None
+    except BadInput:
+        return False  # its reader complains
+
+
+def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
+    """The noise spectrum that a file holds, and how it was read, in sentences.
+
+    Args:
+        path: of the file.
+        columns: what is told of its columns.
+
+    Raises:
+        BadInput: a file that is not read, one that is no noise spectrum, a density not above zero.
+    """
+    roles = roles_of(path, columns)
+    told = told_density(roles)
+    if told is None:
+        raise BadInput(
+            f"{path}: neither unit nor name says that it is a noise spectrum; wanted its unit, as "
+            '--unit-amplitude "V**2/Hz"'
+        )
+    density = told.density
+    unit = "1" if density.is_relative else density.unit
+    made = noise_record_of(hertz_in(roles), density.numbers, unit, str(path))
+    what = "root of the density" if density.is_root else "density"
+    read = columns_words({"frequency": roles.frequency, what: roles.sizes})
+    return replace(made, said=(f"{path.name}: {roles.recognised.words}.", f"Read: {read}."))
