@@ -26,6 +26,8 @@ from fitting.text.tables import Column, Table
 from fitting.text.toml import rewritten, toml_text
 from fitting.text.units import same_kind
 
+#: Why a start value is another than the FMU's own.
+CLOSER = "closer to the record than the FMU's own start value, by runs half a decade apart"
 #: Factor to either side of the FMU's own start value.
 FACTOR = 10.0
 
@@ -179,18 +181,19 @@ def said_of(file: TraceFile, output: str, driven: str) -> str:
     )
 
 
-def start_box(offer: Offer, name: str) -> Box:
-    """A tenth to ten times the FMU's own start value, within its range.
+def start_box(offer: Offer, name: str, closer: float | None = None) -> Box:
+    """A tenth to ten times a start value, within the FMU's range.
 
     Args:
         offer: what the FMU offers.
         name: of the parameter.
+        closer: a start value that was found; None: the FMU's own.
 
     Raises:
         BadInput: the start value lies at the end of its range.
     """
     variable = offer.description.variables[name]
-    start = float(variable.start or 0.0)
+    start = float(f"{closer:.4g}") if closer is not None else float(variable.start or 0.0)
     low, high = sorted((start / FACTOR, start * FACTOR)) if start else (-1.0, 1.0)
     low = low if variable.min is None else max(low, variable.min)
     high = high if variable.max is None else min(high, variable.max)
@@ -207,6 +210,7 @@ def start_box(offer: Offer, name: str) -> Box:
         upper=high if high == variable.max else round(high, digits),
         start=start,
         scale=float(f"{0.3 * abs(start) or 0.5:.2g}"),
-        why="the FMU's own start value; bounds are a guess"
+        why=("the FMU's own start value" if closer is None else CLOSER)
+        + "; bounds are a guess"
         + (": a tenth of it to ten times" if start else ""),
     )

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.draft.closer_start import Record, closer_starts
 from fitting.draft.decays import decays_of
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
@@ -101,12 +102,13 @@ def traces_of(
             several=True,
         )
     )
+    closer = _closer(files[0], source, offer, output, driven, names)
     return TraceDraft(
         source=source,
         output=output,
         input=driven,
         files=files,
-        boxes=tuple(start_box(offer, name) for name in names),
+        boxes=tuple(start_box(offer, name, closer.get(name)) for name in names),
         seen=(
             *(said_of(file, output, driven) for file in files),
             *([UNDRIVEN] if not driven and offer.inputs else []),
@@ -223,6 +225,29 @@ def _fitted(
     return ordered, (
         "each changes the output otherwise than the others, at the FMU's start values" + left_out
     )
+
+
+def _closer(
+    file: TraceFile,
+    source: Source,
+    offer: Offer,
+    output: str,
+    driven: str,
+    names: Sequence[str],
+) -> dict[str, float]:
+    """Start values of parameters from which the FMU follows the record closer than from its own."""
+    trace, known = _record(file, offer, driven), offer.description.variables
+    unit, seen = known[output].unit, file.seen.unit
+    is_scaled = bool(unit and seen) and not same_kind(seen or "", unit or "")
+    values = trace.y
+    if unit and seen and not is_scaled:
+        zero, one = (convert(x, seen, unit, where=str(file.path)) for x in (0.0, 1.0))
+        values = zero + (one - zero) * values
+
+    def simulated(starts: Mapping[str, float]) -> FloatArray | None:
+        return _simulated(trace, source, output, [starts])[0]
+
+    return closer_starts(Record(values, is_scaled), simulated, {n: known[n] for n in names})
 
 
 def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:

@@ -523,6 +523,20 @@ def test_a_wall_between_two_rooms_is_as_sure_as_can_be(tmp_path: Path) -> None:
         assert abs(fit[name].value - true) < 4.0 * std
 
 
+def test_start_values_are_brought_to_what_a_step_shows(tmp_path: Path) -> None:
+    """40 ms and a gain of 300, where the FMU comes with one second and one."""
+    t = np.arange(400) / 1000.0
+    u = np.where(t >= 0.05, 1.0, 0.0)
+    y = 300.0 * np.where(t > 0.05, 1.0 - np.exp(-(t - 0.05) / 0.04), 0.0)
+    y += 2.0 * np.random.default_rng(1).standard_normal(t.size)
+    path = write_csv(tmp_path / "step.csv", "time (s),u (V),y (V)", t, u, y)
+    made, said = init(path, build_lag_fmu(tmp_path), out=tmp_path / "o")
+    boxes = {p["name"]: p for p in tomllib.loads(made.read_text("utf-8"))["parameters"]}
+    assert boxes["tau"]["lower"] < 0.02 < 0.08 < boxes["tau"]["upper"]
+    assert boxes["gain"]["lower"] < 150.0 < 600.0 < boxes["gain"]["upper"]
+    assert any("closer to the record than the FMU's own start value" in each for each in said)
+
+
 def test_a_recording_without_the_output_is_told(tmp_path: Path) -> None:
     t = np.linspace(0.0, 0.19, 20)
     path = write_csv(tmp_path / "step.csv", "time (s),u (V),a (V),b (V)", t, t, t, t)
