@@ -61,6 +61,12 @@ THROUGH_COUPLING: dict[str, tuple[float, str]] = {
 TAKEN_VALUES = (STRENGTH, "readout2", COUPLING)
 #: Parameters that a line determines: where it is and how wide.
 PER_LINE = 2
+#: What is said of two lines that no model of two modes describes.
+TWO_AND_MORE = (
+    "Not described by this campaign: two modes, beside each other or coupled, leave more of this "
+    "sweep than its noise does. A fit may end as one that does not describe the data (exit code "
+    "4); what would help: an FMU that has what stands beside them, as a third mode or a background."
+)
 #: Forms of amplitudes with what a campaign cannot put beside an FMU's, and what would help.
 BEYOND = {
     FANO: "phases, or X and Y, or an FMU that has a background",
@@ -227,10 +233,12 @@ def _beyond_fmu(line: Line) -> list[str]:
 
 
 def _undescribed(files: Files, source: Source) -> str:
-    """What the campaign's FMU does not describe of a sweep of amplitudes, and what would help."""
+    """What the campaign's FMU does not describe of a sweep, and what would help."""
     lines = [sweep.driven_line for sweep in files.sweeps if not sweep.is_complex]
     if files.table is not None:
         return ""
+    if source.is_model and files.two is not None and not files.describes_two:
+        return TWO_AND_MORE
     for line in lines:
         if line is None or line.forms[0].name not in BEYOND:
             continue

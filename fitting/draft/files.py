@@ -201,6 +201,12 @@ class Files:
         return next((sweep.two for sweep in self.sweeps if sweep.two is not None), None)
 
     @property
+    def describes_two(self) -> bool:
+        """Whether a model of two modes describes these two; so it is, where none was looked at."""
+        found = next((s.modes for s in self.sweeps if s.two is not None), None)
+        return found is None or found.describes
+
+    @property
     def modes(self) -> TwoModes | None:
         """What describes these two, where it is more than each of them by itself."""
         found = next((s.modes for s in self.sweeps if s.two is not None), None)

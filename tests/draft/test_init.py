@@ -663,3 +663,16 @@ def test_a_recording_in_volts_of_an_output_in_metres_has_a_gain(
     [trace] = tomllib.loads(made.read_text("utf-8"))["trace"]
     assert trace["gain"] == "fit"
     assert "V for the FMU's output: in proportion" in made.read_text("utf-8")
+
+
+def test_two_lines_that_no_two_modes_have_are_told(tmp_path: Path) -> None:
+    """Lines turned against each other by a detector: no modes of real shapes have such phases."""
+    f = np.linspace(9.7e3, 10.55e3, 300)
+    seen = mode(f, 10e3, 40.0) + 0.7 * np.exp(1.9j) * mode(f, 10.25e3, 60.0)
+    seen = seen + noise(f.size, 1e-3, 4)
+    path = write_csv(tmp_path / "two.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
+    _, said = init(path, out=tmp_path / "o")
+    assert any(
+        "two modes, beside each other or coupled, leave more of this sweep" in s for s in said
+    )
+    assert "Not described by this campaign" in (tmp_path / "o/campaign.toml").read_text("utf-8")
