@@ -19,6 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from fitting.campaign import instruments
+from fitting.campaign.instruments import Channel, read_recording
 from fitting.draft.campaign import (
     CONTINUATION,
     Remarks,
@@ -39,7 +41,6 @@ from fitting.signal.decay import decay_start
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import hertz, listed
-from fitting.text.tables import Column, Table, read_table
 from fitting.text.toml import rewritten, toml_text
 from fitting.text.units import convert, same_kind
 
@@ -68,15 +69,15 @@ FACTOR = 10.0
 
 @dataclass(frozen=True)
 class Recording:
-    """A table over time, and its column of times."""
+    """Columns over time, and which of them holds the times."""
 
-    table: Table
-    time: Column
+    table: instruments.Recording
+    time: Channel
 
     @property
-    def others(self) -> tuple[Column, ...]:
+    def others(self) -> tuple[Channel, ...]:
         """All columns but that of times."""
-        return tuple(c for c in self.table.columns if c is not self.time)
+        return tuple(c for c in self.table.channels if c is not self.time)
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,10 @@ class TraceFile:
     """
 
     recording: Recording
-    seen: Column
-    driven: Column | None
+    seen: Channel
+    driven: Channel | None
     interpolation: str
-    further: tuple[Column, ...] = ()
+    further: tuple[Channel, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -200,12 +201,13 @@ def recordings_of(paths: Sequence[Path]) -> tuple[Recording, ...]:
     found = []
     for path in paths:
         try:
-            table = read_table(path)
+            table = read_recording(path)
         except BadInput:
             return ()  # its reader complains, if it is none either
-        units = [c.unit or "" for c in table.columns]
-        times = [c for c in table.columns if c.unit and same_kind(c.unit, "s")]
-        if len(times) != 1 or len(table.columns) < 2 or any(same_kind(u, "Hz") for u in units if u):
+        units = [c.unit for c in table.channels if c.unit]
+        times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
+        none = any(same_kind(u, "Hz") for u in units) or any(c.is_complex for c in table.channels)
+        if len(times) != 1 or len(table.channels) < 2 or none:
             return ()
         found.append(Recording(table, times[0]))
     return tuple(found)
@@ -276,7 +278,7 @@ def _ringdown(file: TraceFile, offer: Offer) -> tuple[Ringdown, tuple[Box, ...]]
     return (found, boxes) if found is not None and boxes else None
 
 
-def _line(recording: Recording, seen: Column) -> Ringdown | None:
+def _line(recording: Recording, seen: Channel) -> Ringdown | None:
     """The line of a free decay."""
     table, time = recording.table, recording.time
     factor = convert(1.0, time.unit or "s", "s", where=str(table.path))
@@ -345,11 +347,12 @@ def _refuse_demodulated(recording: Recording, offer: Offer) -> None:
 
 
 def _said(file: TraceFile, output: str, driven: str) -> str:
-    count = len(file.recording.table.cells)
+    count = len(file.recording.table.places)
     under = "" if file.driven is None else f", under '{driven}' as '{file.driven.name}'"
     under += "".join(f" and '{column.name}'" for column in file.further)
     return (
-        f"{file.path.name}: {count} samples over time of '{output}' as '{file.seen.name}'{under}."
+        f"{file.path.name}: {file.recording.table.words}, {count} samples over time of '{output}' "
+        f"as '{file.seen.name}'{under}."
     )
 
 
@@ -458,7 +461,7 @@ def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:
     factor = convert(1.0, time.unit or "s", "s", where=str(table.path))
     time_s = factor * table.numbers(time)[:LOOKED_AT]
 
-    def driving(column: Column, name: str) -> tuple[FloatArray, FloatArray]:
+    def driving(column: Channel, name: str) -> tuple[FloatArray, FloatArray]:
         u, wanted = table.numbers(column)[:LOOKED_AT], offer.description.variables[name].unit
         if column.unit is not None and wanted is not None:
             ends = (convert(x, column.unit, wanted, where=str(table.path)) for x in (0.0, 1.0))

@@ -90,17 +90,20 @@ def layout_of(path: Path) -> str:
     return PLAIN
 
 
-def read_recording(path: Path, layout: str | None, selection: Selection) -> Recording:
+def read_recording(
+    path: Path, layout: str | None = None, selection: Selection | None = None
+) -> Recording:
     """The columns of a file.
 
     Args:
         path: of the file.
         layout: that it is written in; None: told by its content.
-        selection: of one of its traces, where it holds several.
+        selection: of one of its traces, where it holds several; None: the first.
 
     Raises:
         BadInput: unreadable, of another kind, or without what the layout has to hold.
     """
+    selection = selection or Selection()
     if layout is not None and layout not in LAYOUTS:
         raise BadInput(f"{path}: unknown layout '{layout}'{did_you_mean(layout, list(LAYOUTS))}")
     if layout == PLAIN:

@@ -1,6 +1,6 @@
 """The CSV of oscilloscopes whose settings stand beside the numbers: Tektronix, Rigol.
 
-Those that write them above (Keysight, LeCroy, Siglent, PicoScope) are plain columns.
+Those that write them above (Keysight, PicoScope) are plain columns.
 """
 
 from __future__ import annotations
