@@ -134,6 +134,46 @@ def roles_of(path: Path, columns: Columns) -> Roles:
         BadInput: the file is not readable, holds no response over frequency, or tells no unit; a
             line for each column and unit that is wanted.
     """
+    frequency, found = _looked_at(path, columns)
+    recording = found.recording
+    complaints = []
+    if frequency.unit is None:
+        over_time = f'; of a recording over time --time "{frequency.name}" --unit-time s'
+        complaints.append(
+            f"{path}: tells no unit of its frequencies, column '{frequency.name}'; wanted it "
+            f"by --unit-frequency, as Hz or MHz{over_time * (not recording.headed)}"
+        )
+    complaints += phase_complaints(found)
+    if complaints:
+        raise BadInput(*complaints)
+    return Roles(
+        recognised=found.recognised,
+        recording=recording,
+        frequency=frequency,
+        sizes=found.sizes,
+        phase=found.phase,
+        real=found.real,
+        imaginary=found.imaginary,
+    )
+
+
+def units_untold(path: Path, columns: Columns) -> dict[str, str]:
+    """Columns of frequencies and phases without a unit, by the field of `Columns` that tells it.
+
+    Args:
+        path: of the file.
+        columns: what is told of them.
+
+    Raises:
+        BadInput: as `roles_of`, but for units.
+    """
+    frequency, found = _looked_at(path, columns)
+    fields = {"unit_frequency": frequency, "unit_phase": found.phase}
+    return {key: c.name for key, c in fields.items() if c is not None and c.unit is None}
+
+
+def _looked_at(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
+    """The columns of frequencies and of values, in the units that are told, if any is."""
     columns = columns.checked()
     known = recognised(path, columns.selection)
     recording = read_recording(path, known.layout, columns.selection)
@@ -148,26 +188,7 @@ def roles_of(path: Path, columns: Columns) -> Roles:
             f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency{way}"
         )
     frequency = with_unit(frequency, columns.unit_frequency)
-    found = value_roles_of(known, recording, columns, frequency)
-    complaints = []
-    if frequency.unit is None:
-        over_time = f'; of a recording over time --time "{frequency.name}" --unit-time s'
-        complaints.append(
-            f"{path}: tells no unit of its frequencies, column '{frequency.name}'; wanted it "
-            f"by --unit-frequency, as Hz or MHz{over_time * (not recording.headed)}"
-        )
-    complaints += phase_complaints(found)
-    if complaints:
-        raise BadInput(*complaints)
-    return Roles(
-        recognised=known,
-        recording=recording,
-        frequency=frequency,
-        sizes=found.sizes,
-        phase=found.phase,
-        real=found.real,
-        imaginary=found.imaginary,
-    )
+    return frequency, value_roles_of(known, recording, columns, frequency)
 
 
 def column_of(known: Recognised, recording: Recording, told: str, *roles: str) -> Channel | None:
