@@ -154,6 +154,7 @@ def complex_of(recording: Recording, columns: WrittenComplexColumns) -> Measured
     amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None
     if amplitude is None and x is not None and y is not None:
         _check_different(recording, frequency, x, y)
+        recording.check((frequency, x, y))
         values, unit = parts_of(recording, x, y)
         found = _measured(recording, frequency, values, unit)
         for part in (x, y):
@@ -169,6 +170,7 @@ def complex_of(recording: Recording, columns: WrittenComplexColumns) -> Measured
     phase = asked(recording, columns.phase, PHASE)
     if amplitude is not None and phase is not None:
         _check_different(recording, frequency, amplitude, phase)
+        recording.check((frequency, amplitude, phase))
         found = _of_polar(recording, frequency, amplitude, phase)
         return _driven(found, recording, drive)
     if (x is None) != (y is None):

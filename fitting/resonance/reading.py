@@ -268,11 +268,11 @@ def columns_there(recording: Recording) -> str:
 
 
 def _complain_of_cells(recording: Recording, taken: tuple[Channel, ...]) -> None:
-    """Name the cell that is no number in the only column that could be an amplitude."""
+    """Name the cells that are no numbers in the only column that could be an amplitude."""
     names = {c.name for c in taken}
     free = [c for c in recording.channels if c.name not in names and not c.is_complex]
     if len(free) == 1:
-        recording.numbers(free[0])
+        recording.check((*taken, free[0]))
 
 
 def with_unit(channel: Channel, unit: str) -> Channel:
@@ -315,10 +315,11 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     """
     roles = roles_of(path, columns)
     recording = roles.recording
-    found = map_in(roles)
+    found = _map_beside_cells(roles)
     if found is not None:
         way = found.way(phases=roles.is_complex, drafted=True)
         raise BadInput(f"{path}: is a map, {found.words}; wanted one sweep. {way}")
+    recording.check(roles.all)
     _complain_of_swapped(roles)
     frequency_hz = hertz_in(roles)
     read = _columns_words(roles)
@@ -331,6 +332,15 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         said.append("The rows are not in the order of their frequencies; they were sorted.")
     made = trace_of(frequency_hz, values, unit, source=str(path), places=recording.places)
     return replace(made, read=read, said=tuple(said), notes=dict(recording.notes))
+
+
+def _map_beside_cells(roles: Roles) -> ControlMap | None:
+    """The map that a file is; of frequencies that are none all cells are told, of all columns."""
+    try:
+        return map_in(roles)
+    except BadInput:
+        roles.recording.check(roles.all)
+        raise
 
 
 def _complain_of_swapped(roles: Roles) -> None:

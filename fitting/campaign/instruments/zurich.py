@@ -7,15 +7,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from fitting.campaign.instruments.recording import Channel, Recording, of_table
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.tables import (
     Table,
-    parse_number,
+    parse_numbers,
     parse_table,
     read_text,
     split_line,
@@ -122,11 +120,8 @@ def _values(path: Path, name: str, line: int, cells: Sequence[str], size: int | 
         kept.pop()
     if size is not None and len(kept) != size:
         raise BadInput(f"{path}: row {line}, field '{name}': {len(kept)} values, wanted {size}")
-    values = [
-        parse_number(text, f"{path}: row {line}, field '{name}', value {j + 1}")
-        for j, text in enumerate(kept)
-    ]
-    return np.array(values, dtype=float)
+    numbered = [(f"row {line}, field '{name}', value {j + 1}", text) for j, text in enumerate(kept)]
+    return parse_numbers(path, numbered)
 
 
 def _recognises(file: Head) -> bool:

@@ -196,9 +196,11 @@ class TraceTable(MeasurementTable):
             BadInput: a column or unit that is missing, times that are not an even grid.
         """
         table, names = read_recording(self.file), self.columns
+        seen = names.output or self.output or output
+        there = map(table.find, (names.time or "time", seen, *self.further_inputs))
+        table.check(channel for channel in there if channel is not None)
         time = self._column(table, names.time or "time", "time (s)", "s")
         spacing_s(time.values, str(self.file), table.places)
-        seen = names.output or self.output or output
         driven = None
         if self.input is not None and self.signal is None:
             wanted = names.input or self.input
