@@ -19,6 +19,7 @@ from typing import Annotated, Any
 from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
+from fitting.campaign.other_kinds import other_kind
 from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import ADDED, BACKGROUNDS, FLOOR_KINDS
@@ -841,7 +842,11 @@ def read_campaign_file(path: Path, kinds: Sequence[type[MeasurementTable]] = ())
         kinds: of measurements that it may tell of, beside experiments and a sweep.
 
     Raises:
-        BadInput: no such file, not TOML; or a key that is missing, unknown or of the wrong kind:
-            one line for each.
+        BadInput: no such file, or not TOML, then with what it is instead; or a key that is missing,
+            unknown or of the wrong kind: one line for each.
     """
-    return read_record(campaign_with(tuple(kinds)), read_toml(path), path)
+    try:
+        tables = read_toml(path)
+    except BadInput as error:
+        raise other_kind(path) or error from None
+    return read_record(campaign_with(tuple(kinds)), tables, path)

@@ -21,7 +21,7 @@ import importlib
 import pkgutil
 from pathlib import Path
 
-from fitting.campaign.instruments.foreign import refuse_foreign
+from fitting.campaign.instruments.foreign import foreign_kind, refuse_foreign
 from fitting.campaign.instruments.recording import Channel, Recording, unit_of
 from fitting.campaign.instruments.roles import trace_of
 from fitting.campaign.instruments.trace import (
@@ -44,7 +44,9 @@ __all__ = [
     "RawTrace",
     "Recording",
     "Selection",
+    "foreign_kind",
     "found_layouts",
+    "head_of",
     "layout_of",
     "own_estimates",
     "read_recording",
