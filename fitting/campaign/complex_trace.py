@@ -35,7 +35,7 @@ from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
 from fitting.text.keys import Keys, Text
-from fitting.text.notation import prefixed
+from fitting.text.notation import how_many, prefixed
 from fitting.text.units import convert
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
@@ -90,7 +90,8 @@ class MeasuredComplex:
             )
         if f.size < MIN_SWEEP_POINTS:
             raise BadInput(
-                f"{where}: {f.size} points are too few for a sweep; wanted at least "
+                f"{where}: {how_many(f.size, 'point is', 'points are')} too few for a sweep; "
+                "wanted at least "
                 f"{MIN_SWEEP_POINTS}"
             )
         for name, numbers in (("frequency", f), ("X", values.real), ("Y", values.imag)):

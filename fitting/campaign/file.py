@@ -56,6 +56,7 @@ from fitting.text.keys import (
     looked_at,
     refusing,
 )
+from fitting.text.notation import how_many
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import checked_accuracy
@@ -331,9 +332,11 @@ class WrittenExperiments(WrittenTrace):
         if self.phases and not self.peaks:
             raise Refused("wanted only beside 'peaks'", "phases")
         if self.phases and len(self.phases) != len(self.peaks):
-            raise Refused(f"{len(self.phases)} columns, wanted {len(self.peaks)}", "phases")
+            raise Refused(
+                f"{how_many(len(self.phases), 'column')}, wanted {len(self.peaks)}", "phases"
+            )
         if len(self.x) != len(self.y):
-            raise Refused(f"{len(self.y)} columns, wanted {len(self.x)}", "y")
+            raise Refused(f"{how_many(len(self.y), 'column')}, wanted {len(self.x)}", "y")
         if not self.is_complex:
             for key in ("unknown", "restarted", "conjugate"):
                 if getattr(self, key):
@@ -774,7 +777,9 @@ class WrittenCampaign(Keys):
             columns = getattr(experiments, key)
             if columns and len(columns) != lines:
                 raise Refused(
-                    f"{len(columns)} columns, wanted {lines}, one per tone", "experiments", key
+                    f"{how_many(len(columns), 'column')}, wanted {lines}, one per tone",
+                    "experiments",
+                    key,
                 )
 
     @property

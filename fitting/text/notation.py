@@ -498,6 +498,26 @@ def listed(items: Iterable[str]) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
+def how_many(count: int | str, noun: str, plural: str = "") -> str:
+    """A count with its noun: "1 point", "3 points".
+
+    Args:
+        count: or a number that is written already.
+        noun: of one.
+        plural: of several; empty: with an s.
+    """
+    return f"{count} {noun if str(count) == '1' else plural or noun + 's'}"
+
+
+def freedom_words(count: int | str) -> str:
+    """A number of degrees of freedom in words.
+
+    Args:
+        count: or a number that is written already.
+    """
+    return how_many(count, "degree of freedom", "degrees of freedom")
+
+
 def settings_words(settings: Mapping[str, Scalar]) -> str:
     """Settings as "name = value, ...".
 

@@ -16,6 +16,7 @@ import numpy as np
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.files import NoFile, read_whole
+from fitting.text.notation import how_many
 
 #: What programs write where a number is missing.
 NOT_A_NUMBER = ("nan", "na", "n/a", "null", "none", "-")
@@ -181,7 +182,7 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
     for row, line in zip(body, lines, strict=True):
         if len(row) != len(header):
             raise BadInput(
-                f"{path}: row {line} has {len(row)} cells, the header {len(header)} "
+                f"{path}: row {line} has {how_many(len(row), 'cell')}, the header {len(header)} "
                 f"(delimiter {delimiter!r}; a decimal comma needs ';' or tab between cells)"
             )
     columns = tuple(named_column(text, i) for i, text in enumerate(header))
@@ -260,7 +261,7 @@ def not_numbers(where: str, found: object, more: Sequence[tuple[str, object]] = 
     """
     named = [f"{place} ({shown(text)})" for place, text in more[:MORE_NAMED]]
     left = len(more) - len(named)
-    named += [f"{left} other{'s' * (left > 1)}"] if left else []
+    named += [how_many(left, "other")] if left else []
     texts = [str(each).strip().lower() for each in (found, *(text for _, text in more))]
     hint = (
         "; where nothing was measured leave the row out, or end a sampled record before it"

@@ -18,6 +18,7 @@ from pathlib import Path
 from fitting.campaign.instruments.recording import Recording, of_table
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.errors import BadInput
+from fitting.text.notation import how_many
 from fitting.text.tables import parse_table, read_text, split_line
 
 _MARK, _SEGMENTS, _NAMES = "LECROY", "Segments", "Time"
@@ -35,7 +36,7 @@ def _read_lecroy(path: Path, selection: Selection) -> Recording:
     if at is None:
         raise BadInput(f"{path}: no row 'Time,Ampl'; wanted the text file of a LeCroy oscilloscope")
     if not 0 < selection.trace <= segments:
-        raise BadInput(f"{path}: {_counted(segments)}, wanted segment {selection.trace}")
+        raise BadInput(f"{path}: {how_many(segments, 'segment')}, wanted segment {selection.trace}")
     rows = numbered[at + 1 :]
     if segments > 1:
         rows = rows[(selection.trace - 1) * size : selection.trace * size]
@@ -43,7 +44,7 @@ def _read_lecroy(path: Path, selection: Selection) -> Recording:
     table = parse_table(path, [(numbered[at][0], ",".join(["Time (s)", *names])), *rows])
     model = cells[0][0].removeprefix(_MARK).strip()
     taken = f", trace = {selection.trace} taken" if segments > 1 else ""
-    words = f"LeCroy oscilloscope {model}, {_counted(segments)}{taken}, "
+    words = f"LeCroy oscilloscope {model}, {how_many(segments, 'segment')}{taken}, "
     return of_table(table, words + "V taken as the unit, which the file does not tell")
 
 
@@ -57,10 +58,6 @@ def _segments(path: Path, cells: list[tuple[str, ...]]) -> tuple[int, int]:
             f"{path}: row 2: found {','.join(row)!r}, wanted the segments of a LeCroy "
             "oscilloscope, as Segments,1,SegmentSize,1002"
         ) from None
-
-
-def _counted(segments: int) -> str:
-    return f"{segments} segment{'s' * (segments != 1)}"
 
 
 def _recognises(head: Head) -> bool:

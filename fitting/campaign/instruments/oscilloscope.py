@@ -16,6 +16,7 @@ from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.loose_tables import UNITS
+from fitting.text.notation import how_many
 from fitting.text.tables import parse_number, parse_numbers, read_text, split_line
 
 
@@ -31,7 +32,9 @@ def _tektronix(path: Path, lines: list[str]) -> Recording:
     settings = {cells[0]: cells[1] for _, cells in rows if len(cells) > 1 and cells[0]}
     for n, cells in rows:
         if len(cells) < 5:
-            raise BadInput(f"{path}: row {n} has {len(cells)} cells, wanted 5 of a Tektronix file")
+            raise BadInput(
+                f"{path}: row {n} has {how_many(len(cells), 'cell')}, wanted 5 of a Tektronix file"
+            )
     x, y = gathered(partial(_column, path, rows, at, f", column {at + 1}") for at in (3, 4))
     unit = settings.get("Horizontal Units", "s")
     x_unit = UNITS.get(unit.lower(), unit)

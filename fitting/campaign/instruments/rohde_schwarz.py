@@ -10,6 +10,7 @@ from fitting.campaign.instruments.recording import Recording, channel_of
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, gathered
+from fitting.text.notation import how_many
 from fitting.text.tables import parse_number, parse_numbers, read_text, split_line
 
 
@@ -31,8 +32,8 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
         if found == selection.trace:
             return _rohde_schwarz_trace(path, lines, i, header)
     raise BadInput(
-        f"{path}: {found} traces ('Values;<number>' lines), wanted trace {selection.trace}; "
-        "is it the ASCII trace export of a Rohde & Schwarz analyser?"
+        f"{path}: {how_many(found, 'trace')} ('Values;<number>' lines), wanted trace "
+        f"{selection.trace}; is it the ASCII trace export of a Rohde & Schwarz analyser?"
     )
 
 
@@ -45,7 +46,9 @@ def _rohde_schwarz_trace(
         raise BadInput(f"{where}: found {count}, wanted a number of points")
     rows = lines[start + 1 : start + 1 + count]
     if len(rows) < count:
-        raise BadInput(f"{where}: {count} points announced, {len(rows)} lines follow")
+        raise BadInput(
+            f"{where}: {how_many(count, 'point')} announced, {how_many(len(rows), 'line')} below"
+        )
     places = tuple(f"row {start + 2 + j}" for j in range(count))
 
     def column(k: int, name: str) -> FloatArray:
