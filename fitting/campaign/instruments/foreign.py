@@ -11,8 +11,12 @@ _AS_TEXT = "export the sweep as text (CSV) in the program that wrote it"
 _AS_TOUCHSTONE = "export it as Touchstone (.s2p) in the program that wrote it"
 _PICTURE = "a picture; wanted the numbers: " + _AS_TEXT
 
+_NANONIS = "wanted a sweep of the frequency or a recording over time, which Nanonis saves as .dat"
+
 #: First bytes, the kind that they tell, and what to do.
 KINDS: tuple[tuple[bytes, str], ...] = (
+    (b":NANONIS_VERSION:", "an image of a scan by Nanonis (.sxm); " + _NANONIS),
+    (b"Grid dim=", "a grid of spectra by Nanonis (.3ds); " + _NANONIS),
     (b"\x89PNG\r\n", _PICTURE),
     (b"\xff\xd8\xff", _PICTURE),
     (b"GIF8", _PICTURE),
