@@ -346,6 +346,20 @@ def as_its_error(value: float, error: float, digits: int) -> str:
     return number(value, min(max(1, math.floor(math.log10(abs(value))) - place + 1), digits))
 
 
+def error_number(error: float) -> str:
+    """An error by itself with two digits, the second one also where it is a zero: "0.60".
+
+    Args:
+        error: standard deviation.
+    """
+    if not (math.isfinite(error) and error > 0.0):
+        return number(error, 2)
+    if "e-" in f"{error:.2g}":
+        mantissa, _, exponent = f"{error:.1e}".partition("e")
+        return f"{mantissa}\u00a0×\u00a0{power_of_ten(int(exponent))}"
+    return as_its_error(error, error, 2)
+
+
 def quantity(value: float, error: float, unit: str) -> str:
     """Value ± error with a prefix that suits the value, unless the error were all zeros in it.
 
