@@ -116,7 +116,7 @@ def drafted(
             with _source(recorded) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))
         else:
-            looked_at = settled(files_of(paths, columns or Columns()), answers)
+            looked_at = settled(files_of(paths, columns or Columns(), answers), answers)
             with _source(fmu or model_for(looked_at)) as source:
                 draft = draft_of(looked_at, source, answers, Path(out))
         path = Path(out) / CAMPAIGN

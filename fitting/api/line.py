@@ -14,6 +14,7 @@ import fitting.resonance.line as resonance
 from fitting.api.noise_line import NoiseLine
 from fitting.api.ringdown import Ringdown
 from fitting.report.words import line as words
+from fitting.resonance.decay_reading import read_decay_of
 from fitting.resonance.dip_reading import DipReading
 from fitting.resonance.line import WIRINGS, LineForm, LinePoints, line_of
 from fitting.resonance.reading import Columns, read_trace_of
@@ -108,6 +109,24 @@ def line(
         trace = trace_of(source, values, unit)
     found = line_of(trace.within(*within_hz), wiring)
     return Line(**{of.name: getattr(found, of.name) for of in fields(found)})
+
+
+def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, float]:
+    """First and last frequency of a file, Hz; of a recording over time its times, s.
+
+    Args:
+        source: The file.
+        columns: What it does not tell.
+        over_time: Whether it holds a recording over time.
+
+    Raises:
+        BadInput: a file that is not read.
+    """
+    if over_time:
+        axis = read_decay_of(source, columns).time_s
+    else:
+        axis = read_trace_of(source, columns).frequency_hz
+    return float(axis[0]), float(axis[-1])
 
 
 def columns_of(**told: Any) -> Columns:

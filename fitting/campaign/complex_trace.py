@@ -35,7 +35,7 @@ from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
 from fitting.text.keys import Keys, Text
-from fitting.text.notation import prefixed
+from fitting.text.notation import how_many, prefixed
 from fitting.text.units import convert
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
@@ -90,7 +90,8 @@ class MeasuredComplex:
             )
         if f.size < MIN_SWEEP_POINTS:
             raise BadInput(
-                f"{where}: {f.size} points are too few for a sweep; wanted at least "
+                f"{where}: {how_many(f.size, 'point is', 'points are')} too few for a sweep; "
+                "wanted at least "
                 f"{MIN_SWEEP_POINTS}"
             )
         for name, numbers in (("frequency", f), ("X", values.real), ("Y", values.imag)):
@@ -154,6 +155,7 @@ def complex_of(recording: Recording, columns: WrittenComplexColumns) -> Measured
     amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None
     if amplitude is None and x is not None and y is not None:
         _check_different(recording, frequency, x, y)
+        recording.check((frequency, x, y))
         values, unit = parts_of(recording, x, y)
         found = _measured(recording, frequency, values, unit)
         for part in (x, y):
@@ -169,6 +171,7 @@ def complex_of(recording: Recording, columns: WrittenComplexColumns) -> Measured
     phase = asked(recording, columns.phase, PHASE)
     if amplitude is not None and phase is not None:
         _check_different(recording, frequency, amplitude, phase)
+        recording.check((frequency, amplitude, phase))
         found = _of_polar(recording, frequency, amplitude, phase)
         return _driven(found, recording, drive)
     if (x is None) != (y is None):

@@ -19,7 +19,7 @@ from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.frequency import hertz_of
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, how_many
 from fitting.text.tables import Table
 from fitting.text.written import Written
 
@@ -234,7 +234,7 @@ def _spectrum(
 
 
 def _points(count: int) -> str:
-    return f"{count} point{'s' * (count != 1)}"
+    return how_many(count, "point")
 
 
 def _from_trace(raw: RawTrace, how: SpectraFormat) -> MeasuredSpectrum:

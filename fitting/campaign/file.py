@@ -19,6 +19,7 @@ from typing import Annotated, Any
 from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
+from fitting.campaign.other_kinds import other_kind
 from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import ADDED, BACKGROUNDS, FLOOR_KINDS
@@ -55,6 +56,7 @@ from fitting.text.keys import (
     looked_at,
     refusing,
 )
+from fitting.text.notation import how_many
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import checked_accuracy
@@ -330,9 +332,11 @@ class WrittenExperiments(WrittenTrace):
         if self.phases and not self.peaks:
             raise Refused("wanted only beside 'peaks'", "phases")
         if self.phases and len(self.phases) != len(self.peaks):
-            raise Refused(f"{len(self.phases)} columns, wanted {len(self.peaks)}", "phases")
+            raise Refused(
+                f"{how_many(len(self.phases), 'column')}, wanted {len(self.peaks)}", "phases"
+            )
         if len(self.x) != len(self.y):
-            raise Refused(f"{len(self.y)} columns, wanted {len(self.x)}", "y")
+            raise Refused(f"{how_many(len(self.y), 'column')}, wanted {len(self.x)}", "y")
         if not self.is_complex:
             for key in ("unknown", "restarted", "conjugate"):
                 if getattr(self, key):
@@ -773,7 +777,9 @@ class WrittenCampaign(Keys):
             columns = getattr(experiments, key)
             if columns and len(columns) != lines:
                 raise Refused(
-                    f"{len(columns)} columns, wanted {lines}, one per tone", "experiments", key
+                    f"{how_many(len(columns), 'column')}, wanted {lines}, one per tone",
+                    "experiments",
+                    key,
                 )
 
     @property
@@ -841,7 +847,11 @@ def read_campaign_file(path: Path, kinds: Sequence[type[MeasurementTable]] = ())
         kinds: of measurements that it may tell of, beside experiments and a sweep.
 
     Raises:
-        BadInput: no such file, not TOML; or a key that is missing, unknown or of the wrong kind:
-            one line for each.
+        BadInput: no such file, or not TOML, then with what it is instead; or a key that is missing,
+            unknown or of the wrong kind: one line for each.
     """
-    return read_record(campaign_with(tuple(kinds)), read_toml(path), path)
+    try:
+        tables = read_toml(path)
+    except BadInput as error:
+        raise other_kind(path) or error from None
+    return read_record(campaign_with(tuple(kinds)), tables, path)

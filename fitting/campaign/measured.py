@@ -16,7 +16,7 @@ import numpy as np
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, how_many
 from fitting.text.written import Written
 
 #: Named in complaints about what comes from no file.
@@ -75,7 +75,8 @@ class MeasuredSweep:
 def _check_sweep(frequency_hz: FloatArray, amplitude_v: FloatArray, where: str) -> None:
     if frequency_hz.size < MIN_SWEEP_POINTS:
         raise BadInput(
-            f"{where}: {frequency_hz.size} points are too few for a sweep; "
+            f"{where}: {how_many(frequency_hz.size, 'point is', 'points are')} too few for a "
+            "sweep; "
             f"wanted at least {MIN_SWEEP_POINTS}"
         )
     _check_curve(frequency_hz, amplitude_v, MIN_SWEEP_POINTS, where)

@@ -23,6 +23,7 @@ from fitting.campaign.instruments.roles import (
 )
 from fitting.campaign.instruments.trace import Selection
 from fitting.text.errors import BadInput
+from fitting.text.notation import how_many
 from fitting.text.units import is_frequency, same_kind
 
 ROLES = ("frequency", "amplitude", "phase", "re", "im", "complex", "time")
@@ -132,7 +133,7 @@ def recognised(path: Path, selection: Selection | None = None) -> Recognised:
     return Recognised(
         path=path,
         layout=layout,
-        words=f"{recording.words}, {points} points{unit}",
+        words=f"{recording.words}, {how_many(points, 'point')}{unit}",
         columns=columns,
         points=points,
         remarks=tuple(roles.remarks),

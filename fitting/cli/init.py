@@ -101,7 +101,8 @@ def _ask(question: Question) -> Sequence[str] | None:
     """Ask at the terminal; nothing typed is the default."""
     print(f"{question.words} ({', '.join(question.options[:12])})")
     try:
-        typed = input(f"{question.key} [{' '.join(question.default)}]: ")
+        default = f" [{' '.join(question.default)}]" if question.default else ""
+        typed = input(f"{question.key}{default}: ")
     except EOFError:
         raise ff.BadInput(f"--{question.key}: no answer was given, wanted one, or --yes") from None
     return typed.replace(",", " ").split() or None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,10 @@ NAME = "line"
 EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"
 DOCUMENT = "the line"
 FILES = ("line.json", "line.csv", "line.png", "line.svg")
+#: Prefixes that a number without a unit may have been meant with: of frequencies, and of times.
+LARGE = {"k": 1e3, "M": 1e6, "G": 1e9}
+SMALL = {"m": 1e-3, "u": 1e-6, "n": 1e-9}
+#: Kinds of a file over frequency.
 NOISE, SWEEP = KINDS = ("noise", "sweep")
 WIRINGS = (
     "transmission",
@@ -48,7 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--from",
         dest="low",
         metavar="F",
-        help='first frequency, as "30.26 kHz"; of a ringdown the first time, as "2 ms"',
+        help='first frequency, as "30.26 kHz"; of a ringdown the first time, as "2 ms" (a number '
+        "alone is in Hz or s; refused where it lies outside of the file, and inside with a prefix)",
     )
     parser.add_argument(
         "--to", dest="high", metavar="F", help='last frequency, as "30.3 kHz", or last time'
@@ -85,7 +91,9 @@ def run(args: argparse.Namespace) -> int:
 
     columns = columns_of(args)
     found: ff.Line | ff.Ringdown | ff.NoiseLine
-    if is_over_time(args.file, columns):
+    over_time = is_over_time(args.file, columns)
+    _refuse_bare(args, columns, over_time=over_time)
+    if over_time:
         found = _ringdown(args, columns)
     elif args.kind == NOISE or (args.kind is None and is_noise_spectrum(args.file, columns)):
         found = _noise_line(args, columns)
@@ -160,6 +168,41 @@ def _tell(answer: Sequence[str], sentences: Sequence[str], forms: Table | None =
         print(*wrapped(line), sep="\n")
     if forms is not None:
         print(*text_lines(forms), sep="\n")
+
+
+def _refuse_bare(args: argparse.Namespace, columns: Columns, *, over_time: bool) -> None:
+    """Complain of numbers without a unit that lie in the file only with a prefix before Hz or s."""
+    told = {"--from": args.low, "--to": args.high}
+    bare = {option: float(text) for option, text in told.items() if _is_bare(text)}
+    if not bare:
+        return
+    from fitting.api.line import ends_of
+    from fitting.text.notation import prefixed
+
+    low, high = ends_of(args.file, columns, over_time=over_time)
+    unit, prefixes = ("s", SMALL) if over_time else ("Hz", LARGE)
+    sides = ("before", "behind") if over_time else ("below", "above")
+    complaints = []
+    for option, value in bare.items():
+        meant = next((p for p, size in prefixes.items() if low <= value * size <= high), None)
+        if meant is None or low <= value <= high:
+            continue
+        factor, shown = prefixed(max(abs(low), abs(high)), unit)
+        where = sides[value > high]
+        complaints.append(
+            f"{option} {told[option]}: {value:g} {unit} lies {where} {args.file}, "
+            f"{low / factor:.6g} to {high / factor:.6g} {shown}; wanted a unit, as "
+            f"{value:g}{meant}{unit}"
+        )
+    if complaints:
+        raise ff.BadInput(*complaints)
+
+
+def _is_bare(text: str | None) -> bool:
+    try:
+        return text is not None and math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def _range(args: argparse.Namespace, unit: str) -> tuple[float | None, float | None]:

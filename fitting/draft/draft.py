@@ -33,7 +33,7 @@ from fitting.resonance.line import Line
 from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, quantity, with_error
+from fitting.text.notation import hertz, how_many, listed, number, quantity, with_error
 from fitting.text.units import convert, same_kind
 
 #: The parameter of two modes that weighs the upper one against the lower one.
@@ -288,7 +288,7 @@ def _said(files: Files) -> list[str]:
             else f"a spectrum for each, {files.pattern}"
         )
         said.append(
-            f"{table.path.name}: a table of {len(table.labels)} experiments; tones "
+            f"{table.path.name}: a table of {how_many(len(table.labels), 'experiment')}; tones "
             f"{listed(c.name for c in table.tones)}; {held}."
         )
     return said

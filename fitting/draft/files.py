@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
-from fitting.draft.questions import Answers
+from fitting.draft.questions import Answers, Question
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
 from fitting.resonance.clipped import LEFT_OUT
 from fitting.resonance.control_map import ControlMap
@@ -22,6 +23,7 @@ from fitting.resonance.reading import (
     map_in,
     read_trace_of,
     roles_of,
+    units_untold,
     values_in,
 )
 from fitting.resonance.spikes import spike_words, spikes_in
@@ -34,6 +36,8 @@ from fitting.text.units import same_kind
 #: The column that makes a table one of experiments.
 LABEL = "experiment"
 PHASE_UNITS = ("deg", "rad", "°")
+#: Units that a person may answer with, by the field of `Columns` that tells one.
+UNITS = {"unit_frequency": ("Hz", "kHz", "MHz", "GHz"), "unit_phase": ("deg", "rad")}
 #: What becomes of a single point that was left out of a line.
 COUNTED = "The campaign counts it as every other point: better without its row in the file."
 SIGMA_PREFIXES = ("s_", "sigma", "std", "err")
@@ -213,12 +217,13 @@ class Files:
         return None if self.line is not None or found is None or found.kind == BESIDE else found
 
 
-def files_of(paths: Sequence[Path], columns: Columns) -> Files:
+def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files:
     """Look at files.
 
     Args:
         paths: of the files; without any there is no sweep.
         columns: what is told of the sweeps' columns.
+        answers: of a person, for units that neither file nor columns tell.
 
     Raises:
         BadInput: a file that cannot be read; two tables; a table with too many spectra, or none; a
@@ -229,11 +234,12 @@ def files_of(paths: Sequence[Path], columns: Columns) -> Files:
         names = ", ".join(str(table.path) for table in tables)
         raise BadInput(f"{names}: are tables of experiments, wanted one in a campaign")
     table = tables[0] if tables else None
-    maps = [found for path in paths for found in _map(path, columns, alone=len(paths) == 1)]
+    others = [path for path in paths if table is None or path != table.path]
+    told = [(path, _with_units(path, columns, answers)) for path in others]
+    maps = [found for path, own in told for found in _map(path, own, alone=len(paths) == 1)]
     if maps:
         return Files(sweeps=(), map=maps[0])
-    others = [path for path in paths if table is None or path != table.path]
-    found = gathered([partial(_sweep, path, columns) for path in others])
+    found = gathered([partial(_sweep, path, own) for path, own in told])
     if table is None:
         return Files(sweeps=tuple(found))
     spectra = tuple(f for f in found if _label_in(f.path, table.labels))
@@ -255,6 +261,29 @@ def files_of(paths: Sequence[Path], columns: Columns) -> Files:
         spectra=spectra,
         pattern=_pattern(table, spectra) if spectra else "",
     )
+
+
+def _with_units(path: Path, columns: Columns, answers: Answers) -> Columns:
+    """What is told of a file's columns, with the units that a person tells of it."""
+    if answers.ask is None:
+        return columns
+    try:
+        untold = units_untold(path, columns)
+    except BadInput:
+        return columns  # its reader complains
+    told: dict[str, Any] = {
+        key: answers.of(
+            Question(
+                key=key.replace("_", "-"),
+                words=f"{path.name}: in which unit is column '{name}'?",
+                options=UNITS[key],
+                default=(),
+                why="",
+            )
+        )[0]
+        for key, name in untold.items()
+    }
+    return replace(columns, **told)
 
 
 def _map(path: Path, columns: Columns, *, alone: bool) -> list[MapFile]:

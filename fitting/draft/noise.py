@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitting.campaign.instruments import PLAIN
 from fitting.draft.questions import Question
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
 from fitting.draft.two_modes import TwoModes, apart_hz
@@ -30,9 +31,7 @@ from fitting.resonance.reading import Roles
 from fitting.resonance.two_lines import TwoLines
 from fitting.signal.noise_lines import COUPLED, TOGETHER, NoiseLines, noise_lines
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
 from fitting.text.notation import listed, quantity
-from fitting.text.tables import read_table
 from fitting.text.units import same_kind
 
 NOISE, SWEEP = KINDS = ("noise", "sweep")
@@ -175,11 +174,10 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
 
 
 def _is_table(roles: Roles) -> bool:
-    """Whether a campaign can read it: a table whose frequencies have a unit in their header."""
-    try:
-        table = read_table(roles.recording.path)
-    except BadInput:
+    """Whether it is a table of text whose frequencies have a unit in their header."""
+    if roles.recognised.layout != PLAIN:
         return False
+    table = roles.recording
     frequency = table.find(roles.frequency.name)
     sizes = None if roles.sizes is None else table.find(roles.sizes.name)
     return sizes is not None and frequency is not None and frequency.unit is not None

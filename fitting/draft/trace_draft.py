@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fitting.campaign import instruments
+from fitting.campaign.instruments import Channel
 from fitting.draft.campaign import (
     CONTINUATION,
     TAKEN_REMARK,
@@ -22,7 +24,6 @@ from fitting.draft.values import Box
 from fitting.measurements.traces.record import FIT, FOUND, STATES_OF_ONE, UNKNOWN
 from fitting.measurements.traces.waveform import HELD
 from fitting.text.errors import BadInput
-from fitting.text.tables import Column, Table
 from fitting.text.toml import rewritten, toml_text
 from fitting.text.units import same_kind
 
@@ -34,15 +35,15 @@ FACTOR = 10.0
 
 @dataclass(frozen=True)
 class Recording:
-    """A table over time, and its column of times."""
+    """Columns over time, and which of them holds the times."""
 
-    table: Table
-    time: Column
+    table: instruments.Recording
+    time: Channel
 
     @property
-    def others(self) -> tuple[Column, ...]:
+    def others(self) -> tuple[Channel, ...]:
         """All columns but that of times."""
-        return tuple(c for c in self.table.columns if c is not self.time)
+        return tuple(c for c in self.table.channels if c is not self.time)
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,10 @@ class TraceFile:
     """
 
     recording: Recording
-    seen: Column
-    driven: Column | None
+    seen: Channel
+    driven: Channel | None
     interpolation: str
-    further: tuple[Column, ...] = ()
+    further: tuple[Channel, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -173,11 +174,12 @@ def said_of(file: TraceFile, output: str, driven: str) -> str:
         output: of the FMU, that was recorded.
         driven: input of the FMU; empty: none.
     """
-    count = len(file.recording.table.cells)
+    count = len(file.recording.table.places)
     under = "" if file.driven is None else f", under '{driven}' as '{file.driven.name}'"
     under += "".join(f" and '{column.name}'" for column in file.further)
     return (
-        f"{file.path.name}: {count} samples over time of '{output}' as '{file.seen.name}'{under}."
+        f"{file.path.name}: {file.recording.table.words}, {count} samples over time of '{output}' "
+        f"as '{file.seen.name}'{under}."
     )
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.campaign.instruments import Channel, read_recording
 from fitting.draft.closer_start import Record, closer_starts
 from fitting.draft.decays import decays_of
 from fitting.draft.model import Offer
@@ -30,7 +31,6 @@ from fitting.resonance.reading import TIME_PAGE
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import listed
-from fitting.text.tables import Column, read_table
 from fitting.text.units import convert, same_kind
 
 #: Samples of a record that are looked at.
@@ -57,12 +57,13 @@ def recordings_of(paths: Sequence[Path]) -> tuple[Recording, ...]:
     found = []
     for path in paths:
         try:
-            table = read_table(path)
+            table = read_recording(path)
         except BadInput:
             return ()  # its reader complains, if it is none either
-        units = [c.unit or "" for c in table.columns]
-        times = [c for c in table.columns if c.unit and same_kind(c.unit, "s")]
-        if len(times) != 1 or len(table.columns) < 2 or any(same_kind(u, "Hz") for u in units if u):
+        units = [c.unit for c in table.channels if c.unit]
+        times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
+        none = any(same_kind(u, "Hz") for u in units) or any(c.is_complex for c in table.channels)
+        if len(times) != 1 or len(table.channels) < 2 or none:
             return ()
         found.append(Recording(table, times[0]))
     return tuple(found)
@@ -256,7 +257,7 @@ def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:
     factor = convert(1.0, time.unit or "s", "s", where=str(table.path))
     time_s = factor * table.numbers(time)[:LOOKED_AT]
 
-    def driving(column: Column, name: str) -> tuple[FloatArray, FloatArray]:
+    def driving(column: Channel, name: str) -> tuple[FloatArray, FloatArray]:
         u, wanted = table.numbers(column)[:LOOKED_AT], offer.description.variables[name].unit
         if column.unit is not None and wanted is not None:
             ends = (convert(x, column.unit, wanted, where=str(table.path)) for x in (0.0, 1.0))

@@ -33,7 +33,7 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.signal.chi_square import tail
 from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import number
+from fitting.text.notation import freedom_words, number
 
 #: Chi square over its degrees of freedom, and probability, beyond which a model is given up.
 RATIO, IMPROBABLE = 4.0, 1e-4
@@ -143,7 +143,7 @@ def adequacy_sentences(
     likelihood = optimum.likelihood
     inflation = likelihood.inflation
     square, freedom = number(optimum.chi_square, 3), number(optimum.degrees_of_freedom, 3)
-    said = f"χ² = {square} on {freedom} degrees of freedom"
+    said = f"χ² = {square} on {freedom_words(freedom)}"
     if not adequacy.describes:
         return (misfit_sentence(adequacy, drifts=bool(likelihood.objective.data.tones)),)
     if structure is not None and structure.widening > TOLD:
@@ -172,7 +172,7 @@ def misfit_sentence(adequacy: Adequacy, *, drifts: bool) -> str:
         return f"No line stands out of the noise. {misfit_advice(adequacy, drifts=drifts)}"
     return (
         f"The model does not describe the data: χ² = {number(adequacy.chi_square, 3)} on "
-        f"{number(adequacy.freedom, 3)} degrees of freedom. "
+        f"{freedom_words(number(adequacy.freedom, 3))}. "
         f"{misfit_advice(adequacy, drifts=drifts)}"
     )
 

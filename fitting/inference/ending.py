@@ -14,7 +14,7 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset
 from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import number
+from fitting.text.notation import freedom_words, number
 
 DESCRIBES = "converged and describes the data"
 MISFIT = "converged but does not describe the data"
@@ -131,4 +131,4 @@ def extent_of(data: Dataset, residuals: FloatArray) -> str:
 def _chi_words(adequacy: Adequacy) -> str:
     freedom = number(round(adequacy.freedom, 1))
     against = f" against {adequacy.against}" if adequacy.against else ""
-    return f"χ² = {number(adequacy.chi_square, 3)} on {freedom} degrees of freedom{against}"
+    return f"χ² = {number(adequacy.chi_square, 3)} on {freedom_words(freedom)}{against}"

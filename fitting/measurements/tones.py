@@ -30,7 +30,7 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import window_decision
 from fitting.simulate.words import window_in_words
 from fitting.text.arrays import FloatArray, IntArray, Scalar
-from fitting.text.notation import listed, number, percent, prefixed
+from fitting.text.notation import freedom_words, listed, number, percent, prefixed
 
 #: Spectra in a figure, and side by side: a figure is to stay readable.
 MOST_SPECTRA, SPECTRA_PER_ROW = 20, 5
@@ -355,7 +355,7 @@ def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
         scatter, freedom = repeat_scatter(_repeats(bound), peaks, floors)
         if freedom >= ENOUGH_REPEATS and scatter > 0.0:
             noise = Noise(relative=scatter, absolute_v=noise.absolute_v)
-            said.append(f"{100 * scatter:.3g} % from repeats ({freedom} degrees of freedom)")
+            said.append(f"{100 * scatter:.3g} % from repeats ({freedom_words(freedom)})")
     elif noise.declared:
         said.append(f"{100 * noise.relative:.3g} % as declared")
     if noise.absolute_v > 0.0:

@@ -21,7 +21,7 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS, OFFSET
 from fitting.signal.sweep_faults import CLIPPED_POINTS
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, number, prefixed
+from fitting.text.notation import hertz, how_many, number, prefixed
 
 #: How the sentence on it begins.
 LEFT_OUT = "Left out: "
@@ -103,7 +103,7 @@ def _without_clipped_parts(trace: Trace) -> tuple[Trace, Clipped | None]:
         width_hz=math.nan,
     )
     said = (
-        f"{LEFT_OUT}{found.count} points between "
+        f"{LEFT_OUT}{how_many(found.count, 'point')} between "
         f"{hertz(found.low_hz, found.high_hz, digits=8, joined=' and ')}. X, Y or the amplitude is "
         f"the same there at its largest, {_limit(found, trace.unit)}, or as close to it as noise "
         "goes: it is clipped. All numbers are those of the other points."

@@ -84,6 +84,7 @@ def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
         )
     if complaints:
         raise BadInput(*complaints)
+    recording.check((time, *roles.values))
     where = f"{path}: column '{time.name}'"
     time_s = convert(1.0, str(time.unit), "s", where=where) * recording.numbers(time)
     spacing_s(time_s, str(path), recording.places)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from fitting.measurements.traces.grid import LEAST_SAMPLES, spacing_s
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import number
+from fitting.text.notation import how_many, number
 
 #: What was recorded: the motion itself, X and Y, or amplitudes alone; None: it has to be seen.
 SAMPLES, PHASORS, AMPLITUDES = KINDS = ("samples", "phasors", "amplitudes")
@@ -72,8 +72,9 @@ class DecayRecord:
         first, last = number(float(self.time_s[0]), 6), number(float(self.time_s[-1]), 6)
         if kept.size < LEAST_SAMPLES:
             raise BadInput(
-                f"{self.source}: {kept.size} samples lie between --from and --to, wanted at least "
-                f"{LEAST_SAMPLES}; its samples run from {first} to {last} s"
+                f"{self.source}: {how_many(kept.size, 'sample lies', 'samples lie')} between "
+                f"--from and --to, wanted at least {LEAST_SAMPLES}; its samples run from {first} "
+                f"to {last} s"
             )
         words = f"Taken: {kept.size} of {self.time_s.size} samples."
         return replace(self.part(int(kept[0]), int(kept[-1]) + 1), said=(*self.said, words))

@@ -28,7 +28,7 @@ from fitting.signal.residual_tests import STRUCTURED, residual_structure
 from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, how_many
 
 #: Points that a noise spectrum has at least.
 LEAST_POINTS = 12
@@ -75,8 +75,8 @@ class NoiseRecord:
         if count < LEAST_POINTS:
             ends = hertz(self.frequency_hz[0], self.frequency_hz[-1], joined=" to ")
             raise BadInput(
-                f"{self.source}: {count} points lie between --from and --to, wanted at least "
-                f"{LEAST_POINTS}; its points run from {ends}"
+                f"{self.source}: {how_many(count, 'point lies', 'points lie')} between --from "
+                f"and --to, wanted at least {LEAST_POINTS}; its points run from {ends}"
             )
         words = f"Taken: {count} of {kept.size} points."
         return replace(

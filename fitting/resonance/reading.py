@@ -134,6 +134,46 @@ def roles_of(path: Path, columns: Columns) -> Roles:
         BadInput: the file is not readable, holds no response over frequency, or tells no unit; a
             line for each column and unit that is wanted.
     """
+    frequency, found = _looked_at(path, columns)
+    recording = found.recording
+    complaints = []
+    if frequency.unit is None:
+        over_time = f'; of a recording over time --time "{frequency.name}" --unit-time s'
+        complaints.append(
+            f"{path}: tells no unit of its frequencies, column '{frequency.name}'; wanted it "
+            f"by --unit-frequency, as Hz or MHz{over_time * (not recording.headed)}"
+        )
+    complaints += phase_complaints(found)
+    if complaints:
+        raise BadInput(*complaints)
+    return Roles(
+        recognised=found.recognised,
+        recording=recording,
+        frequency=frequency,
+        sizes=found.sizes,
+        phase=found.phase,
+        real=found.real,
+        imaginary=found.imaginary,
+    )
+
+
+def units_untold(path: Path, columns: Columns) -> dict[str, str]:
+    """Columns of frequencies and phases without a unit, by the field of `Columns` that tells it.
+
+    Args:
+        path: of the file.
+        columns: what is told of them.
+
+    Raises:
+        BadInput: as `roles_of`, but for units.
+    """
+    frequency, found = _looked_at(path, columns)
+    fields = {"unit_frequency": frequency, "unit_phase": found.phase}
+    return {key: c.name for key, c in fields.items() if c is not None and c.unit is None}
+
+
+def _looked_at(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
+    """The columns of frequencies and of values, in the units that are told, if any is."""
     columns = columns.checked()
     known = recognised(path, columns.selection)
     recording = read_recording(path, known.layout, columns.selection)
@@ -148,26 +188,7 @@ def roles_of(path: Path, columns: Columns) -> Roles:
             f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency{way}"
         )
     frequency = with_unit(frequency, columns.unit_frequency)
-    found = value_roles_of(known, recording, columns, frequency)
-    complaints = []
-    if frequency.unit is None:
-        over_time = f'; of a recording over time --time "{frequency.name}" --unit-time s'
-        complaints.append(
-            f"{path}: tells no unit of its frequencies, column '{frequency.name}'; wanted it "
-            f"by --unit-frequency, as Hz or MHz{over_time * (not recording.headed)}"
-        )
-    complaints += phase_complaints(found)
-    if complaints:
-        raise BadInput(*complaints)
-    return Roles(
-        recognised=known,
-        recording=recording,
-        frequency=frequency,
-        sizes=found.sizes,
-        phase=found.phase,
-        real=found.real,
-        imaginary=found.imaginary,
-    )
+    return frequency, value_roles_of(known, recording, columns, frequency)
 
 
 def column_of(known: Recognised, recording: Recording, told: str, *roles: str) -> Channel | None:
@@ -247,11 +268,11 @@ def columns_there(recording: Recording) -> str:
 
 
 def _complain_of_cells(recording: Recording, taken: tuple[Channel, ...]) -> None:
-    """Name the cell that is no number in the only column that could be an amplitude."""
+    """Name the cells that are no numbers in the only column that could be an amplitude."""
     names = {c.name for c in taken}
     free = [c for c in recording.channels if c.name not in names and not c.is_complex]
     if len(free) == 1:
-        recording.numbers(free[0])
+        recording.check((*taken, free[0]))
 
 
 def with_unit(channel: Channel, unit: str) -> Channel:
@@ -294,10 +315,11 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     """
     roles = roles_of(path, columns)
     recording = roles.recording
-    found = map_in(roles)
+    found = _map_beside_cells(roles)
     if found is not None:
         way = found.way(phases=roles.is_complex, drafted=True)
         raise BadInput(f"{path}: is a map, {found.words}; wanted one sweep. {way}")
+    recording.check(roles.all)
     _complain_of_swapped(roles)
     frequency_hz = hertz_in(roles)
     read = _columns_words(roles)
@@ -310,6 +332,15 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         said.append("The rows are not in the order of their frequencies; they were sorted.")
     made = trace_of(frequency_hz, values, unit, source=str(path), places=recording.places)
     return replace(made, read=read, said=tuple(said), notes=dict(recording.notes))
+
+
+def _map_beside_cells(roles: Roles) -> ControlMap | None:
+    """The map that a file is; of frequencies that are none all cells are told, of all columns."""
+    try:
+        return map_in(roles)
+    except BadInput:
+        roles.recording.check(roles.all)
+        raise
 
 
 def _complain_of_swapped(roles: Roles) -> None:

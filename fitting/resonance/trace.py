@@ -11,7 +11,7 @@ import numpy.typing as npt
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, how_many
 
 #: Steps that are equal but for the last digit of a file: by which share they may differ.
 UNEVEN = 0.2
@@ -79,8 +79,8 @@ class Trace:
         if count < MIN_SWEEP_POINTS:
             ends = hertz(self.frequency_hz[0], self.frequency_hz[-1], joined=" to ")
             raise BadInput(
-                f"{self.source}: {count} points lie between --from and --to, wanted at least "
-                f"{MIN_SWEEP_POINTS}; its points run from {ends}"
+                f"{self.source}: {how_many(count, 'point lies', 'points lie')} between --from "
+                f"and --to, wanted at least {MIN_SWEEP_POINTS}; its points run from {ends}"
             )
         part = hertz(
             self.frequency_hz[kept][0], self.frequency_hz[kept][-1], digits=8, joined=" to "

@@ -18,7 +18,7 @@ from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, how_many
 
 FLOOR_KINDS = ("robust", "mean", "none")
 #: And what else amplitudes may carry: a constant that is added to them, with a slope or without,
@@ -167,8 +167,9 @@ def noise_floor(
     quiet = amplitude_v[away]
     if quiet.size < MIN_FLOOR_POINTS:
         raise BadInput(
-            f"{source}: {quiet.size} points more than {GUARD_POINTS} points away from the tones; "
-            f"the noise floor wants at least {MIN_FLOOR_POINTS} (a wider span, or ready peaks)"
+            f"{source}: {how_many(quiet.size, 'point')} more than {GUARD_POINTS} points away from "
+            f"the tones; the noise floor wants at least {MIN_FLOOR_POINTS} (a wider span, or ready "
+            "peaks)"
         )
     if kind == "mean":
         level = float(np.mean(quiet))
@@ -426,7 +427,8 @@ def check_count(frequency_hz: FloatArray, background: str, source: str) -> None:
     least = max(MIN_SWEEP_POINTS, UNKNOWNS[background] + 1)
     if frequency_hz.size < least:
         raise BadInput(
-            f"{source}: {frequency_hz.size} points are too few for a resonance fit; "
+            f"{source}: {how_many(frequency_hz.size, 'point is', 'points are')} too few for a "
+            "resonance fit; "
             f"wanted at least {least}"
         )
 

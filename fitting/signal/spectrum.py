@@ -18,6 +18,7 @@ from fitting.signal.tones import common_period, exact, tones_in_words, unit_hint
 from fitting.signal.window import folded, kept_apart
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.notation import how_many
 
 #: A window has at least this many beats of the closest tones.
 BEATS = 5
@@ -156,9 +157,9 @@ def plan_band(
         clean = (n for n in again if kept_apart(cycles, mixed, n))
         n = next(clean, first)
         return Band(tones_hz=tones, window_s=window, samples=n, zone=_common_zone(halves, n) or 0)
+    count = f"with {how_many(samples, 'sample')}" if samples else f"up to {MOST_SAMPLES} samples"
     raise BadInput(
-        f"{tones_in_words(tones)}: no sampling of {float(window)!r} s "
-        f"{f'with {samples} samples' if samples else f'up to {MOST_SAMPLES} samples'} keeps them "
+        f"{tones_in_words(tones)}: no sampling of {float(window)!r} s {count} keeps them "
         f"within one band, wanted more samples or tones closer to each other{unit_hint(tones)}"
     )
 

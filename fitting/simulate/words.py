@@ -10,7 +10,7 @@ from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.response import Remainder, RemainderKind, Spectrum
 from fitting.text.arrays import Scalar
-from fitting.text.notation import hertz, number, prefixed
+from fitting.text.notation import hertz, how_many, number, prefixed
 
 SUBJECTS = {
     Kind.MAXIMUM: "maximum of the sweep",
@@ -243,7 +243,7 @@ def _curve(decision: Decision) -> str:
     if decision.taken:
         tones = int(n.get("tones", 1))  # results of earlier versions do not tell
         each = f" of up to {tones} tones" if tones > 1 else ""
-        return f"{n['runs']} runs{each} for {n['points']} points{among}"
+        return f"{how_many(str(n['runs']), 'run')}{each} for {n['points']} points{among}"
     return f"a run for each of {n['points']} points{among}"
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.text.errors import BadInput, shown
+from fitting.text.notation import how_many
 from fitting.text.tables import Column, Table, named_column, split_line
 
 #: What a line begins with that is no row.
@@ -187,8 +188,8 @@ def _rows(
         cells = cells_of(text, delimiter)
         if rows and len(cells) != len(rows[0]):
             raise BadInput(
-                f"{path}: row {n} has {len(cells)} cells, the rows above it {len(rows[0])}: found "
-                f"{shown(text)}; wanted one table of numbers in a file"
+                f"{path}: row {n} has {how_many(len(cells), 'cell')}, the rows above it "
+                f"{len(rows[0])}: found {shown(text)}; wanted one table of numbers in a file"
             )
         rows.append(cells)
         lines.append(n)

@@ -346,6 +346,20 @@ def as_its_error(value: float, error: float, digits: int) -> str:
     return number(value, min(max(1, math.floor(math.log10(abs(value))) - place + 1), digits))
 
 
+def error_number(error: float) -> str:
+    """An error by itself with two digits, the second one also where it is a zero: "0.60".
+
+    Args:
+        error: standard deviation.
+    """
+    if not (math.isfinite(error) and error > 0.0):
+        return number(error, 2)
+    if "e-" in f"{error:.2g}":
+        mantissa, _, exponent = f"{error:.1e}".partition("e")
+        return f"{mantissa}\u00a0×\u00a0{power_of_ten(int(exponent))}"
+    return as_its_error(error, error, 2)
+
+
 def quantity(value: float, error: float, unit: str) -> str:
     """Value ± error with a prefix that suits the value, unless the error were all zeros in it.
 
@@ -496,6 +510,26 @@ def listed(items: Iterable[str]) -> str:
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def how_many(count: int | str, noun: str, plural: str = "") -> str:
+    """A count with its noun: "1 point", "3 points".
+
+    Args:
+        count: or a number that is written already.
+        noun: of one.
+        plural: of several; empty: with an s.
+    """
+    return f"{count} {noun if str(count) == '1' else plural or noun + 's'}"
+
+
+def freedom_words(count: int | str) -> str:
+    """A number of degrees of freedom in words.
+
+    Args:
+        count: or a number that is written already.
+    """
+    return how_many(count, "degree of freedom", "degrees of freedom")
 
 
 def settings_words(settings: Mapping[str, Scalar]) -> str:

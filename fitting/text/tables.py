@@ -6,7 +6,7 @@ import codecs
 import csv
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +16,12 @@ import numpy as np
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.files import NoFile, read_whole
+from fitting.text.notation import how_many
 
 #: What programs write where a number is missing.
 NOT_A_NUMBER = ("nan", "na", "n/a", "null", "none", "-")
+#: Cells that are no numbers which a complaint names beside the first one.
+MORE_NAMED = 3
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 #: Name and unit in brackets, which may hold brackets of their own: "noise (V/sqrt(Hz))".
 _HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>(?:[^()\[\]]|\([^()\[\]]*\))*?)\s*[)\]]\s*")
@@ -68,21 +71,19 @@ class Table:
         return found
 
     def numbers(self, column: Column) -> FloatArray:
-        """The finite numbers of a column, (n,); raises BadInput naming line and column.
+        """The finite numbers of a column, (n,); raises BadInput naming lines and column.
 
         Args:
             column: of the table.
         """
-        return np.array(
+        return parse_numbers(
+            self.path,
             [
-                parse_number(
-                    row[column.index],
-                    f"{self.path}: row {line}, column '{column.name}'",
-                    decimal_comma=self.decimal_comma,
-                )
-                for row, line in zip(self.cells, self.lines, strict=True)
+                (f"row {n}", row[column.index])
+                for row, n in zip(self.cells, self.lines, strict=True)
             ],
-            dtype=float,
+            f", column '{column.name}'",
+            decimal_comma=self.decimal_comma,
         )
 
     def texts(self, column: Column) -> tuple[str, ...]:
@@ -181,7 +182,7 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
     for row, line in zip(body, lines, strict=True):
         if len(row) != len(header):
             raise BadInput(
-                f"{path}: row {line} has {len(row)} cells, the header {len(header)} "
+                f"{path}: row {line} has {how_many(len(row), 'cell')}, the header {len(header)} "
                 f"(delimiter {delimiter!r}; a decimal comma needs ';' or tab between cells)"
             )
     columns = tuple(named_column(text, i) for i, text in enumerate(header))
@@ -222,18 +223,60 @@ def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float
         where: file, row or key, for complaints.
         decimal_comma: whether numbers are written with a decimal comma.
     """
-    plain = text.replace(",", ".") if decimal_comma and "." not in text else text
-    if _NUMBER.fullmatch(plain):
-        value = float(plain)
-        if math.isfinite(value):
-            return value
-    missing = not plain.strip() or plain.strip().lower() in NOT_A_NUMBER
+    value = _finite(text, decimal_comma)
+    if value is None:
+        raise not_numbers(where, text)
+    return value
+
+
+def parse_numbers(
+    path: Path, cells: Sequence[tuple[str, str]], of: str = "", *, decimal_comma: bool = False
+) -> FloatArray:
+    """Finite numbers (n,) of cells; one complaint names the first that are none, counts the others.
+
+    Args:
+        path: of the file.
+        cells: where each stands, as "row 7", and its text.
+        of: stands behind the place of the first in a complaint, as ", column 'x'".
+        decimal_comma: whether numbers are written with a decimal comma.
+
+    Raises:
+        BadInput: cells that are no finite numbers.
+    """
+    values = [_finite(text, decimal_comma) for _, text in cells]
+    bad = [cell for cell, value in zip(cells, values, strict=True) if value is None]
+    if bad:
+        (place, text), *more = bad
+        raise not_numbers(f"{path}: {place}{of}", text, more)
+    return np.array(values, dtype=float)
+
+
+def not_numbers(where: str, found: object, more: Sequence[tuple[str, object]] = ()) -> BadInput:
+    """The complaint of cells that are no finite numbers.
+
+    Args:
+        where: file and place of the first, as "a.csv: row 7, column 'x'".
+        found: what stands there.
+        more: further places, with what stands there.
+    """
+    named = [f"{place} ({shown(text)})" for place, text in more[:MORE_NAMED]]
+    left = len(more) - len(named)
+    named += [how_many(left, "other")] if left else []
+    texts = [str(each).strip().lower() for each in (found, *(text for _, text in more))]
     hint = (
         "; where nothing was measured leave the row out, or end a sampled record before it"
-        if missing and "row" in where
+        if "row" in where and all(not t or t in NOT_A_NUMBER for t in texts)
         else ""
     )
-    raise BadInput(f"{where}: found {shown(text)}, wanted a finite number{hint}")
+    also = f"; also {', '.join(named[:-1])}{' and ' * (len(named) > 1)}{named[-1]}" if named else ""
+    return BadInput(f"{where}: found {shown(found)}, wanted a finite number{also}{hint}")
+
+
+def _finite(text: str, decimal_comma: bool) -> float | None:
+    """The finite number of a cell; None: it is none."""
+    plain = text.replace(",", ".") if decimal_comma and "." not in text else text
+    value = float(plain) if _NUMBER.fullmatch(plain) else math.nan
+    return value if math.isfinite(value) else None
 
 
 def named_column(text: str, index: int) -> Column:

@@ -466,7 +466,7 @@ def test_campaigns_that_do_not_suit_the_fmu_are_refused(
         (("experiments.csv", "10,5;20", "10,5;0"), "row 2, column 'q': the peak is zero"),
         (("experiments.csv", "q (uV)", "q"), "column 'q' has no unit"),
         (("campaign.toml", '["p", "q"]', '["p", "r"]'), "no column 'r' of ready peaks"),
-        (("campaign.toml", '["p", "q"]', '["p"]'), "[experiments] peaks: 1 columns, wanted 2"),
+        (("campaign.toml", '["p", "q"]', '["p"]'), "[experiments] peaks: 1 column, wanted 2"),
         (
             ("campaign.toml", '"V rms"', '"dBm"\nimpedance = "50 ohm"'),
             "deviation in dBm is a ratio",

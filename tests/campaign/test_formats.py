@@ -440,10 +440,26 @@ OVER_TIME: dict[str, tuple[str, Callable[[Path], object]]] = {
         lambda p: p.write_text("Time,Channel A\n(ms),(mV)\n\n-5.0,1.0\n-4.9,1.1\n-4.8,1.0\n"),
     ),
     "LeCroy": (
-        "csv",
+        "lecroy",
         lambda p: p.write_text(
-            "LECROYWS432,1234,Waveform\nSegments,1,SegmentSize,3\nSegment,TrigTime,Since\n"
-            "#1,05-Mar-2020 10:00:00,0\nTime,Ampl\n-1e-3,0.5\n0,0.6\n1e-3,0.5\n"
+            "LECROYWS432,1234,Waveform\nSegments,2,SegmentSize,3\nSegment,TrigTime,Since\n"
+            "#1,05-Mar-2020 10:00:00,0\n#2,05-Mar-2020 10:00:01,1\nTime,Ampl\n"
+            "-1e-3,0.5\n0,0.6\n1e-3,0.5\n-1e-3,0.7\n0,0.8\n1e-3,0.9\n"
+        ),
+    ),
+    "Siglent": (
+        "siglent",
+        lambda p: p.write_text(
+            "Record Length,Analog:3\nSample Interval,Analog:0.001\nVertical Units,CH1:A,CH3:V,,\n"
+            "Horizontal Units,s\nHorizontal Scale,0.001\nModel Number,SDS2104X Plus\n"
+            "Source,CH1,CH3\nSecond,Value,Value\n-1e-3,0.5,2\n0,0.6,3\n1e-3,0.5,4\n"
+        ),
+    ),
+    "older Siglent": (
+        "siglent",
+        lambda p: p.write_text(
+            "Record Length,Analog:3\nSample Rate,1000.0\nVertical Scale,CH1: 0.05\n"
+            "Second,Volt\n-1e-3,0.5\n0,0.6\n1e-3,0.5\n"
         ),
     ),
     "TDMS": ("tdms", lambda p: tdms_waveforms(p, "s")),
@@ -463,6 +479,25 @@ def test_times_of_oscilloscopes(tmp_path: Path) -> None:
         np.testing.assert_allclose(time, times, rtol=1e-12)
         np.testing.assert_allclose(channel, values, rtol=1e-12)
         assert [c.unit for c in recording.channels[:2]] == ["s", "V"]
+
+
+def test_heads_of_lecroy_and_siglent_tell_channels_and_segments(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for name, trace, wanted in (
+        ("LeCroy", 1, {"Ampl": ("V", [0.5, 0.6, 0.5])}),
+        ("LeCroy", 2, {"Ampl": ("V", [0.7, 0.8, 0.9])}),
+        ("Siglent", 1, {"CH1": ("A", [0.5, 0.6, 0.5]), "CH3": ("V", [2.0, 3.0, 4.0])}),
+        ("older Siglent", 1, {"CH1": ("V", [0.5, 0.6, 0.5])}),
+    ):
+        OVER_TIME[name][1](path)
+        recording = read_recording(path, None, Selection(trace=trace))
+        time, *others = recording.channels
+        assert (time.name, time.unit) == ("Time", "s")
+        np.testing.assert_array_equal(recording.numbers(time), [-1e-3, 0.0, 1e-3])
+        assert {c.name: (c.unit, list(recording.numbers(c))) for c in others} == wanted
+    OVER_TIME["LeCroy"][1](path)
+    with pytest.raises(BadInput, match="2 segments, wanted segment 3"):
+        read_recording(path, None, Selection(trace=3))
 
 
 @pytest.mark.parametrize("name", OVER_TIME)

@@ -460,7 +460,10 @@ def test_one_input_one_output_and_a_recording_are_a_campaign(tmp_path: Path) -> 
     head = "clock (ms),force (mV),seen (V)"
     path = write_csv(tmp_path / "step.csv", head, 1e3 * t, 1e3 * u, y)
     written, said = init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
-    assert "step.csv: 150 samples over time of 'y' as 'seen', under 'u' as 'force'." in said
+    assert (
+        "step.csv: columns of text, a comma between them, names in row 1, 150 samples over time of "
+        "'y' as 'seen', under 'u' as 'force'."
+    ) in said
     made = tomllib.loads(written.read_text(encoding="utf-8"))
     [trace] = made["trace"]
     assert trace["interpolation"] == "held"

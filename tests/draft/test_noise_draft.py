@@ -134,7 +134,9 @@ def test_unit_name_or_scatter_tell_a_noise_spectrum(
 ) -> None:
     """The same densities, their roots, or levels (power 0); a scatter that is a guess is said."""
     numbers = two_lines() ** power if power else 10.0 * np.log10(two_lines())
-    files = files_of([write_csv(tmp_path / "n.csv", f"f (Hz),{header}", F_TWO, numbers)], Columns())
+    files = files_of(
+        [write_csv(tmp_path / "n.csv", f"f (Hz),{header}", F_TWO, numbers)], Columns(), Answers()
+    )
     answers = Answers()
     [taken] = settled(files, answers).sweeps
     assert taken.is_noise
@@ -152,7 +154,7 @@ def test_a_sweep_with_noise_of_one_size_stays_a_sweep(tmp_path: Path) -> None:
     f = ETA + np.linspace(-80.0, 80.0, 41)
     seen = np.abs(mode(f, ETA, WIDTH) + noise(f.size, 3e-2, 1))
     answers = Answers()
-    files = files_of([write_csv(tmp_path / "s.csv", "f (Hz),S", f, seen)], Columns())
+    files = files_of([write_csv(tmp_path / "s.csv", "f (Hz),S", f, seen)], Columns(), Answers())
     [taken] = settled(files, answers).sweeps
     assert not taken.is_noise
     assert not answers.said
@@ -163,7 +165,7 @@ def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
     seen = mode(f, ETA, WIDTH) + noise(f.size, 1e-2, 1)
     file = write_csv(tmp_path / "s.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
     with pytest.raises(BadInput, match="cannot be one; wanted a table"):
-        settled(files_of([file], Columns()), Answers(told={"kind": ("noise",)}))
+        settled(files_of([file], Columns(), Answers()), Answers(told={"kind": ("noise",)}))
 
 
 def test_a_line_beside_crosstalk_in_dbm_is_no_noise(tmp_path: Path) -> None:

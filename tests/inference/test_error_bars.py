@@ -143,7 +143,7 @@ def test_answer_tables_and_files_tell_both_sides(tmp_path: Path) -> None:
     assert any(line.startswith("±, and + with −, hold 68 %".replace("−", "-")) for line in lines)
     table = interval_table(uneven, "t")
     [line] = [line for line in text_lines(table) if line.startswith("d1")]
-    assert "  +13 -8.9  40.0 to 130.0" in line
+    assert "  +12.8 -8.9  40.0 to 130.0" in line
     [row] = [
         row for row in csv.DictReader(io.StringIO(csv_text(table))) if row["parameter"] == "d1"
     ]

@@ -308,7 +308,7 @@ def test_decibels_and_phases_are_read(oscillator: ff.Fmu, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        ('phases = ["P1"]', r"\[experiments\] phases: 1 columns, wanted 2"),
+        ('phases = ["P1"]', r"\[experiments\] phases: 1 column, wanted 2"),
         ('phases = ["P1", "P3"]', r"experiments.csv: no column 'P3' of phases; there is"),
         ('phases = ["R1", "P2"]', r"phases: 'R1' is named twice, wanted a column for each"),
         ('phases = ["P1", "P2"]\nunknown = "delay"', r"unknown: found 'delay', wanted one of"),

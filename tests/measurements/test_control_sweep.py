@@ -258,7 +258,7 @@ LINES = "V (mV),frequency (kHz),amplitude (mV)"
             lambda t: t.replace("[control_sweep]", '[control_sweep]\nlines = "2 Hzz"'),
             "no unit 'Hzz'",
         ),
-        (lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz"]'), "1 values"),
+        (lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz"]'), "1 value,"),
         (
             lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz", "2 Hz"]'),
             "0 points to fit from 1 Hz to 2 Hz; wanted at least 8",

@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import html
 
+from fitting.inference.verdict import Verdict
 from fitting.report.table import (
     Cell,
     Column,
@@ -25,8 +27,10 @@ from fitting.report.table import (
     text_lines,
     wrapped,
 )
-from fitting.report.tables.values import values_table
+from fitting.report.tables.inference import profile_table
+from fitting.report.tables.values import derived_table, parameter_table, values_table
 from fitting.text.notation import number
+from tests.support import plot_records
 from tests.support import report_records as records
 
 
@@ -129,6 +133,43 @@ def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
     assert told["theta"][1] == "-"
     assert " ".join(told["lambda"][5:]).startswith("not determined: 63000 to 781000 fits")
     assert told["d1"][1:6] == ["93.42", "Hz", "0.24", "94", "determined"]
+
+
+def test_errors_have_two_digits_and_other_estimates_the_digits_of_the_error() -> None:
+    """A std of 0.6 beside 94.65; Algorithm 2's and the profile's values have no digits beyond."""
+    result = records.result_for(records.campaign())
+    changed: dict[str, Any] = {
+        "value": 94.6537,
+        "most_likely": 94.6537,
+        "std": 0.6,
+        "algorithm2": 94.5372231,
+        "ci95": (93.4, 95.8),
+    }
+    d1 = replace(result.parameters["d1"], **changed)
+    derived = replace(result.derived["D11"], mean=94.6537, **changed)
+    result = replace(
+        result,
+        parameters={**result.parameters, "d1": d1},
+        derived={**result.derived, "D11": derived},
+    )
+    [row] = [r for r in values_table(result, "").rows if r[0].text == "d1"]
+    assert [cell.text for cell in row[1:4]] == ["94.65", "Hz", "0.60"]
+    for table, name in ((parameter_table(result), "d1"), (derived_table(result), "D11")):
+        heads = [head.name for head in table.heads]
+        [row] = [r for r in table.rows if r[0].text == name]
+        cells = dict(zip(heads, row, strict=True))
+        assert (cells["std"].text, cells["Algorithm 2"].text) == ("0.60", "94.54")
+        assert cells["Algorithm 2"].value == 94.5372231  # the page keeps all digits behind it
+    known = plot_records.knowledge()
+    profile = replace(
+        known.parameters["d1"],
+        best=94.653722,
+        interval68=(93.99, 95.34),
+        interval95=(93.36, 95.99),
+        verdict=Verdict.DETERMINED,
+    )
+    [row] = profile_table(replace(known, parameters={"d1": profile}, derived={})).rows
+    assert [cell.text for cell in row[2:4]] == ["94.65", "93.99 to 95.34"]
 
 
 def test_a_line_breaks_between_values_and_never_inside_one() -> None:

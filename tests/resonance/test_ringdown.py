@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -230,6 +231,14 @@ def test_levels_and_amplitudes_are_one_decay(tmp_path: Path) -> None:
     assert [each.width_hz for each in found] == pytest.approx([found[0].width_hz] * 3, rel=1e-6)
 
 
+def test_one_sample_before_the_decay_is_told_as_one() -> None:
+    """It was "those before may belong to a drive"."""
+    found = ff.ringdown(T, decay(RINGS).real + noise(0.05, 6))
+    one, two = (" ".join(repr(replace(found, left_out=n)).split()) for n in (1, 2))
+    assert "sample 2 on; the first one may belong to a drive or a blow, and was not used" in one
+    assert "sample 3 on; those before may belong to a drive or a blow, and were not used" in two
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -239,6 +248,7 @@ def test_levels_and_amplitudes_are_one_decay(tmp_path: Path) -> None:
         (["bare.txt"], '--time "column 1" --unit-time s'),
         (["bare.txt", "--time", "column 1"], "wanted it by --unit-time, as s or ms"),
         (["raw.csv", "--from", "300 s"], "0 samples lie between --from and --to"),
+        (["raw.csv", "--to", "1e-9 s"], "1 sample lies between --from and --to"),
         (["gap.csv"], "row 12: "),
     ],
 )

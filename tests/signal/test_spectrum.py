@@ -85,7 +85,7 @@ def test_band_refuses_edges_and_broken_periods() -> None:
         ({"tones_hz": PAIR, "window_s": 0.03}, "1.2 common periods"),
         ({"tones_hz": PAIR, "samples": 3}, "no sampling"),
         ({"tones_hz": PAIR, "samples": 0}, "samples is 0"),
-        ({"tones_hz": PAIR, "samples": 1}, "no sampling of 0.025 s with 1 samples"),
+        ({"tones_hz": PAIR, "samples": 1}, "no sampling of 0.025 s with 1 sample "),
         ({"tones_hz": (1.0, 1e7)}, "tones 1 Hz and 10000000 Hz: no sampling"),
         ({"tones_hz": (1.0, 1e7)}, "differ by a factor of 10000000: is a unit missing"),
     ],

@@ -280,3 +280,37 @@ def test_a_value_in_a_table_is_as_exact_as_its_error(
     value: float, error: float, shown: str
 ) -> None:
     assert notation.as_its_error(value, error, 8) == shown
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [(0, "0 points"), (1, "1 point"), (2, "2 points"), ("1", "1 point"), ("1.5", "1.5 points")],
+)
+def test_one_is_no_plural(count: int | str, words: str) -> None:
+    assert notation.how_many(count, "point") == words
+
+
+def test_a_plural_of_its_own() -> None:
+    assert notation.how_many(1, "point lies", "points lie") == "1 point lies"
+    assert notation.how_many(3, "point lies", "points lie") == "3 points lie"
+    assert notation.freedom_words("1") == "1 degree of freedom"
+    assert notation.freedom_words(9) == "9 degrees of freedom"
+
+
+@pytest.mark.parametrize(
+    ("error", "shown"),
+    [
+        (0.6, "0.60"),
+        (0.604, "0.60"),
+        (1.0, "1.0"),
+        (23.0, "23"),
+        (0.996, "1.00"),
+        (523.0, "520"),
+        (6e-9, "6.0\u00a0×\u00a010⁻⁹"),
+        (0.0, "0"),
+        (math.nan, "–"),
+    ],
+)
+def test_an_error_has_two_digits(error: float, shown: str) -> None:
+    """A column of errors said 0.6 where its value stood to two digits behind the point."""
+    assert notation.error_number(error) == shown

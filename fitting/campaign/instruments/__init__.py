@@ -21,7 +21,7 @@ import importlib
 import pkgutil
 from pathlib import Path
 
-from fitting.campaign.instruments.foreign import refuse_foreign
+from fitting.campaign.instruments.foreign import foreign_kind, refuse_foreign
 from fitting.campaign.instruments.recording import Channel, Recording, unit_of
 from fitting.campaign.instruments.roles import trace_of
 from fitting.campaign.instruments.trace import (
@@ -44,7 +44,9 @@ __all__ = [
     "RawTrace",
     "Recording",
     "Selection",
+    "foreign_kind",
     "found_layouts",
+    "head_of",
     "layout_of",
     "own_estimates",
     "read_recording",
@@ -90,17 +92,20 @@ def layout_of(path: Path) -> str:
     return PLAIN
 
 
-def read_recording(path: Path, layout: str | None, selection: Selection) -> Recording:
+def read_recording(
+    path: Path, layout: str | None = None, selection: Selection | None = None
+) -> Recording:
     """The columns of a file.
 
     Args:
         path: of the file.
         layout: that it is written in; None: told by its content.
-        selection: of one of its traces, where it holds several.
+        selection: of one of its traces, where it holds several; None: the first.
 
     Raises:
         BadInput: unreadable, of another kind, or without what the layout has to hold.
     """
+    selection = selection or Selection()
     if layout is not None and layout not in LAYOUTS:
         raise BadInput(f"{path}: unknown layout '{layout}'{did_you_mean(layout, list(LAYOUTS))}")
     if layout == PLAIN:

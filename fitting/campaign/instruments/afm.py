@@ -11,6 +11,7 @@ from fitting.campaign.instruments.recording import (
     of_table,
     unit_of,
 )
+from fitting.campaign.instruments.roles import TIME, usual
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.errors import BadInput
 from fitting.text.tables import Table, parse_table, read_text
@@ -33,7 +34,7 @@ def _read_afm(path: Path, _: Selection) -> Recording:
     head = [text.split("\t") for _, text in lines[:begin]]
     notes = {cells[0]: cells[1].strip() for cells in head if len(cells) > 1 and cells[1].strip()}
     made = of_table(table, f"Nanonis, {notes.get('Experiment', 'experiment not told')}", notes)
-    if made.find("Frequency") is not None:
+    if made.find("Frequency") is not None or usual(made, TIME) is not None:
         return made
     if not any(c.name.lower().startswith("center freq") for c in table.columns):
         names = [c.name for c in table.columns]
@@ -41,7 +42,7 @@ def _read_afm(path: Path, _: Selection) -> Recording:
         raise BadInput(
             f"{path}: is a Nanonis file of the experiment '{notes.get('Experiment', 'not told')}', "
             "not a sweep of the frequency; wanted columns 'Frequency', or 'Center Frequency' and "
-            f"'Frequency Shift', there is: {there}"
+            f"'Frequency Shift', or 'Time' of a recording, there is: {there}"
         )
     return Recording(
         path=path,

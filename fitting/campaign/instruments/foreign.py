@@ -11,8 +11,12 @@ _AS_TEXT = "export the sweep as text (CSV) in the program that wrote it"
 _AS_TOUCHSTONE = "export it as Touchstone (.s2p) in the program that wrote it"
 _PICTURE = "a picture; wanted the numbers: " + _AS_TEXT
 
+_NANONIS = "wanted a sweep of the frequency or a recording over time, which Nanonis saves as .dat"
+
 #: First bytes, the kind that they tell, and what to do.
 KINDS: tuple[tuple[bytes, str], ...] = (
+    (b":NANONIS_VERSION:", "an image of a scan by Nanonis (.sxm); " + _NANONIS),
+    (b"Grid dim=", "a grid of spectra by Nanonis (.3ds); " + _NANONIS),
     (b"\x89PNG\r\n", _PICTURE),
     (b"\xff\xd8\xff", _PICTURE),
     (b"GIF8", _PICTURE),
@@ -53,11 +57,22 @@ def refuse_foreign(head: Head) -> None:
         raise BadInput(f"{head.path}: is {kind}")
 
 
+def foreign_kind(head: Head) -> str:
+    """Which kind a file without columns of numbers is, as "a picture"; empty: none that is known.
+
+    Args:
+        head: beginning of the file.
+    """
+    return _kind(head).partition("; ")[0]
+
+
 def _kind(head: Head) -> str:
     return _kind_of_bytes(head) or _kind_of_text(head)
 
 
 def _kind_of_text(head: Head) -> str:
+    if head.path.suffix.lower() == ".toml":
+        return "a campaign (TOML); wanted a file of measurements (fmu-fit reconstruct fits it)"
     if _JSON.match(head.data):
         return "JSON; write its lists as columns of text (CSV), with a head of names and units"
     if any(line.upper().startswith("CITIFILE") for line in head.lines[:FIRST_LINES]):
@@ -74,6 +89,11 @@ def _kind_of_bytes(head: Head) -> str:
             return "an Excel workbook (.xlsx); save the sheet as CSV"
         if b".npy" in data:
             return "arrays of NumPy (.npz); write them with numpy.savetxt, with a head of columns"
+        if b"modelDescription.xml" in data or head.path.suffix.lower() == ".fmu":
+            return (
+                "an FMU; wanted a file of measurements (fmu-fit init FILE --fmu FMU drafts a "
+                "campaign of both, fmu-fit check FMU looks at the FMU)"
+            )
         return "an archive (zip); unpack it and name the file with the sweep"
     known = next((kind for start, kind in KINDS if data.startswith(start)), "")
     if known and not (known == _PICTURE and head.text and data.startswith(b"BM")):

@@ -9,7 +9,8 @@ from pathlib import Path
 from fitting.campaign.instruments.recording import Channel, Recording, channel_of, of_table
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.errors import BadInput
-from fitting.text.loose_tables import is_number
+from fitting.text.loose_tables import UNITS, is_number
+from fitting.text.notation import how_many
 from fitting.text.tables import Column, Table, read_text, split_line
 
 _KINDS = {
@@ -31,8 +32,8 @@ def _read_keysight(path: Path, selection: Selection) -> Recording:
     starts = [n for n, line in enumerate(lines) if _BEGIN.fullmatch(line)]
     if not 0 < selection.trace <= len(starts):
         raise BadInput(
-            f"{path}: {len(starts)} blocks ('BEGIN' lines), wanted block {selection.trace}; is it "
-            "the CSV of a Keysight network analyser?"
+            f"{path}: {how_many(len(starts), 'block')} ('BEGIN' lines), wanted block "
+            f"{selection.trace}; is it the CSV of a Keysight network analyser?"
         )
     begin = starts[selection.trace - 1]
     table = _block(path, lines, begin)
@@ -66,7 +67,9 @@ def _block(path: Path, lines: Sequence[str], begin: int) -> Table:
         rows = rows[1:]
     for n, row in rows:
         if len(row) != len(names):
-            raise BadInput(f"{path}: row {n} has {len(row)} cells, the names {len(names)}")
+            raise BadInput(
+                f"{path}: row {n} has {how_many(len(row), 'cell')}, the names {len(names)}"
+            )
     return Table(
         path=path,
         columns=tuple(Column(name, None, i) for i, name in enumerate(names)),
@@ -113,6 +116,8 @@ def _parted(head: str) -> tuple[str, str | None]:
     if match is None or not match["name"]:
         return head.strip(), None
     kind = match["kind"].strip()
+    if kind.isupper():  # FREQ(HZ)
+        kind = UNITS.get(kind.lower(), kind)
     return match["name"], _KINDS.get(kind.lower(), kind)
 
 

@@ -1,19 +1,23 @@
 """The CSV of oscilloscopes whose settings stand beside the numbers: Tektronix, Rigol.
 
-Those that write them above (Keysight, LeCroy, Siglent, PicoScope) are plain columns.
+Those that write them above (Keysight, PicoScope) are plain columns.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from fitting.campaign.instruments.recording import Recording, channel_of
 from fitting.campaign.instruments.trace import Head, Layout, Selection
-from fitting.text.errors import BadInput
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, gathered
 from fitting.text.loose_tables import UNITS
-from fitting.text.tables import parse_number, read_text, split_line
+from fitting.text.notation import how_many
+from fitting.text.tables import parse_number, parse_numbers, read_text, split_line
 
 
 def _read_oscilloscope(path: Path, _: Selection) -> Recording:
@@ -26,12 +30,12 @@ def _tektronix(path: Path, lines: list[str]) -> Recording:
     """``name,value,,x,y`` on every line: settings in the first three cells, numbers in the next."""
     rows = [(n, split_line(t, ",")) for n, t in enumerate(lines, start=1) if t.strip()]
     settings = {cells[0]: cells[1] for _, cells in rows if len(cells) > 1 and cells[0]}
-    points = np.empty((len(rows), 2))
-    for k, (n, cells) in enumerate(rows):
+    for n, cells in rows:
         if len(cells) < 5:
-            raise BadInput(f"{path}: row {n} has {len(cells)} cells, wanted 5 of a Tektronix file")
-        for j in range(2):
-            points[k, j] = parse_number(cells[3 + j], f"{path}: row {n}, column {4 + j}")
+            raise BadInput(
+                f"{path}: row {n} has {how_many(len(cells), 'cell')}, wanted 5 of a Tektronix file"
+            )
+    x, y = gathered(partial(_column, path, rows, at, f", column {at + 1}") for at in (3, 4))
     unit = settings.get("Horizontal Units", "s")
     x_unit = UNITS.get(unit.lower(), unit)
     y_unit = settings.get("Vertical Units", "")
@@ -39,8 +43,8 @@ def _tektronix(path: Path, lines: list[str]) -> Recording:
     return Recording(
         path=path,
         channels=(
-            channel_of("Frequency" if x_unit == "Hz" else "Time", x_unit, points[:, 0]),
-            channel_of(source, UNITS.get(y_unit.lower(), y_unit) or None, points[:, 1]),
+            channel_of("Frequency" if x_unit == "Hz" else "Time", x_unit, x),
+            channel_of(source, UNITS.get(y_unit.lower(), y_unit) or None, y),
         ),
         places=tuple(f"row {n}" for n, _ in rows),
         words=f"Tektronix oscilloscope, {source}",
@@ -58,23 +62,29 @@ def _rigol(path: Path, lines: list[str]) -> Recording:
     )
     channels = [k for k in range(1, places.index("start")) if names[k]]
     rows = [(n, split_line(t, ",")) for n, t in enumerate(lines[2:], start=3) if t.strip()]
-    values = np.empty((len(rows), len(channels)))
-    for k, (n, cells) in enumerate(rows):
-        for j, at in enumerate(channels):
-            cell = cells[at] if at < len(cells) else ""
-            values[k, j] = parse_number(cell, f"{path}: row {n}, column '{names[at]}'")
+    values = gathered(
+        partial(_column, path, rows, at, f", column '{names[at]}'") for at in channels
+    )
     return Recording(
         path=path,
         channels=(
             channel_of("Time", "s", start + step * np.arange(float(len(rows)))),
             *(
-                channel_of(names[at], UNITS.get(units[at].lower(), units[at]), values[:, j])
+                channel_of(names[at], UNITS.get(units[at].lower(), units[at]), values[j])
                 for j, at in enumerate(channels)
             ),
         ),
         places=tuple(f"row {n}" for n, _ in rows),
         words=f"Rigol oscilloscope, {', '.join(names[at] for at in channels)}",
     )
+
+
+def _column(
+    path: Path, rows: Sequence[tuple[int, tuple[str, ...]]], at: int, of: str
+) -> FloatArray:
+    """Numbers of a column, ``at`` its number from 0; ``of`` names it in complaints."""
+    cells = [(f"row {n}", row[at] if at < len(row) else "") for n, row in rows]
+    return parse_numbers(path, cells, of)
 
 
 def _is_rigol(head: Head) -> bool:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
-from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.tables import Column, Table, named_column, parse_number
+from fitting.text.errors import BadInput, did_you_mean, gathered
+from fitting.text.tables import Column, Table, named_column, not_numbers, parse_numbers
 
 Numbers = FloatArray | ComplexArray
 
@@ -100,6 +100,17 @@ class Recording:
         self._check(channel, values)
         return values
 
+    def check(self, channels: Iterable[Channel]) -> None:
+        """Complain of every cell of some columns that is no finite number, of all at once.
+
+        Args:
+            channels: of this recording.
+
+        Raises:
+            BadInput: a line for each column that has such cells.
+        """
+        gathered(partial(self.values, channel) for channel in channels)
+
     def values(self, channel: Channel) -> ComplexArray:
         """The finite complex numbers of a column, (n,).
 
@@ -127,11 +138,10 @@ class Recording:
         )
 
     def _check(self, channel: Channel, values: Numbers) -> None:
-        for i in np.flatnonzero(~np.isfinite(values))[:1]:
-            raise BadInput(
-                f"{self.path}: {self.places[i]}, column '{channel.name}': found {values[i]:g}, "
-                "wanted a finite number"
-            )
+        bad = [(self.places[i], values[i].item()) for i in np.flatnonzero(~np.isfinite(values))]
+        if bad:
+            (place, value), *more = bad
+            raise not_numbers(f"{self.path}: {place}, column '{channel.name}'", value, more)
 
 
 def unit_of(recording: Recording | Table, column: Channel | Column, example: str) -> str:
@@ -196,12 +206,11 @@ def _of_column(table: Table, column: Column) -> Channel:
 
 
 def _complex_cells(table: Table, column: Column) -> ComplexArray:
-    values = []
-    for text, line in zip(table.texts(column), table.lines, strict=True):
-        where = f"{table.path}: row {line}, column '{column.name}'"
-        value = as_complex(text)
-        values.append(parse_number(text, where) if value is None else value)
-    return np.array(values, dtype=complex)
+    cells = zip(table.texts(column), table.lines, strict=True)
+    read = [(text, n, as_complex(text)) for text, n in cells]
+    real = [(f"row {n}", text) for text, n, value in read if value is None]
+    others = iter(parse_numbers(table.path, real, f", column '{column.name}'"))
+    return np.array([next(others) if v is None else v for *_, v in read], dtype=complex)
 
 
 def as_complex(text: str) -> complex | None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-
-import numpy as np
 
 from fitting.campaign.instruments.recording import Recording, channel_of
 from fitting.campaign.instruments.trace import Head, Layout, Selection
-from fitting.text.errors import BadInput
-from fitting.text.tables import parse_number, read_text, split_line
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, gathered
+from fitting.text.notation import how_many
+from fitting.text.tables import parse_number, parse_numbers, read_text, split_line
 
 
 def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
@@ -31,8 +32,8 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
         if found == selection.trace:
             return _rohde_schwarz_trace(path, lines, i, header)
     raise BadInput(
-        f"{path}: {found} traces ('Values;<number>' lines), wanted trace {selection.trace}; "
-        "is it the ASCII trace export of a Rohde & Schwarz analyser?"
+        f"{path}: {how_many(found, 'trace')} ('Values;<number>' lines), wanted trace "
+        f"{selection.trace}; is it the ASCII trace export of a Rohde & Schwarz analyser?"
     )
 
 
@@ -45,13 +46,18 @@ def _rohde_schwarz_trace(
         raise BadInput(f"{where}: found {count}, wanted a number of points")
     rows = lines[start + 1 : start + 1 + count]
     if len(rows) < count:
-        raise BadInput(f"{where}: {count} points announced, {len(rows)} lines follow")
-    points = np.empty((count, 2))
-    for j, cells in enumerate(rows):
-        for k, name in enumerate(("frequency", "level")):
-            text = cells[k] if k < len(cells) else ""
-            place = f"{path}: row {start + 2 + j}, {name}"
-            points[j, k] = parse_number(text, place, decimal_comma=True)
+        raise BadInput(
+            f"{where}: {how_many(count, 'point')} announced, {how_many(len(rows), 'line')} below"
+        )
+    places = tuple(f"row {start + 2 + j}" for j in range(count))
+
+    def column(k: int, name: str) -> FloatArray:
+        texts = [cells[k] if k < len(cells) else "" for cells in rows]
+        cells_of = list(zip(places, texts, strict=True))
+        return parse_numbers(path, cells_of, f", {name}", decimal_comma=True)
+
+    names = ("frequency", "level")
+    frequency, level = gathered(partial(column, k, name) for k, name in enumerate(names))
     units = []
     for key in ("x-unit", "y-unit"):
         unit = header.get(key, ("",))[0]
@@ -59,12 +65,11 @@ def _rohde_schwarz_trace(
             raise BadInput(f"{path}: no '{key}' line before the values; wanted as in 'x-Unit;Hz;'")
         units.append(unit)
     notes = {k: " ".join(header[k]).strip() for k in ("type", "rbw", "detector") if k in header}
-    places = tuple(f"row {start + 2 + j}" for j in range(count))
     return Recording(
         path=path,
         channels=(
-            channel_of("Time" if units[0] == "s" else "Frequency", units[0], points[:, 0]),
-            channel_of("Level", units[1], points[:, 1]),
+            channel_of("Time" if units[0] == "s" else "Frequency", units[0], frequency),
+            channel_of("Level", units[1], level),
         ),
         places=places,
         words=", ".join(("Rohde & Schwarz, ASCII trace", *notes.values())),

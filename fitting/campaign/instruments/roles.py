@@ -127,10 +127,12 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
     amplitude = amplitude_of(recording, selection.amplitude)
     x, y = asked(recording, selection.x, X), asked(recording, selection.y, Y)
     if selection.x or (amplitude is None and x is not None and y is not None):
+        recording.check(c for c in (frequency, x, y) if c is not None)
         values, unit = parts_of(recording, x, y)
         sizes, phase, phase_unit = _polar(values)
     else:
         amplitude = amplitude or recording.column(AMPLITUDE[0])
+        recording.check((frequency, amplitude))
         sizes, phase, phase_unit = _sizes(recording, amplitude, selection.phase)
         unit = unit_of(recording, amplitude, "amplitude (uV)")
     return RawTrace(

@@ -12,6 +12,7 @@ from fitting.campaign.instruments.library import needed, understood
 from fitting.campaign.instruments.recording import Recording, channel_of
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.errors import BadInput
+from fitting.text.notation import how_many
 from fitting.text.tables import read_text
 
 KIND = "a Touchstone file"
@@ -39,7 +40,7 @@ def _read_touchstone(path: Path, _: Selection) -> Recording:
         raise BadInput(f"{path}: is {KIND} of {s.shape[1]} ports; wanted at most {MOST_PORTS}")
     pairs = [(i, j) for j in range(s.shape[2]) for i in range(s.shape[1])]
     names = [f"S{i + 1}{j + 1}" for i, j in pairs]
-    ports = f"{s.shape[1]} port{'s' if s.shape[1] > 1 else ''}"
+    ports = how_many(s.shape[1], "port")
     return Recording(
         path=path,
         channels=(

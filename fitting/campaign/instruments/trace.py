@@ -13,6 +13,7 @@ from fitting.campaign.instruments.recording import Recording
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.files import read_head
+from fitting.text.notation import how_many
 from fitting.text.tables import decoded, naming_neighbours
 
 MIN_POINTS = 3
@@ -140,7 +141,7 @@ def check_axis(path: Path, frequency: FloatArray, unit: str, places: Sequence[st
         places: where each stands.
     """
     if frequency.size < MIN_POINTS:
-        count = f"{frequency.size} point{'s' * (frequency.size != 1)}"
+        count = how_many(frequency.size, "point")
         raise BadInput(f"{path}: {count}; wanted at least {MIN_POINTS}")
     for i in np.flatnonzero(np.diff(frequency) <= 0.0)[:1]:
         before, here = frequency[i], frequency[i + 1]

@@ -19,6 +19,7 @@ import numpy as np
 from fitting.campaign.instruments.roles import FREQUENCY
 from fitting.text.errors import BadInput
 from fitting.text.loose_tables import COMMENTS, ENDS, UNITS, cells_of, is_number, suffixed_unit
+from fitting.text.notation import how_many
 from fitting.text.tables import Column, Table, named_column, parse_number, parse_table, read_text
 from fitting.text.units import is_frequency, same_kind
 
@@ -245,7 +246,9 @@ def _rows(
             continue
         cells = cells_of(text, delimiter)
         if len(cells) != count:
-            raise BadInput(f"{path}: row {n} has {len(cells)} cells, wanted {count} as in the head")
+            raise BadInput(
+                f"{path}: row {n} has {how_many(len(cells), 'cell')}, wanted {count} as in the head"
+            )
         rows.append(cells)
         lines.append(n)
     return rows, lines

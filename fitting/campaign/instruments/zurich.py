@@ -7,15 +7,14 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from fitting.campaign.instruments.recording import Channel, Recording, of_table
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.notation import how_many
 from fitting.text.tables import (
     Table,
-    parse_number,
+    parse_numbers,
     parse_table,
     read_text,
     split_line,
@@ -121,12 +120,11 @@ def _values(path: Path, name: str, line: int, cells: Sequence[str], size: int | 
     while kept and (size is None or len(kept) > size) and kept[-1].lower() in ("", "nan"):
         kept.pop()
     if size is not None and len(kept) != size:
-        raise BadInput(f"{path}: row {line}, field '{name}': {len(kept)} values, wanted {size}")
-    values = [
-        parse_number(text, f"{path}: row {line}, field '{name}', value {j + 1}")
-        for j, text in enumerate(kept)
-    ]
-    return np.array(values, dtype=float)
+        raise BadInput(
+            f"{path}: row {line}, field '{name}': {how_many(len(kept), 'value')}, wanted {size}"
+        )
+    numbered = [(f"row {line}, field '{name}', value {j + 1}", text) for j, text in enumerate(kept)]
+    return parse_numbers(path, numbered)
 
 
 def _recognises(file: Head) -> bool:

@@ -183,7 +183,11 @@ def next_level(course: Course, chain: Chain) -> Chain:
     if step.change <= schedule.tolerance:
         ended = f"E = {step.change:.2e} fell to the tolerance"
     elif level + 1 == schedule.levels:
-        ended = f"all {schedule.levels} levels of nu were done"
+        ended = (
+            f"all {schedule.levels} levels of nu were done"
+            if schedule.levels > 1
+            else "the one level of nu was done"
+        )
     return replace(chain, steps=(*chain.steps, step), ended=ended)
 
 

@@ -34,6 +34,7 @@ from fitting.fit.solver.gauss_newton import (
 )
 from fitting.fit.solver.linear_program import Pace, follow
 from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.notation import how_many
 
 #: Curved steps in all, and turns of them, each followed by straight ones: how many of these, how
 #: far one may go, how many may creep. Along a valley that the data leave open J falls by less than
@@ -82,7 +83,9 @@ def follow_valley(
         before, here = here, total(evaluator.point(end.x), nu, misfit)
         if end.optimality <= tolerance or not here < before or curved >= CURVED:
             break
-    return replace(end, steps=curved, message=f"{curved} steps along a valley: {end.message}")
+    return replace(
+        end, steps=curved, message=f"{how_many(curved, 'step')} along a valley: {end.message}"
+    )
 
 
 def finish_squares_in_valley(

@@ -8,7 +8,7 @@ from typing import Annotated
 from fitting.campaign.binder import Binder
 from fitting.campaign.control_table import OWN_COLUMNS
 from fitting.text.keys import Frequencies, Keys, Refused, Texts, Usually, refusing
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, how_many
 from fitting.text.tables import named_column
 from fitting.text.written import in_unit
 
@@ -45,7 +45,9 @@ class ControlKeys(Keys):
         if self.range is None:
             return
         if len(self.range) != 2:
-            raise Refused(f"{len(self.range)} values, wanted the first and last one", "range")
+            raise Refused(
+                f"{how_many(len(self.range), 'value')}, wanted the first and last one", "range"
+            )
         with refusing("range"):
             low, high = self.range_hz
         if not low < high:

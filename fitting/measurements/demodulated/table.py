@@ -12,7 +12,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import unit_of
+from fitting.campaign.instruments import Recording, read_recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE
@@ -24,7 +24,6 @@ from fitting.measurements.traces.record import BEGINS, FIRST
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import Count, FileName, Keys, Missing, OneOf, Refused, Switch, Text, Value
-from fitting.text.tables import Table, read_table
 from fitting.text.units import convert
 from fitting.text.written import above_zero, in_unit
 
@@ -102,12 +101,12 @@ class DemodulatedTable(MeasurementTable):
         Raises:
             BadInput: a column or unit that is missing, times that are not an even grid.
         """
-        table, names = read_table(self.file), self.columns
+        table, names = read_recording(self.file), self.columns
         column = table.column(names.time or "time")
         where = f"{self.file}: column '{column.name}'"
         factor = convert(1.0, unit_of(table, column, "time (s)"), "s", where=where)
         time_s = factor * table.numbers(column)
-        spacing_s(time_s, str(self.file), [f"row {n}" for n in table.lines])
+        spacing_s(time_s, str(self.file), table.places)
         amplitudes = names.amplitude or table.find(names.X or "X") is None
         values, unit = self._amplitudes(table) if amplitudes else self._phasors(table)
         if names.phase:
@@ -116,15 +115,15 @@ class DemodulatedTable(MeasurementTable):
             values = values * np.exp(1j * self._phases(table))
         return ReadDemodulated(self, time_s, values, unit)
 
-    def _phasors(self, table: Table) -> tuple[ComplexArray, str]:
+    def _phasors(self, table: Recording) -> tuple[ComplexArray, str]:
         x, y = table.column(self.columns.X or "X"), table.column(self.columns.Y or "Y")
         unit, other = unit_of(table, x, "X (V)"), unit_of(table, y, "Y (V)")
         factor = convert(1.0, other, unit, where=f"{self.file}: column '{y.name}'")
         return table.numbers(x) + 1j * factor * table.numbers(y), unit
 
-    def _amplitudes(self, table: Table) -> tuple[FloatArray, str]:
+    def _amplitudes(self, table: Recording) -> tuple[FloatArray, str]:
         if not self.columns.amplitude and table.find("amplitude") is None:
-            present = ", ".join(f"'{c.name}'" for c in table.columns)
+            present = ", ".join(f"'{c.name}'" for c in table.channels)
             raise BadInput(
                 f"{self.file}: no columns 'X' and 'Y', nor 'amplitude', among {present}; wanted "
                 "them, or their names in columns"
@@ -136,7 +135,7 @@ class DemodulatedTable(MeasurementTable):
             return 10.0 ** ((levels - np.max(levels)) / 20.0), "1"
         return table.numbers(column), unit
 
-    def _phases(self, table: Table) -> FloatArray:
+    def _phases(self, table: Recording) -> FloatArray:
         column = table.column(self.columns.phase)
         unit = unit_of(table, column, "phase (deg)")
         factor = convert(1.0, unit, "rad", where=f"{self.file}: column '{column.name}'")

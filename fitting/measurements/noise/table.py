@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import unit_of
+from fitting.campaign.instruments import Channel, Recording, read_recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.labels import labels_of
@@ -40,7 +40,6 @@ from fitting.text.keys import (
     Text,
     Value,
 )
-from fitting.text.tables import Column, Table, read_table
 from fitting.text.units import convert, same_kind
 from fitting.text.written import above_zero
 
@@ -123,7 +122,7 @@ class NoiseSpectrumTable(MeasurementTable):
         Raises:
             BadInput: a column or unit that is missing, or no unit of a power spectral density.
         """
-        table, names = read_table(self.file), self.columns
+        table, names = read_recording(self.file), self.columns
         frequency = self._column(table, names.frequency, "frequency")
         density = self._column(table, names.density, "density")
         hertz = unit_of(table, frequency, "frequency (Hz)")
@@ -143,7 +142,7 @@ class NoiseSpectrumTable(MeasurementTable):
             force=force,
         )
 
-    def _density(self, table: Table, column: Column) -> Density:
+    def _density(self, table: Recording, column: Channel) -> Density:
         """The column as a density, by its unit or by what the campaign says that it holds."""
         where = f"{self.file}: column '{column.name}'"
         found = None if column.unit is None else density_of(table.numbers(column), column.unit)
@@ -163,11 +162,11 @@ class NoiseSpectrumTable(MeasurementTable):
             )
         return found
 
-    def _column(self, table: Table, name: str, usual: str) -> Column:
+    def _column(self, table: Recording, name: str, usual: str) -> Channel:
         """A column by its name in the campaign, else by its usual one."""
         if name or table.find(usual) is not None:
             return table.column(name or usual)
-        there = ", ".join(column.name for column in table.columns)
+        there = ", ".join(column.name for column in table.channels)
         raise BadInput(
             f"{self.file}: no column '{usual}'; there is: {there}; wanted its name in "
             f'[[{self.TABLE}]], as columns = {{ {usual} = "NAME" }}'

@@ -12,7 +12,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import unit_of
+from fitting.campaign.instruments import Recording, read_recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE, VariableLike
@@ -47,7 +47,6 @@ from fitting.text.keys import (
     Usually,
     Value,
 )
-from fitting.text.tables import Table, read_table
 from fitting.text.units import convert
 from fitting.text.written import Written, above_zero, in_unit
 
@@ -196,10 +195,12 @@ class TraceTable(MeasurementTable):
         Raises:
             BadInput: a column or unit that is missing, times that are not an even grid.
         """
-        table, names = read_table(self.file), self.columns
-        time = self._column(table, names.time or "time", "time (s)", "s")
-        spacing_s(time.values, str(self.file), [f"row {n}" for n in table.lines])
+        table, names = read_recording(self.file), self.columns
         seen = names.output or self.output or output
+        there = map(table.find, (names.time or "time", seen, *self.further_inputs))
+        table.check(channel for channel in there if channel is not None)
+        time = self._column(table, names.time or "time", "time (s)", "s")
+        spacing_s(time.values, str(self.file), table.places)
         driven = None
         if self.input is not None and self.signal is None:
             wanted = names.input or self.input
@@ -210,7 +211,9 @@ class TraceTable(MeasurementTable):
         further = {n: self._column(table, n, f"{n} (V)") for n in self.further_inputs}
         return ReadTrace(self, time, values, driven, further)
 
-    def _column(self, table: Table, name: str, example: str, unit: str | None = None) -> ReadColumn:
+    def _column(
+        self, table: Recording, name: str, example: str, unit: str | None = None
+    ) -> ReadColumn:
         column = table.column(name)
         own = unit_of(table, column, example)
         read = ReadColumn(table.numbers(column), own, f"{self.file}: column '{column.name}'")

@@ -18,7 +18,14 @@ from fitting.inference.likelihood.knowledge import (
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.tables.values import interval, verdict
 from fitting.report.words.inference import end_words, typeset
-from fitting.text.notation import number, on_log_axis, settings_words, unit_text
+from fitting.text.notation import (
+    as_its_error,
+    error_number,
+    number,
+    on_log_axis,
+    settings_words,
+    unit_text,
+)
 
 Named = tuple[str, Profile]
 
@@ -36,9 +43,24 @@ def knowledge_tables(knowledge: Knowledge) -> tuple[Table, ...]:
     return tuple(table for table in made if table is not None)
 
 
-def _best(profile: Profile) -> float | Cell:
-    """The most likely value, where the data determine one."""
-    return profile.best if profile.verdict.has_value else Cell("–")
+def _best(profile: Profile) -> Cell:
+    """The most likely value, where the data determine one, rounded as the smaller of its errors."""
+    if not profile.verdict.has_value:
+        return Cell("–")
+    low, high = profile.interval68
+    error = min(profile.best - low, high - profile.best)
+    return Cell(as_its_error(profile.best, error, 8), value=profile.best)
+
+
+def _median(found: Percentiles) -> Cell:
+    """The median of a bootstrap, rounded as its error."""
+    value = found.median if math.isfinite(found.median) else None
+    return Cell(as_its_error(found.median, found.std, 8), value=value)
+
+
+def _std(found: Percentiles) -> Cell:
+    value = found.std if math.isfinite(found.std) else None
+    return Cell(error_number(found.std), value=value)
 
 
 def _precision(profile: Profile) -> Cell:
@@ -213,8 +235,8 @@ def bootstrap_table(knowledge: Knowledge) -> Table | None:
     columns: tuple[Column[tuple[str, Percentiles]], ...] = (
         Column("value", lambda row: symbol(row[0]), role="name"),
         Column("unit", lambda row: unit_text(profiles[row[0]].unit)),
-        Column("median", lambda row: row[1].median),
-        Column("std", lambda row: row[1].std, digits=2),
+        Column("median", lambda row: _median(row[1])),
+        Column("std", lambda row: _std(row[1])),
         Column("95 %, bootstrap", lambda row: interval(row[1].interval95)),
         Column("95 %, profile", lambda row: interval(profiles[row[0]].interval95)),
     )

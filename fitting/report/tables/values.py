@@ -14,7 +14,16 @@ from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.words.values import Valued, offset_name, told_twice, verdict_words
 from fitting.result.result import Result
-from fitting.text.notation import as_its_error, markup, number, span, unit_text, with_error
+from fitting.text.notation import (
+    as_its_error,
+    error_number,
+    markup,
+    number,
+    rounded_alike,
+    span,
+    unit_text,
+    with_error,
+)
 
 #: Said where values and errors are of two estimators.
 BESIDE = (
@@ -90,15 +99,18 @@ def verdict(identifiable: Verdict) -> Cell:
 
 
 def error(found: ParameterResult | DerivedResult | OffsetResult) -> float | Cell:
-    """The error of a value; where it differs from side to side "+128 −89", half of both behind it.
+    """The error of a value, with two digits; from side to side "+128 −89", half of both behind it.
 
     Args:
         found: value with its verdict.
     """
     bars = found.bars
-    if bars.is_even or not math.isfinite(found.std):
+    if not math.isfinite(found.std):
         return found.std
-    return Cell(f"+{number(bars.above, 2)}\u00a0−{number(bars.below, 2)}", value=found.std)
+    if bars.is_even:
+        return Cell(error_number(found.std), value=found.std)
+    above, below = rounded_alike(bars.above, bars.below, error=min(bars.above, bars.below))
+    return Cell(f"+{above}\u00a0−{below}", value=found.std)
 
 
 def rounded(
@@ -223,7 +235,7 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("reference", lambda row: row[1].reference),
     Column("start", lambda row: row[1].start),
     Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),
-    Column(PAPERS, lambda row: row[1].algorithm2),
+    Column(PAPERS, lambda row: rounded(row[1].algorithm2, row[1], 8)),
     Column("by the data", lambda row: verdict(row[1].identifiable)),
 )
 
@@ -274,24 +286,23 @@ def _if_known(d: DerivedResult, shown: float | Cell) -> float | Cell:
     return shown if d.identifiable.has_value else Cell("–")
 
 
-def _if_rounded(d: DerivedResult) -> Cell:
-    """The mean, rounded as its error where that is told."""
-    known = d.identifiable.has_value
-    if known or not math.isfinite(d.mean):
-        return rounded(d.mean, d, 9)
-    return Cell(number(d.mean, 9), value=d.mean)
+def _if_rounded(d: DerivedResult, value: float) -> Cell:
+    """A value by either estimator, rounded as its error where that is told."""
+    if d.identifiable.has_value or not math.isfinite(value):
+        return rounded(value, d, 9)
+    return Cell(number(value, 9), value=value)
 
 
 DERIVED: tuple[Column[Output], ...] = (
     Column("output", lambda row: symbol(row[0]), role="name"),
-    Column("mean", lambda row: _if_rounded(row[1])),
+    Column("mean", lambda row: _if_rounded(row[1], row[1].mean)),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("spread", lambda row: row[1].spread, digits=2),
     Column("std", lambda row: _if_known(row[1], error(row[1])), digits=2),
     Column("95 % interval", lambda row: _if_known(row[1], interval(row[1].ci95))),
     Column("at the reference", lambda row: row[1].reference, digits=9),
     Column("range over the box", lambda row: interval(row[1].box)),
-    Column(PAPERS, lambda row: row[1].algorithm2),
+    Column(PAPERS, lambda row: _if_rounded(row[1], row[1].algorithm2)),
     Column("by the data", lambda row: verdict(row[1].identifiable)),
 )
 
@@ -392,7 +403,7 @@ OFFSETS: tuple[Column[OffsetResult], ...] = (
     ),
     Column("value", lambda o: rounded(o.value, o, 5)),
     Column("unit", lambda o: unit_text(o.unit)),
-    Column("std", lambda o: o.std, digits=2),
+    Column("std", error),
     Column("95 % interval", lambda o: span(*o.ci95)),
     Column("prior", lambda o: "–" if math.isnan(o.prior) else f"0 ± {number(o.prior, 3)}"),
     Column("shrinkage", lambda o: o.shrinkage, digits=3),

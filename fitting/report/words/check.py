@@ -15,7 +15,7 @@ from fitting.fmu.trial.inputs import InputEffect
 from fitting.fmu.trial.resets import Resets
 from fitting.fmu.trial.steps import SHIFT, Repeatability, Trial
 from fitting.text.controls import spelled_out
-from fitting.text.notation import listed
+from fitting.text.notation import how_many, listed
 
 #: Those that the binary which pythonfmu packs into an FMU looks for on the machine.
 PYTHONS = "3.8 to 3.13"
@@ -97,8 +97,8 @@ def suits_line(suits: Suits) -> str:
         suits: that it suits.
     """
     return (
-        f"{suits.campaign}: suits this FMU; {suits.parameters} parameters to fit, "
-        f"{suits.experiments} experiments, output {suits.output}"
+        f"{suits.campaign}: suits this FMU; {how_many(suits.parameters, 'parameter')} to fit, "
+        f"{how_many(suits.experiments, 'experiment')}, output {suits.output}"
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from fitting.inference.cost import Expected, Range
+from fitting.text.notation import how_many
 
 #: Times up to so many seconds are told in a unit of so many.
 UNITS = ((120.0, "s", 1.0), (7200.0, "min", 60.0), (math.inf, "h", 3600.0))
@@ -24,8 +25,8 @@ def cost_lines(seconds: Range, runs: Range, expected: Expected) -> list[str]:
         f"{_count(e.evaluations)} evaluations of the model",
         f"search: {_count(e.search)} evaluations: {e.levels} levels of ν"
         + (f" and {e.starts} starts" if e.starts > 1 else "")
-        + f" for {_number(e.alternatives, 'alternative')}; a Jacobian takes 2 n + 1 = {e.jacobian} "
-        f"for {_number(e.parameters, 'parameter')}",
+        + f" for {how_many(e.alternatives, 'alternative')}; a Jacobian takes 2 n + 1 = "
+        f"{e.jacobian} for {how_many(e.parameters, 'parameter')}",
     ]
     if e.profiled:
         lines.append(f"profiles: {_count(e.profiles)} evaluations, for {e.profiled} values")
@@ -47,7 +48,7 @@ def measured_lines(
     """
     lines = [
         f"measured: the plan took {planning[0]} runs in {planning[1]:.2g} s; an evaluation "
-        f"{each[0]:.3g} runs in {1e3 * each[1]:.3g} ms with {_number(workers, 'worker')}"
+        f"{each[0]:.3g} runs in {1e3 * each[1]:.3g} ms with {how_many(workers, 'worker')}"
     ]
     if math.isfinite(memory_bytes):
         lines.append(
@@ -83,7 +84,3 @@ def _two(value: float) -> str:
         return "0"
     place = 1 - math.floor(math.log10(value))
     return f"{round(value, place):,.{max(0, place)}f}"
-
-
-def _number(count: int, what: str) -> str:
-    return f"{count} {what}" + "s" * (count != 1)

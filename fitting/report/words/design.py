@@ -6,7 +6,7 @@ import math
 
 from fitting.design.result import Design, Expected, Proposal, ProposedRecording
 from fitting.design.ways import Way, Ways
-from fitting.text.notation import hertz, number, prefixed, span
+from fitting.text.notation import hertz, how_many, number, prefixed, span
 
 
 def promise_sentence(design: Design) -> str:
@@ -164,7 +164,7 @@ def ways_lines(ways: Ways) -> list[str]:
 def _way_words(way: Way) -> str:
     if len(way.counts) == 1:
         [count] = way.counts.values()
-        return f"{way.name}, {count} measurement{'s' * (count > 1)}"
+        return f"{way.name}, {how_many(count, 'measurement')}"
     return f"{way.name}, " + " and ".join(
         f"{count} of {kind}" for kind, count in way.counts.items()
     )

@@ -9,7 +9,7 @@ import math
 
 from fitting.inference.likelihood.knowledge import Bootstrap, Knowledge, Profile
 from fitting.inference.verdict import Verdict
-from fitting.text.notation import bound, number, prefixed, span
+from fitting.text.notation import bound, how_many, number, prefixed, span
 
 ENDS = {
     "crossed": "ended by the data",
@@ -96,7 +96,10 @@ def knowledge_lines(knowledge: Knowledge) -> list[str]:
     if knowledge.bootstrap is not None:
         lines += [f"  {said}" for said in bootstrap_lines(knowledge.bootstrap)]
     spent = knowledge.effort
-    lines.append(f"  {spent.evaluations} evaluations, {spent.fmu_runs} FMU runs for this")
+    lines.append(
+        f"  {how_many(spent.evaluations, 'evaluation')}, {how_many(spent.fmu_runs, 'FMU run')} "
+        "for this"
+    )
     return [line.replace("\u00a0", " ") for line in lines]
 
 

@@ -91,10 +91,12 @@ def _ringdown(found: Ringdown) -> str:
     what = KIND_WORDS.get(found.kind, "samples of a motion")
     if found.left_out == 0:
         return f"A ringdown, {what}: it decays freely from its first sample on."
-    return (
-        f"A ringdown, {what}: it decays freely from sample {found.left_out + 1} on; those before "
-        "may belong to a drive or a blow, and were not used."
+    before = (
+        "the first one may belong to a drive or a blow, and was not used"
+        if found.left_out == 1
+        else "those before may belong to a drive or a blow, and were not used"
     )
+    return f"A ringdown, {what}: it decays freely from sample {found.left_out + 1} on; {before}."
 
 
 def _taken(found: Ringdown) -> str:

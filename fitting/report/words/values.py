@@ -14,6 +14,7 @@ from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.notation import (
     bound,
+    how_many,
     listed,
     number,
     prefixed,
@@ -172,8 +173,8 @@ def deviation_sentence(result: Result) -> str:
     first, last = result.deviations.initial.mean, result.deviations.final.mean
     what = "The mean size of the residuals"
     if result.peaks:
-        count = len(result.peaks)
-        what = f"The mean relative deviation between simulation and laboratory over {count} peaks"
+        peaks = how_many(len(result.peaks), "peak")
+        what = f"The mean relative deviation between simulation and laboratory over {peaks}"
     share = f" ({number(100.0 * last / first, 3)} % of it)" if first > 0.0 else ""
     return (
         f"{what} is {number(first, 3)} with the start parameters and {number(last, 3)} with the "
