@@ -121,6 +121,16 @@ def is_condition(sentence: str) -> bool:
     return CONDITION in sentence or CONDITION.replace("hold", "holds") in sentence
 
 
+def resting_of(sentence: str) -> tuple[str, ...]:
+    """Names of the values that hold only so, of one of `condition_sentences`.
+
+    Args:
+        sentence: of the warnings of a result.
+    """
+    head = re.split(r" holds? only if ", sentence, maxsplit=1)[0]
+    return tuple(re.split(r", | and ", head))
+
+
 def taken_of(sentence: str) -> str:
     """What is taken, of one of `condition_sentences`: "g2 and readout2".
 

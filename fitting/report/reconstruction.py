@@ -122,11 +122,13 @@ def answer_block(answer: Answer) -> tuple[Line, ...]:
     Args:
         answer: of a reconstruction.
     """
-    values = tuple((known.named, known.shown) for known in answer.known)
-    nothing = "" if values else answer.known_words
+    values, given = (
+        tuple((known.named, known.shown) for known in part)
+        for part in (answer.by_data, answer.resting)
+    )
     lines = [
-        Line("Known", values=values, words=nothing),
-        *([Line("Given", words=answer.condition)] if answer.condition else []),
+        Line("Known", values=values, words="" if values else answer.nothing),
+        *([Line("Given", values=given, words=answer.condition)] if answer.condition else []),
         Line("Not known", words=answer.open_words),
     ]
     if answer.advice or answer.command:

@@ -60,6 +60,22 @@ def test_known_and_not_known_are_told_apart(result: Result) -> None:
     assert "lambda (63 to 781 kHz)" in answer.open_words.replace("\u00a0", " ")
 
 
+def test_what_holds_under_a_condition_alone_stands_with_it(result: Result) -> None:
+    said = (
+        "theta and d1 hold only if g2 = 0, which nobody measured and these data do not tell: with "
+        "g2 0.1 higher, say, the fit is as good, and d1 one standard error above what is told."
+    )
+    answer = answer_of(replace(result, warnings=(said,)))
+    assert [k.name for k in answer.by_data] == ["D11"]
+    assert [k.name for k in answer.resting] == ["d1"]
+    told = " ".join(" ".join(answer_lines(answer)).replace("\u00a0", " ").split())
+    assert told.startswith("known: D11 = ")
+    assert "given: d1 = " in told
+    assert told.count("d1 = ") == 1
+    alone = answer_of(replace(result, warnings=(said.replace("theta and d1", "d1 and D11"),)))
+    assert alone.nothing == "nothing but what is given below"
+
+
 def test_the_sweep_s_own_line_is_told_where_it_knows_better(result: Result) -> None:
     line = result.line
     assert line is not None
@@ -152,7 +168,8 @@ def test_of_a_model_that_does_not_describe_the_data_nothing_is_known(result: Res
         line=replace(result.line, values={"d1": "width"}),
     )
     answer = answer_of(bad)
-    assert answer.known_words == "nothing"
+    assert not answer.by_data
+    assert answer.nothing == "nothing"
     assert answer.open == ("theta and d1 (the model does not describe the data)",)
 
 

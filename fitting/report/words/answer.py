@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
-from fitting.inference.conditions import is_condition, taken_of
+from fitting.inference.conditions import is_condition, resting_of, taken_of
 from fitting.inference.ending import CONTRADICTED
 from fitting.inference.likelihood.knowledge import UNDESCRIBED
 from fitting.inference.mistakes import FAR_OFF, SLIPPED
@@ -74,8 +74,8 @@ class Known:
 class Answer:
     """What is known, best first; what is not, with its range; what would settle it.
 
-    `command` is what to type for it, empty where there is no such command. `condition` is what the
-    known values hold under, which the data do not tell; mostly empty.
+    `command` is what to type for it, empty where there is no such command. `condition` is what some
+    of the known values hold under, which the data do not tell; mostly empty.
     """
 
     known: tuple[Known, ...]
@@ -85,9 +85,21 @@ class Answer:
     condition: str = ""
 
     @property
-    def known_words(self) -> str:
-        """All that is known, in a line."""
-        return ", ".join(f"{k.named} {k.shown}" for k in self.known) or "nothing"
+    def resting(self) -> tuple[Known, ...]:
+        """What is known under the condition alone."""
+        names = resting_of(self.condition) if self.condition else ()
+        return tuple(each for each in self.known if each.name in names)
+
+    @property
+    def by_data(self) -> tuple[Known, ...]:
+        """What the data say by themselves."""
+        resting = self.resting
+        return tuple(each for each in self.known if each not in resting)
+
+    @property
+    def nothing(self) -> str:
+        """What is said where the data say nothing by themselves."""
+        return "nothing but what is given below" if self.resting else "nothing"
 
     @property
     def open_words(self) -> str:
@@ -142,14 +154,19 @@ def answer_lines(answer: Answer) -> list[str]:
     Args:
         answer: of a reconstruction.
     """
-    known = ", ".join(_whole(f"{k.named} {k.shown}") for k in answer.known) or answer.known_words
-    lines = wrapped(f"known:     {known}", LEAD)
-    lines += wrapped(f"given:     {answer.condition}", LEAD) if answer.condition else []
+    lines = wrapped(f"known:     {_values(answer.by_data) or answer.nothing}", LEAD)
+    if answer.condition:
+        values = f"{_values(answer.resting)}. " if answer.resting else ""
+        lines += wrapped(f"given:     {values}{answer.condition}", LEAD)
     lines += wrapped(f"not known: {answer.open_words}", LEAD)
     lines += wrapped(f"next:      {answer.advice}", LEAD) if answer.advice else []
     if answer.command:  # in one line: it is to be copied
         lines.append(f"{' ' * LEAD if answer.advice else 'next:      '}{answer.command}")
     return [*lines, "", *(line for said in answer.notes for line in wrapped(said))]
+
+
+def _values(known: Sequence[Known]) -> str:
+    return ", ".join(_whole(f"{k.named} {k.shown}") for k in known)
 
 
 def _whole(text: str) -> str:
