@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import digamma, gammainc, gammaincc, ndtri
 
+from fitting.resonance.trace import within
 from fitting.signal.noise_lines import NoiseLines, noise_lines
 from fitting.signal.residual_tests import STRUCTURED, residual_structure
 from fitting.signal.student import ROOT_68, ratio95, reach
@@ -68,17 +69,8 @@ class NoiseRecord:
         """
         if low_hz is None and high_hz is None:
             return self
-        low = -math.inf if low_hz is None else low_hz
-        high = math.inf if high_hz is None else high_hz
-        kept = (self.frequency_hz >= low) & (self.frequency_hz <= high)
-        count = int(np.sum(kept))
-        if count < LEAST_POINTS:
-            ends = hertz(self.frequency_hz[0], self.frequency_hz[-1], joined=" to ")
-            raise BadInput(
-                f"{self.source}: {how_many(count, 'point lies', 'points lie')} between --from "
-                f"and --to, wanted at least {LEAST_POINTS}; its points run from {ends}"
-            )
-        words = f"Taken: {count} of {kept.size} points."
+        kept = within(self.frequency_hz, (low_hz, high_hz), LEAST_POINTS, self.source)
+        words = f"Taken: {int(np.sum(kept))} of {how_many(kept.size, 'point')}."
         return replace(
             self,
             frequency_hz=self.frequency_hz[kept],

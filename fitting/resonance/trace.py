@@ -9,12 +9,43 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.signal.peaks import MIN_SWEEP_POINTS
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many
 
 #: Steps that are equal but for the last digit of a file: by which share they may differ.
 UNEVEN = 0.2
+#: Frequencies beyond which no point lies, Hz.
+FAR = (-np.inf, np.inf)
+
+
+def within(
+    frequency_hz: FloatArray,
+    ends_hz: tuple[float | None, float | None],
+    least: int,
+    source: str,
+) -> BoolArray:
+    """Which points lie between two frequencies, (n,).
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        ends_hz: both of them, Hz; None: as far as there are points.
+        least: how many points are wanted.
+        source: what a complaint names them by.
+
+    Raises:
+        BadInput: too few points are left.
+    """
+    low, high = (end if end is not None else far for end, far in zip(ends_hz, FAR, strict=True))
+    kept = (frequency_hz >= low) & (frequency_hz <= high)
+    count = int(np.sum(kept))
+    if count < least:
+        ends = hertz(frequency_hz[0], frequency_hz[-1], joined=" to ")
+        raise BadInput(
+            f"{source}: {how_many(count, 'point lies', 'points lie')} between --from and --to, "
+            f"wanted at least {least}; its points run from {ends}"
+        )
+    return kept
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,16 +103,8 @@ class Trace:
         """
         if low_hz is None and high_hz is None:
             return self
-        low = -np.inf if low_hz is None else low_hz
-        high = np.inf if high_hz is None else high_hz
-        kept = (self.frequency_hz >= low) & (self.frequency_hz <= high)
+        kept = within(self.frequency_hz, (low_hz, high_hz), MIN_SWEEP_POINTS, self.source)
         count = int(np.sum(kept))
-        if count < MIN_SWEEP_POINTS:
-            ends = hertz(self.frequency_hz[0], self.frequency_hz[-1], joined=" to ")
-            raise BadInput(
-                f"{self.source}: {how_many(count, 'point lies', 'points lie')} between --from "
-                f"and --to, wanted at least {MIN_SWEEP_POINTS}; its points run from {ends}"
-            )
         part = hertz(
             self.frequency_hz[kept][0], self.frequency_hz[kept][-1], digits=8, joined=" to "
         )
