@@ -9,7 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
-from fitting.draft.draft import draft_of, model_for, model_for_recordings, trace_draft_of
+from fitting.draft.demodulated import DemodulatedFile, demodulated_of
+from fitting.draft.draft import (
+    draft_of,
+    model_for,
+    model_for_recordings,
+    trace_draft_of,
+)
 from fitting.draft.files import files_of, settled
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.source import Source
@@ -23,7 +29,7 @@ __all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
 
 CAMPAIGN = "campaign.toml"
 #: What may be told beforehand, by name.
-KEYS = ("output", "tone", "input", "fit", "amplitudes", "kind")
+KEYS = ("output", "tone", "input", "fit", "amplitudes", "kind", "demodulated-at")
 
 
 def init(
@@ -105,9 +111,10 @@ def drafted(
     if unknown:
         raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
     with results_folder(Path(out), "init", (CAMPAIGN,)):
-        recordings = recordings_of(paths)
-        recorded = fmu or model_for_recordings(recordings)
+        demodulated = _demodulated(paths, columns or Columns(), fmu)
+        recordings = demodulated or recordings_of(paths)
         if recordings:
+            recorded = fmu or model_for_recordings(recordings)
             if recorded is None:
                 raise BadInput(
                     f"{paths[0]}: is a recording over time, and no free decay of one column; "
@@ -145,6 +152,19 @@ def told_apart(
     if not measured and fmu is None:
         raise BadInput("init: found neither an FMU nor a file, wanted one of them at least")
     return measured, fmu
+
+
+def _demodulated(
+    paths: Sequence[Path], columns: Columns, fmu: str | Path | None
+) -> tuple[DemodulatedFile, ...]:
+    """The files as demodulated ringdowns; none of an FMU that has variables of their names."""
+    files = demodulated_of(paths, columns)
+    if not files or fmu is None:
+        return files
+    with Fmu(fmu, 1) as held:
+        known = {name.lower() for name in held.workers.description.variables}
+    seen = [name for key, name in files[0].columns.items() if key != "time"]
+    return () if all(name.lower() in known for name in seen) else files
 
 
 @contextmanager

@@ -51,6 +51,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="amplitudes over frequency are noise that nobody drove, or a sweep (unit, name and "
         "scatter tell it)",
     )
+    parser.add_argument(
+        "--demodulated-at",
+        metavar="F",
+        help='of a demodulated ringdown: the frequency of the lock-in, as "1.2 MHz"',
+    )
     parser.add_argument("--output", metavar="NAME", help="output of the FMU that is seen")
     parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")
     parser.add_argument("--input", metavar="NAME", help="input of the FMU that is driven")
@@ -72,6 +77,7 @@ def run(args: argparse.Namespace) -> int:
     from fitting.report.table import wrapped
 
     told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit", "kind")}
+    told["demodulated-at"] = args.demodulated_at
     told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
     made = drafted(
         args.files,
@@ -99,7 +105,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _ask(question: Question) -> Sequence[str] | None:
     """Ask at the terminal; nothing typed is the default."""
-    print(f"{question.words} ({', '.join(question.options[:12])})")
+    options = f" ({', '.join(question.options[:12])})" if question.options else ""
+    print(f"{question.words}{options}")
     try:
         default = f" [{' '.join(question.default)}]" if question.default else ""
         typed = input(f"{question.key}{default}: ")

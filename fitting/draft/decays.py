@@ -73,12 +73,37 @@ def decays_of(
     boxes = line_boxes(lines, offer) if lines else ()
     if not boxes:
         return None
-    return _Decays(source, offer, shown, lines, boxes).draft(recordings, answers)
+    decay = Decay(source, offer, shown, lines, boxes)
+    output = decay.output(answers, recordings[0])
+    names = decay.fitted(answers)
+    files = tuple(TraceFile(each, each.others[0], None, LINEAR) for each in recordings)
+    late = any(_is_late(file) for file in files)
+    return TraceDraft(
+        source=source,
+        output=output,
+        input=offer.inputs[0],
+        files=files,
+        boxes=decay.boxes_of(names),
+        seen=(
+            *(said_of(file, output, "") for file in files),
+            *([LATE] if late else []),
+            *decay.said("A ringdown: no column drives, and "),
+        ),
+        start=decay.start(names),
+        taken=tuple(name for name in decay.taken() if name not in names),
+        modes=len(lines),
+        late=late,
+        derived=decay.derived,
+    )
 
 
 @dataclass(frozen=True)
-class _Decays:
-    """A draft in the making: all lines of the first record, those that the FMU has, their boxes."""
+class Decay:
+    """Lines that decay and the FMU that is to have them: what a draft of them takes of it.
+
+    ``shown`` are all lines of the first record, ``lines`` those that the FMU has, with their
+    ``boxes``.
+    """
 
     source: Source
     offer: Offer
@@ -86,56 +111,56 @@ class _Decays:
     lines: tuple[DecayingLine, ...]
     boxes: tuple[Box, ...]
 
-    def draft(self, recordings: Sequence[Recording], answers: Answers) -> TraceDraft:
-        """The campaign."""
-        output = self.output(recordings, answers)
-        files = tuple(TraceFile(each, each.others[0], None, LINEAR) for each in recordings)
-        late = any(_is_late(file) for file in files)
-        several = len(self.lines) > 1
-        names = answers.of(
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Outputs that are reported: a quality of each mode."""
+        qualities = self.offer.qualities
+        return qualities if len(qualities) == len(self.lines) else ()
+
+    def fitted(self, answers: Answers) -> tuple[str, ...]:
+        """Names of the parameters that are fitted.
+
+        Args:
+            answers: of flags, of a person, or by default.
+        """
+        each = "each of its modes" if len(self.lines) > 1 else "its mode"
+        tells = "frequency and width" if len(self.boxes) > len(self.lines) else "the width"
+        return answers.of(
             Question(
                 key="fit",
                 words="Which parameters of the FMU are fitted?",
                 options=self.offer.parameters,
                 default=tuple(box.name for box in self.boxes),
-                why="a ringdown tells frequency and width of "
-                + ("each of its modes" if several else "its mode"),
+                why=f"a ringdown tells {tells} of {each}",
                 several=True,
             )
         )
-        known = {box.name: box for box in self.boxes}
-        qualities = self.offer.qualities
-        return TraceDraft(
-            source=self.source,
-            output=output,
-            input=self.offer.inputs[0],
-            files=files,
-            boxes=tuple(
-                known[name] if name in known else start_box(self.offer, name) for name in names
-            ),
-            seen=(
-                *(said_of(file, output, "") for file in files),
-                *([LATE] if late else []),
-                *self.said(),
-            ),
-            start=self.start(names),
-            taken=tuple(name for name in self.taken() if name not in names),
-            modes=len(self.lines),
-            late=late,
-            derived=qualities if len(qualities) == len(self.lines) else (),
-        )
 
-    def output(self, recordings: Sequence[Recording], answers: Answers) -> str:
-        """The output that was recorded: of that name, else one that shows all lines."""
+    def boxes_of(self, names: Sequence[str]) -> tuple[Box, ...]:
+        """Boxes of parameters: of the lines, others about the FMU's own start values.
+
+        Args:
+            names: of the parameters.
+        """
+        known = {box.name: box for box in self.boxes}
+        return tuple(known[n] if n in known else start_box(self.offer, n) for n in names)
+
+    def output(self, answers: Answers, recording: Recording | None = None) -> str:
+        """The output that was recorded: of that name, else one that shows all lines.
+
+        Args:
+            answers: of flags, of a person, or by default.
+            recording: of samples; None: of demodulated values, which follow any output.
+        """
         outputs = self.offer.outputs
-        named = [name for name in outputs if recordings[0].table.find(name) is not None]
+        named = [n for n in outputs if recording is not None and recording.table.find(n)]
         default, why = (named or list(outputs))[0], "the first one with continuous values"
         if named:
             why = "named like a column"
         elif len(outputs) == 1:
             why = "the only one"
-        elif len(self.lines) > 1:
-            default, why = self.showing(recordings[0]), "shows both lines after a pulse"
+        elif len(self.lines) > 1 and recording is not None:
+            default, why = self.showing(recording), "shows both lines after a pulse"
         [output] = answers.of(
             Question(
                 key="output",
@@ -148,7 +173,11 @@ class _Decays:
         return output
 
     def start(self, fitted: Sequence[str]) -> dict[str, tuple[float, str]]:
-        """Start values with their reasons, but for what is fitted."""
+        """Start values with their reasons, but for what is fitted.
+
+        Args:
+            fitted: names of parameters.
+        """
         made = {name: (value, OFF) for name, value in silenced(self.offer).items()}
         made |= UNCOUPLED if self.is_ours else {}
         made |= {name: found for name, found in self.taken().items() if name not in made}
@@ -174,15 +203,19 @@ class _Decays:
         """Whether the FMU is this project's model of two modes."""
         return self.source.is_model and self.source.name == TWO_MODES
 
-    def said(self) -> tuple[str, ...]:
-        """What the record was found to be, and what is taken."""
+    def said(self, lead: str) -> tuple[str, ...]:
+        """What the record was found to be, and what is taken.
+
+        Args:
+            lead: how it begins, before "one line decays".
+        """
         at = listed(
             f"{hertz(x.frequency_hz, digits=6)} ({hertz(x.width_hz, digits=3)} wide)"
             for x in self.shown
         )
         where = f"one line decays, at {at}" if len(self.shown) == 1 else f"two lines decay, at {at}"
         off = ", the FMU's own tones are off" if self.offer.tones else ""
-        words = [f"A ringdown: no column drives, and {where}; where it starts is solved for{off}."]
+        words = [f"{lead}{where}; where it starts is solved for{off}."]
         if len(self.lines) < len(self.shown):
             words.append(
                 "The FMU has one mode, which is taken for the larger line: the fit may end as one "
@@ -205,12 +238,15 @@ class _Decays:
     def showing(self, recording: Recording) -> str:
         """The first output that shows both lines as well as the best one does, after a pulse.
 
+        Args:
+            recording: whose samples are taken.
+
         Of modes m with decays g_m, the output is fitted by sum c_m e^(-g_m t), and the smaller
         |c_m| over the larger one compared.
         """
         outputs = self.offer.outputs
         try:
-            seen, time_s = self.pulsed(recording)
+            seen, time_s = self._pulsed(recording)
         except (FmuFailure, BadInput):
             return outputs[0]
         poles = [complex(-math.pi * x.width_hz, 2.0 * math.pi * x.frequency_hz) for x in self.lines]
@@ -222,7 +258,7 @@ class _Decays:
         enough = SHOWS * float(np.max(shares))
         return next(n for n, share in zip(outputs, shares, strict=True) if share >= enough)
 
-    def pulsed(self, recording: Recording) -> tuple[FloatArray, FloatArray]:
+    def _pulsed(self, recording: Recording) -> tuple[FloatArray, FloatArray]:
         """All outputs after a pulse of one sample, (n, outputs), and their times, s."""
         table, time = recording.table, recording.time
         factor = convert(1.0, time.unit or "s", "s", where=str(table.path))

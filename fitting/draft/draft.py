@@ -12,6 +12,7 @@ from fitting.draft.campaign import Choices, campaign_text, meaning, missing_text
 from fitting.draft.checked import Draft, check_text
 from fitting.draft.control import map_draft_of
 from fitting.draft.decays import decaying_lines
+from fitting.draft.demodulated import DemodulatedFile, demodulated_draft_of, modes_of
 from fitting.draft.files import Files
 from fitting.draft.model import COUPLING, ONE_MODE, TWO_MODES, UNCOUPLED, Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
@@ -85,25 +86,36 @@ def model_for(files: Files) -> str:
     return ONE_MODE if files.two is None and files.map is None else TWO_MODES
 
 
-def model_for_recordings(recordings: Sequence[Recording]) -> str | None:
+def model_for_recordings(
+    recordings: Sequence[Recording] | Sequence[DemodulatedFile],
+) -> str | None:
     """The model of this project for recordings over time: as many modes as ringdowns show, or none.
 
     Args:
-        recordings: over time.
+        recordings: over time, all of samples or all demodulated.
+
+    Raises:
+        BadInput: demodulated, and no free decay.
     """
-    shown = [len(decaying_lines(each)) for each in recordings]
+    shown = [
+        modes_of(each) if isinstance(each, DemodulatedFile) else len(decaying_lines(each))
+        for each in recordings
+    ]
     if not shown or min(shown) == 0:
         return None
     return ONE_MODE if max(shown) == 1 else TWO_MODES
 
 
 def trace_draft_of(
-    recordings: Sequence[Recording], source: Source, answers: Answers, folder: Path
+    recordings: Sequence[Recording] | Sequence[DemodulatedFile],
+    source: Source,
+    answers: Answers,
+    folder: Path,
 ) -> Draft:
     """A campaign from recordings over time and an FMU.
 
     Args:
-        recordings: at least one.
+        recordings: at least one, all of samples or all demodulated.
         source: the FMU.
         answers: of flags, of a person, or by default.
         folder: where the campaign will stand.
@@ -112,7 +124,14 @@ def trace_draft_of(
         BadInput: as `draft_of`.
         FmuFailure: the FMU failed with its own start values.
     """
-    made = traces_of(recordings, source, offer_of(source.workers.description), answers)
+    offer = offer_of(source.workers.description)
+    demodulated = [each for each in recordings if isinstance(each, DemodulatedFile)]
+    samples = [each for each in recordings if isinstance(each, Recording)]
+    made = (
+        demodulated_draft_of(demodulated, source, offer, answers)
+        if demodulated
+        else traces_of(samples, source, offer, answers)
+    )
     check_text(made.text(None), source)
     return Draft(text=made.text(folder), said=(*made.seen, *answers.said, *_boxes(made.boxes)))
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.notation import listed
+from fitting.text.units import convert, parse_quantity
 
 #: Options that are listed in a question, at most.
 MOST_SHOWN = 12
@@ -23,7 +25,8 @@ class Question:
         words: the question.
         options: what may be chosen; ``several`` of them where it says so.
         default: what is taken without an answer.
-        why: the reason for it, in words.
+        why: the reason for it, in words; without a default the complaint that there is none.
+        unit: of an answer that is a positive quantity, and no option; empty: it is one.
     """
 
     key: str
@@ -32,6 +35,7 @@ class Question:
     default: tuple[str, ...]
     why: str
     several: bool = False
+    unit: str = ""
 
 
 #: Answers a question with words; None: the default.
@@ -64,10 +68,12 @@ class Answers:
         told = self.told.get(question.key, ())
         if told:
             return self._checked(question, told, f"--{question.key}")
-        if self.ask is not None and len(question.options) > 1:
+        if self.ask is not None and (len(question.options) > 1 or question.unit):
             answer = self._asked(question, self.ask)
             if answer:
                 return answer
+        if not question.default and question.unit:
+            raise BadInput(question.why)
         if not question.default:
             raise BadInput(
                 f"--{question.key}: nothing suits by itself, wanted one of "
@@ -94,6 +100,8 @@ class Answers:
     def _checked(
         self, question: Question, answer: Sequence[str], where: str, *, listed_too: bool = True
     ) -> tuple[str, ...]:
+        if question.unit:
+            return self._quantity(question, " ".join(answer), where)
         for name in answer:
             if name not in question.options:
                 hint = did_you_mean(name, question.options, listed=listed_too)
@@ -102,3 +110,14 @@ class Answers:
             raise BadInput(f"{where}: found {len(answer)} names, wanted one")
         self.said.append(f"{question.key}: {listed(answer)}, as asked for.")
         return tuple(answer)
+
+    def _quantity(self, question: Question, text: str, where: str) -> tuple[str, ...]:
+        """An answer that is a positive quantity, in the question's unit, as a number."""
+        value, unit = parse_quantity(text, where=where, wanted=question.unit)
+        found = value if unit is None else convert(value, unit, question.unit, where=where)
+        if not 0.0 < found < math.inf:
+            raise BadInput(
+                f"{where}: found '{text}', wanted a positive quantity in {question.unit}"
+            )
+        self.said.append(f"{question.key}: {text}, as asked for.")
+        return (repr(found),)

@@ -126,7 +126,9 @@ def lines_for(lines: Sequence[DecayingLine], offer: Offer) -> tuple[DecayingLine
     return tuple(lines)
 
 
-def line_boxes(lines: Sequence[DecayingLine], offer: Offer) -> tuple[Box, ...]:
+def line_boxes(
+    lines: Sequence[DecayingLine], offer: Offer, most_hz: float = math.inf
+) -> tuple[Box, ...]:
     """Boxes of frequencies and widths; none where the FMU has other numbers of them, in hertz.
 
     Boxes of two frequencies meet in the middle between their lines: neither line is the other's.
@@ -134,6 +136,7 @@ def line_boxes(lines: Sequence[DecayingLine], offer: Offer) -> tuple[Box, ...]:
     Args:
         lines: of the record, the lower one first.
         offer: what the FMU offers.
+        most_hz: how far a frequency may lie from its line, Hz.
     """
     names = (*offer.places, *offer.widths)
     counts = {len(lines), len(offer.places), len(offer.widths)}
@@ -143,7 +146,7 @@ def line_boxes(lines: Sequence[DecayingLine], offer: Offer) -> tuple[Box, ...]:
     return tuple(
         box
         for line, place, width in zip(lines, offer.places, offer.widths, strict=True)
-        for box in (_place(line, place, min(apart, default=math.inf)), _width(line, width))
+        for box in (_place(line, place, min((*apart, most_hz))), width_box(line, width))
     )
 
 
@@ -162,8 +165,13 @@ def _place(line: DecayingLine, name: str, most: float) -> Box:
     )
 
 
-def _width(line: DecayingLine, name: str) -> Box:
-    """The box of a full width, Hz."""
+def width_box(line: DecayingLine, name: str) -> Box:
+    """The box of a full width.
+
+    Args:
+        line: of the record.
+        name: of the parameter that sets it, in Hz.
+    """
     d = _rounded(line.width_hz, DIGITS)
     return Box(
         name=name,

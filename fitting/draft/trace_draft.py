@@ -66,25 +66,19 @@ class TraceFile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TraceDraft:
-    """A campaign of traces: ``input`` is empty where nothing drives; ``seen`` are sentences.
+class TimeDraft:
+    """A campaign of recordings over time; ``seen`` are sentences.
 
     ``start`` are start values of the FMU, each with its reason, ``taken`` those of them that the
-    files do not tell; with ``modes`` the traces are ringdowns of so many from a state that nobody
-    knows, which a pulse at the input spans; with ``late`` they begin inside the records.
-    ``derived`` are outputs that are reported.
+    files do not tell; ``derived`` are outputs that are reported.
     """
 
     source: Source
     output: str
-    input: str
-    files: tuple[TraceFile, ...]
     boxes: tuple[Box, ...]
     seen: tuple[str, ...]
     start: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     taken: tuple[str, ...] = ()
-    modes: int = 0
-    late: bool = False
     derived: tuple[str, ...] = ()
 
     def text(self, folder: Path | None) -> str:
@@ -106,10 +100,10 @@ class TraceDraft:
             fmu["taken"] = list(self.taken)
             remarks["fmu", "taken"] = TAKEN_REMARK
         tables: dict[str, Any] = {
-            "title": ", ".join(file.path.stem for file in self.files),
+            "title": ", ".join(path.stem for path in self.paths),
             "fmu": fmu,
             "observe": {"output": self.output},
-            "trace": [self._trace(file, k, folder, remarks) for k, file in enumerate(self.files)],
+            **self.measured(folder, remarks),
             "parameters": [parameter_table(box, k, remarks) for k, box in enumerate(self.boxes)],
             **({"derived": {"outputs": list(self.derived)}} if self.derived else {}),
             "continuation": dict(CONTINUATION),
@@ -120,6 +114,49 @@ class TraceDraft:
             "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
         )
         return rewritten(toml_text(tables, head), lambda made: put_remarks(made, remarks))
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Of the files."""
+        raise NotImplementedError
+
+    def measured(self, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
+        """Tables of the measurements by their name; remarks on them are put beside the others.
+
+        Args:
+            folder: see `text`.
+            remarks: of the campaign.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceDraft(TimeDraft):
+    """A campaign of traces: ``input`` is empty where nothing drives.
+
+    With ``modes`` the traces are ringdowns of so many from a state that nobody knows, which a pulse
+    at the input spans; with ``late`` they begin inside the records.
+    """
+
+    input: str
+    files: tuple[TraceFile, ...]
+    modes: int = 0
+    late: bool = False
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Of the files."""
+        return tuple(file.path for file in self.files)
+
+    def measured(self, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
+        """Tables of the traces.
+
+        Args:
+            folder: see `text`.
+            remarks: of the campaign.
+        """
+        files = enumerate(self.files)
+        return {"trace": [self._trace(file, k, folder, remarks) for k, file in files]}
 
     def _trace(
         self, file: TraceFile, k: int, folder: Path | None, remarks: Remarks

@@ -39,8 +39,6 @@ LOOKED_AT = 4000
 STEP, SEEN, OWN = 1e-3, 1e-3, 1e-2
 #: Share of the samples of an input at which it may change and still seem held.
 CHANGES = 0.25
-#: Names of both quadratures, in small letters.
-QUADRATURES = (("x", "y"), ("re", "im"))
 #: What is said of a recording without an input, of an FMU that has one.
 UNDRIVEN = (
     "No column drives: the FMU runs from its start values, with what drive it has of its own. Of a "
@@ -84,8 +82,6 @@ def traces_of(
         BadInput: no output, columns that suit no variable, an answer that is none.
         FmuFailure: the FMU failed with its own start values.
     """
-    for recording in recordings:
-        _refuse_demodulated(recording, offer)
     decaying = decays_of(recordings, source, offer, answers)
     if decaying is not None:
         return decaying
@@ -115,18 +111,6 @@ def traces_of(
             *([UNDRIVEN] if not driven and offer.inputs else []),
         ),
     )
-
-
-def _refuse_demodulated(recording: Recording, offer: Offer) -> None:
-    """Complain of X and Y over time, unless the FMU has variables of these names."""
-    names = {c.name.lower() for c in recording.others}
-    known = {name.lower() for name in offer.description.variables}
-    for x, y in QUADRATURES:
-        if {x, y} <= names and not {x, y} <= known:
-            raise BadInput(
-                f"{recording.table.path}: is a demodulated recording, X and Y over time, of which "
-                f"there is no draft; wanted [[demodulated_trace]] in a campaign: {TIME_PAGE}"
-            )
 
 
 def _named(recordings: Sequence[Recording], names: Sequence[str]) -> list[str]:

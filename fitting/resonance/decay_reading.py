@@ -54,16 +54,15 @@ def is_over_time(path: Path, columns: Columns) -> bool:
     return known.role("time") is not None and known.role("frequency") is None
 
 
-def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
-    """The record that a file over time holds, and how it was read, in sentences.
+def decay_roles_of(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
+    """The column of times of a file over time, and what its others are taken for.
 
     Args:
         path: of the file.
         columns: what is told of its columns.
 
     Raises:
-        BadInput: no column of times or values, one that tells no unit, a cell that is no number,
-            times that are not even.
+        BadInput: no column of times or values, one that tells no unit, a cell that is no number.
     """
     columns = columns.checked()
     known = recognised(path, columns.selection)
@@ -85,6 +84,21 @@ def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
     if complaints:
         raise BadInput(*complaints)
     recording.check((time, *roles.values))
+    return time, roles
+
+
+def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
+    """The record that a file over time holds, and how it was read, in sentences.
+
+    Args:
+        path: of the file.
+        columns: what is told of its columns.
+
+    Raises:
+        BadInput: as `decay_roles_of`; times that are not even.
+    """
+    time, roles = decay_roles_of(path, columns)
+    known, recording = roles.recognised, roles.recording
     where = f"{path}: column '{time.name}'"
     time_s = convert(1.0, str(time.unit), "s", where=where) * recording.numbers(time)
     spacing_s(time_s, str(path), recording.places)

@@ -548,13 +548,6 @@ def test_a_recording_without_the_output_is_told(tmp_path: Path) -> None:
     assert not (tmp_path / "drafted").exists() or not list((tmp_path / "drafted").glob("*.toml"))
 
 
-def test_both_quadratures_over_time_are_no_output_and_input(tmp_path: Path) -> None:
-    t = np.linspace(0.0, 0.19, 20)
-    path = write_csv(tmp_path / "ring.csv", "time (s),X (uV),Y (uV)", t, t, t)
-    with pytest.raises(ff.BadInput, match=r"X and Y over time.*\[\[demodulated_trace\]\]"):
-        init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
-
-
 def test_a_recording_that_nothing_drives_is_said_to_be_one(tmp_path: Path) -> None:
     t = np.linspace(0.0, 0.19, 20)
     path = write_csv(tmp_path / "ring.csv", "time (s),y (V)", t, np.exp(-t))
