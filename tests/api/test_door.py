@@ -118,7 +118,7 @@ def callables() -> list[tuple[str, Callable[..., Any]]]:
 
 
 #: What the package makes, never its users.
-MADE = ("Ensemble", "Fit", "Inference", "Line", "Ringdown", "Value")
+MADE = ("Ensemble", "Fit", "Inference", "Line", "NoiseLine", "Ringdown", "Value")
 
 
 @pytest.mark.parametrize(
