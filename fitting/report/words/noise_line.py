@@ -17,6 +17,8 @@ MOVED = {
 }
 #: Spacings of the points below which a window may have widened a line by much of its width.
 NARROW = 4.0
+#: Averages up to which nothing was averaged.
+SINGLE = 1.5
 
 
 def text(found: NoiseLine) -> str:
@@ -68,18 +70,18 @@ def sentences(found: NoiseLine) -> list[str]:
 
 def _scatter(found: NoiseLine) -> str:
     share = number(100.0 / math.sqrt(found.averages), 2)
-    count = number(found.averages, 2)
-    noun = "periodogram" if found.averages < 1.5 else "periodograms"
+    many = f"averages of {number(found.averages, 2)} periodograms do"
+    as_what = "a single periodogram does" if found.averages < SINGLE else many
     return (
-        f"A noise spectrum: its points scatter by {share} % of themselves, as averages of {count} "
-        f"{noun} do, and are weighed so."
+        f"A noise spectrum: its points scatter by {share} % of themselves, as {as_what}, and are "
+        "weighed so."
     )
 
 
 def _floor(found: NoiseLine) -> str:
     unit = "" if found.unit == "1" else f" {found.unit}²/Hz"
     share = number(100.0 * found.floor / found.height, 2)
-    size = "of which no unit is told" if not unit else f"{found.floor:.3g}{unit}"
+    size = "of which no unit is told" if not unit else f"{number(found.floor, 3)}{unit}"
     return f"A white floor beside the line was solved for, {size}: {share} % of the line at f."
 
 
