@@ -32,6 +32,9 @@ PROGRAM = "fitting.fmu.worker.main"
 START_S = 120.0  # longest start of a process, before it touches the FMU
 #: Looks whether a process has ended that has closed its pipe, and the time between them, s.
 ENDED_LOOKS, ENDED_S = 1000, 0.01
+#: The C library sets aside 64 MB for each thread that asks for memory, at whatever time it first
+#: does: of a limited address space that is a third of what an FMU is promised.
+ONE_ARENA = {"MALLOC_ARENA_MAX": "1"}
 #: Share of its memory that an FMU has taken which wanted more.
 NEARLY = 0.8
 #: Signals from outside that end a process; whatever else ends it is the FMU's doing.
@@ -60,8 +63,9 @@ class WorkerProcess:
         self._pulse = new_pulse(pulse_path)
         self._isolation = task.isolation
         self._folder = Path(tempfile.mkdtemp(prefix=f"{pulse_path.stem}-", dir=pulse_path.parent))
+        limited = task.isolation is not None
         try:
-            self._process, self.pipe = start(PROGRAM, self._folder)
+            self._process, self.pipe = start(PROGRAM, self._folder, ONE_ARENA if limited else None)
         except BaseException:
             self._pulse.close()
             raise
@@ -72,7 +76,7 @@ class WorkerProcess:
         self._since = 0.0
         try:
             # by itself: the network is left before there is a thread that reads what follows
-            self._hand_over(task.isolation is not None)
+            self._hand_over(limited)
             self._hand_over(task)
         except BaseException:
             self.end()
