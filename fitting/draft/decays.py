@@ -12,7 +12,7 @@ from fitting.draft.model import COUPLING, TWO_MODES, UNCOUPLED, Offer, is_of_sol
 from fitting.draft.questions import Answers, Question
 from fitting.draft.ringdown import DecayingLine, line_boxes, lines_for, ringdown_of, silenced
 from fitting.draft.source import Source
-from fitting.draft.trace_draft import Recording, TraceDraft, TraceFile, said_of, start_box
+from fitting.draft.trace_draft import OWN, Recording, TraceDraft, TraceFile, said_of, start_box
 from fitting.draft.values import Box
 from fitting.fmu import Run
 from fitting.measurements.traces.record import TraceRecord
@@ -34,8 +34,6 @@ LATE = (
 LOOKED_AT, SHOWS = 2000, 0.3
 #: Why the tones of an FMU have no amplitude.
 OFF = "off: nothing drives while it rings down"
-#: Why a parameter of another FMU has its value.
-OWN = "the FMU's own start value, which nobody measured"
 
 
 def decaying_lines(recording: Recording) -> tuple[DecayingLine, ...]:
@@ -153,7 +151,7 @@ class Decay:
             recording: of samples; None: of demodulated values, which follow any output.
         """
         outputs = self.offer.outputs
-        named = [n for n in outputs if recording is not None and recording.table.find(n)]
+        named = [n for n in outputs if recording is not None and recording.called(n)]
         default, why = (named or list(outputs))[0], "the first one with continuous values"
         if named:
             why = "named like a column"

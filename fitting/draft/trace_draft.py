@@ -29,6 +29,8 @@ from fitting.text.units import same_kind
 
 #: Why a start value is another than the FMU's own.
 CLOSER = "closer to the record than the FMU's own start value, by runs half a decade apart"
+#: Why a parameter that is not fitted has its value.
+OWN = "the FMU's own start value, which nobody measured"
 #: Factor to either side of the FMU's own start value.
 FACTOR = 10.0
 
@@ -44,6 +46,14 @@ class Recording:
     def others(self) -> tuple[Channel, ...]:
         """All columns but that of times."""
         return tuple(c for c in self.table.channels if c is not self.time)
+
+    def called(self, name: str) -> Channel | None:
+        """The column that is called like a variable, capitals apart; None where none is.
+
+        Args:
+            name: of the variable; brackets in it are those of an array, and no unit.
+        """
+        return next((c for c in self.others if c.name.lower() == name.lower()), None)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from fitting.draft.decays import decays_of
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
-from fitting.draft.trace_draft import Recording, TraceDraft, TraceFile, said_of, start_box
+from fitting.draft.trace_draft import OWN, Recording, TraceDraft, TraceFile, said_of, start_box
 from fitting.fmu import Run
 from fitting.measurements.traces.record import TraceRecord
 from fitting.measurements.traces.waveform import HELD, LINEAR
@@ -36,7 +36,7 @@ from fitting.text.units import convert, same_kind
 #: Samples of a record that are looked at.
 LOOKED_AT = 4000
 #: Change of a logarithm, and shares of a change below which a parameter is not seen.
-STEP, SEEN, OWN = 1e-3, 1e-3, 1e-2
+STEP, SEEN, APART = 1e-3, 1e-3, 1e-2
 #: Share of the samples of an input at which it may change and still seem held.
 CHANGES = 0.25
 #: What is said of a recording without an input, of an FMU that has one.
@@ -88,7 +88,7 @@ def traces_of(
     output = _output(recordings, offer, answers)
     driven = _input(recordings, offer, answers)
     files = tuple(_file(r, output, driven, offer) for r in recordings)
-    default, why = _fitted(files[0], source, offer, output, driven)
+    default, why, alike = _fitted(files[0], source, offer, output, driven)
     names = answers.of(
         Question(
             key="fit",
@@ -99,6 +99,7 @@ def traces_of(
             several=True,
         )
     )
+    taken = {name: (value, OWN) for name, value in alike.items() if name not in names}
     closer = _closer(files[0], source, offer, output, driven, names)
     return TraceDraft(
         source=source,
@@ -106,6 +107,8 @@ def traces_of(
         input=driven,
         files=files,
         boxes=tuple(start_box(offer, name, closer.get(name)) for name in names),
+        start=taken,
+        taken=tuple(taken),
         seen=(
             *(said_of(file, output, driven) for file in files),
             *([UNDRIVEN] if not driven and offer.inputs else []),
@@ -115,7 +118,7 @@ def traces_of(
 
 def _named(recordings: Sequence[Recording], names: Sequence[str]) -> list[str]:
     """Those of the FMU's variables that a column of the first recording is called by."""
-    return [name for name in names if recordings[0].table.find(name) is not None]
+    return [name for name in names if recordings[0].called(name) is not None]
 
 
 def _output(recordings: Sequence[Recording], offer: Offer, answers: Answers) -> str:
@@ -159,8 +162,8 @@ def _file(recording: Recording, output: str, driven: str, offer: Offer) -> Trace
     inputs = [name for name in offer.inputs if name != driven]
     further = tuple(c for c in recording.others if driven and c.name in inputs)
     others = [c for c in recording.others if c not in further]
-    seen = recording.table.find(output)
-    source = recording.table.find(driven) if driven else None
+    seen = recording.called(output)
+    source = recording.called(driven) if driven else None
     left = [c for c in others if c not in (seen, source)]
     if seen is None:
         if (len(left) > 1 and source is not None) or not left:
@@ -182,8 +185,8 @@ def _file(recording: Recording, output: str, driven: str, offer: Offer) -> Trace
 
 def _fitted(
     file: TraceFile, source: Source, offer: Offer, output: str, driven: str
-) -> tuple[tuple[str, ...], str]:
-    """Parameters that the record shows, each by itself."""
+) -> tuple[tuple[str, ...], str, dict[str, float]]:
+    """Parameters that the record shows, each by itself, why; others with their start values."""
     trace = _record(file, offer, driven)
     names = [n for n in offer.parameters if offer.description.variables[n].start]
     starts = {n: float(offer.description.variables[n].start or 0.0) for n in names}
@@ -191,7 +194,7 @@ def _fitted(
     points += [{n: (1.0 + STEP) * starts[n]} for n in names]
     base, *seen = _simulated(trace, source, output, points)
     if base is None:  # its own start values do not run: nothing is seen of any
-        return (), "the FMU fails with its own start values under the record"
+        return (), "the FMU fails with its own start values under the record", {}
     slopes = {n: y - base for n, y in zip(names, seen, strict=True) if y is not None}
     largest = max((float(np.linalg.norm(s)) for s in slopes.values()), default=0.0)
     taken: list[str] = []
@@ -200,16 +203,15 @@ def _fitted(
         size = float(np.linalg.norm(slopes[name]))
         rest = slopes[name] - basis @ (basis.T @ slopes[name])
         own = float(np.linalg.norm(rest))
-        if size > SEEN * largest and own > OWN * size:
+        if size > SEEN * largest and own > APART * size:
             taken.append(name)
             basis = np.column_stack([basis, rest / own])
     ordered = tuple(n for n in names if n in taken)
     moved = [n for n in names if n in slopes and np.linalg.norm(slopes[n]) > SEEN * largest]
     alike = [n for n in moved if n not in taken]
     left_out = f"; not {listed(alike)}, which look like others there" if alike else ""
-    return ordered, (
-        "each changes the output otherwise than the others, at the FMU's start values" + left_out
-    )
+    why = "each changes the output otherwise than the others, at the FMU's start values" + left_out
+    return ordered, why, {name: starts[name] for name in alike}
 
 
 def _closer(

@@ -6,9 +6,10 @@ import difflib
 import hashlib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from fitting.fmu.archive import member_names
 from fitting.fmu.own_steps import OwnSteps
@@ -30,11 +31,23 @@ _KINDS: dict[str, Kind] = {
 }
 
 
+#: Elements of an array (FMI 3.0) up to which each is a variable here.
+MOST_ELEMENTS = 1000
+
+
+class Element(NamedTuple):
+    """Which element of an array a variable is, from 0 in the order of the file; of how many."""
+
+    place: int
+    size: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class FmuVariable:
     """A variable of an FMU; ``start``, ``min`` and ``max`` are in ``unit`` (None: none declared).
 
-    ``fmi_type`` is the type as the FMU declares it, ``kind`` what it is to us.
+    ``fmi_type`` is the type as the FMU declares it, ``kind`` what it is to us. Of an array every
+    element is a variable, called as "A[1,2]", with the reference of the array.
     """
 
     name: str
@@ -49,6 +62,7 @@ class FmuVariable:
     description: str
     value_reference: int
     fmi_type: str
+    element: Element | None = None
 
     @property
     def can_be_started(self) -> bool:
@@ -157,7 +171,11 @@ def read_description(path: Path | str) -> FmuDescription:
         platforms=_platforms(names),
         one_instance_per_process=bool(interface.canBeInstantiatedOnlyOncePerProcess),
         needs_execution_tool=bool(interface.needsExecutionTool),
-        variables={v.name: _variable(path, model.fmiVersion, v) for v in model.modelVariables},
+        variables={
+            each.name: each
+            for v in model.modelVariables
+            for each in _variables(path, model.fmiVersion, v)
+        },
         own_steps=_own_steps(path, model),
         exchange=None if model.coSimulation else _sizes(model),
     )
@@ -211,16 +229,42 @@ def _require_binary(path: Path, version: str, identifier: str, names: list[str])
         )
 
 
-def _variable(path: Path, version: str, variable: Any) -> FmuVariable:
+def _variables(path: Path, version: str, variable: Any) -> list[FmuVariable]:
+    """A variable; of an array of numbers its elements, the last index first to move."""
+    shape = tuple(int(n) for n in variable.shape or ())
+    size = math.prod(shape)
+    kind = _KINDS.get(variable.type, "other")
+    if not (variable.shape or variable.dimensions):
+        return [_variable(path, version, variable, kind, variable.start)]
+    if not 0 < size <= MOST_ELEMENTS or kind in ("String", "other"):
+        return [_variable(path, version, variable, "other", None)]
+    starts = (variable.start or "").split()
+    starts = starts * size if len(starts) == 1 else starts
+    if starts and len(starts) != size:
+        raise BadInput(
+            f"{path}: variable {variable.name!r}: {len(starts)} start values, wanted {size}, one "
+            "for each element"
+        )
+    places = product(*(range(1, n + 1) for n in shape))
+    return [
+        replace(
+            _variable(path, version, variable, kind, starts[k] if starts else None),
+            name=f"{variable.name}[{','.join(map(str, place))}]",
+            element=Element(k, size),
+        )
+        for k, place in enumerate(places)
+    ]
+
+
+def _variable(
+    path: Path, version: str, variable: Any, kind: Kind, start: str | None
+) -> FmuVariable:
     declared = variable.declaredType
 
     def attribute(name: str) -> Any:
         own = getattr(variable, name)
         return getattr(declared, name, None) if own is None and declared is not None else own
 
-    kind = _KINDS.get(variable.type, "other")
-    if variable.shape or variable.dimensions:
-        kind = "other"  # arrays are neither set nor read here
     enumeration = "Integer" if version == "2.0" else "Int64"
     where = f"{path}: variable {variable.name!r}"
     return FmuVariable(
@@ -230,7 +274,7 @@ def _variable(path: Path, version: str, variable: Any) -> FmuVariable:
         variability=variable.variability or "continuous",
         initial=variable.initial,
         unit=attribute("unit"),
-        start=_value(kind, variable.start, where),
+        start=_value(kind, start, where),
         min=_number(attribute("min"), where),
         max=_number(attribute("max"), where),
         description=variable.description or "",

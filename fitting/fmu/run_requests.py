@@ -7,7 +7,7 @@ hangs on what an FMU does to its parameters on reset.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,9 +16,10 @@ import numpy as np
 from fitting.fmu.runs import Handling, HeldSignal, Run, Segment, Tone
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, shown
+from fitting.text.notation import listed
 
 if TYPE_CHECKING:
-    from fitting.fmu.description import FmuDescription, FmuVariable
+    from fitting.fmu.description import Element, FmuDescription, FmuVariable
 
 #: Least and largest number of every type of whole numbers; Integer is that of FMI 2.0.
 _RANGES = {
@@ -29,11 +30,16 @@ _RANGES = {
 
 
 class Group(NamedTuple):
-    """Variables of one FMI type."""
+    """Variables of one FMI type; or elements of one array, which is set and read as a whole.
+
+    ``size`` is that of the array, 0 for single variables; ``places`` those of the elements in it.
+    """
 
     fmi_type: str
     names: tuple[str, ...]
     references: tuple[int, ...]
+    size: int = 0
+    places: tuple[int, ...] = ()
 
 
 class Layout(NamedTuple):
@@ -89,6 +95,7 @@ class RunRequests:
         self._description = description
         self._numbers: dict[_Key, int] = {}
         self._defaults: dict[str, Scalar] = {}  # of every variable that any run has set
+        self._beside: dict[str, Scalar] = {}  # of elements beside them in an array
 
     def take_all(self, runs: Sequence[Run]) -> list[RunRequest]:
         """The requests for a batch; raises BadInput as `take` does.
@@ -119,7 +126,7 @@ class RunRequests:
             number = self._add(key, run.start_values)
         held = signal if isinstance(signal, HeldSignal) else None
         tones = () if signal is None or isinstance(signal, HeldSignal) else signal.tones
-        given = {**self._defaults, **run.start_values}
+        given = {**self._beside, **self._defaults, **run.start_values}
         groups = self.layouts[number].sets
         values = tuple([tuple(map(given.__getitem__, group.names)) for group in groups])
         for group, numbers in zip(groups, values, strict=True):
@@ -161,11 +168,11 @@ class RunRequests:
         variables = self._description.variables
         for name, value in start_values.items():
             self._require_type(variables[name], value)
-        covered = dict.fromkeys(names if bare else (*names, *self._defaults))
+        covered = self._whole_arrays(names if bare else (*names, *self._defaults))
         gets = self._grouped([self._variable_to_read(name) for name in outputs])
         self.layouts.append(
             Layout(
-                sets=self._grouped([variables[name] for name in covered]),
+                sets=self._grouped(covered),
                 gets=gets,
                 columns=tuple(tuple(outputs.index(name) for name in g.names) for g in gets),
                 outputs=outputs,
@@ -175,6 +182,24 @@ class RunRequests:
         )
         self._numbers[key] = len(self.layouts) - 1
         return self._numbers[key]
+
+    def _whole_arrays(self, names: Iterable[str]) -> list[FmuVariable]:
+        """Variables, each once, and what stands beside an element in its array."""
+        variables = self._description.variables
+        asked = [variables[name] for name in dict.fromkeys(names)]
+        arrays = {v.value_reference for v in asked if v.element is not None}
+        found = [v for v in asked if v.element is None]
+        if not arrays:
+            return found
+        elements = [v for v in variables.values() if v.value_reference in arrays]
+        for element in elements:
+            if element.start is None and element.name not in names:
+                raise BadInput(
+                    f"{self._description.path}: {element.name!r} has no start value, wanted one: "
+                    "an array is set as a whole"
+                )
+        self._beside |= {v.name: v.start for v in elements if v.start is not None}
+        return [*found, *elements]
 
     def _remember(self, variable: FmuVariable) -> bool:
         if variable.start is None:
@@ -191,6 +216,12 @@ class RunRequests:
                     f"{variable.causality}, wanted a Real input for the drive"
                 )
         groups = self._grouped(variables)
+        for group in groups:
+            if group.places != tuple(range(group.size)):
+                raise BadInput(
+                    f"{self._description.path}: {listed(group.names)} are not all elements of the "
+                    "array in their order, wanted all as inputs: an array is set as a whole"
+                )
         if len(groups) > 1:
             raise BadInput(
                 f"{self._description.path}: inputs {', '.join(names)} are of the types "
@@ -206,14 +237,20 @@ class RunRequests:
                 f"{self._description.path}: {name!r} is a {variable.variability} {variable.kind} "
                 f"{variable.causality}, wanted a tunable Real parameter to move during a run"
             )
-        return Group(variable.fmi_type, (name,), (variable.value_reference,))
+        if variable.element is not None and variable.element.size > 1:
+            raise BadInput(
+                f"{self._description.path}: {name!r} is an element of an array, which is set as a "
+                "whole; wanted a single variable to move during a run"
+            )
+        [group] = self._grouped([variable])
+        return group
 
     def _variable_to_set(self, name: str) -> FmuVariable:
         variable = self._description.variable(name)
         if variable.kind == "other":
             raise BadInput(
-                f"{self._description.path}: {name!r} is of type {variable.fmi_type} or an array, "
-                "wanted a single Real, Integer, Boolean or String"
+                f"{self._description.path}: {name!r} is of type {variable.fmi_type}, or a large "
+                "array or one of texts; wanted a Real, Integer, Boolean or String"
             )
         if not variable.can_be_started:
             raise BadInput(
@@ -255,12 +292,29 @@ class RunRequests:
 
     @staticmethod
     def _grouped(variables: list[FmuVariable]) -> tuple[Group, ...]:
-        types = {v.fmi_type: None for v in variables}
-        return tuple(
+        """Single variables by their types, then each array by itself."""
+        single = [v for v in variables if v.element is None]
+        types = {v.fmi_type: None for v in single}
+        groups = [
             Group(
                 fmi_type,
-                tuple(v.name for v in variables if v.fmi_type == fmi_type),
-                tuple(v.value_reference for v in variables if v.fmi_type == fmi_type),
+                tuple(v.name for v in single if v.fmi_type == fmi_type),
+                tuple(v.value_reference for v in single if v.fmi_type == fmi_type),
             )
             for fmi_type in types
-        )
+        ]
+        arrays: dict[int, list[tuple[FmuVariable, Element]]] = {}
+        for v in variables:
+            if v.element is not None:
+                arrays.setdefault(v.value_reference, []).append((v, v.element))
+        groups += [
+            Group(
+                fmi_type=array[0][0].fmi_type,
+                names=tuple(v.name for v, _ in array),
+                references=(reference,),
+                size=array[0][1].size,
+                places=tuple(element.place for _, element in array),
+            )
+            for reference, array in arrays.items()
+        ]
+        return tuple(groups)

@@ -153,6 +153,17 @@ def build_exchange_fmu(folder: Path, fmi: int = 2) -> Path:
     return path
 
 
+def build_matrix_fmu(folder: Path) -> Path:
+    """x' = A x + B u, y = x of two states by FMI 3.0, its variables arrays."""
+    library = folder / f"matrix{fmpy.sharedLibraryExtension}"
+    compile_library(SOURCES / "matrix3.c", library)
+    path = folder / "matrix3.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(SOURCES / "matrix3.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{fmpy.platform_tuple}/{library.name}")
+    return path
+
+
 def build_reference_fmu(folder: Path, name: str) -> Path:
     """The Reference FMU of a name in ``reference_fmus``, for FMI 2.0, in ``folder``.
 

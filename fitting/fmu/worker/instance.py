@@ -109,7 +109,7 @@ class FmuInstance:
 
         Args:
             verb: "get" or "set".
-            group: value references of one type.
+            group: value references of one type, or of one array.
         """
         n = len(group.references)
         element = self.boolean if group.fmi_type == "Boolean" else _CTYPES[group.fmi_type]
@@ -118,8 +118,8 @@ class FmuInstance:
             name=verb + group.fmi_type,
             references=(ctypes.c_uint * n)(*group.references),
             n=n,
-            buffer=(element * n)(),
-            tail=(n,) if self.values_counted else (),
+            buffer=(element * (group.size or n))(),
+            tail=(group.size or n,) if self.values_counted else (),
         )
 
     def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:

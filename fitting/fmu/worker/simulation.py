@@ -214,7 +214,9 @@ def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
     """Function that reads all outputs into row j of the result."""
     instance, check = fmu.instance, fmu.check
     first = binding.gets[0]
-    if len(binding.gets) == 1 and first.buffer._type_ is ctypes.c_double:
+    groups = binding.layout.gets
+    single = len(groups) == 1 and not groups[0].size
+    if single and first.buffer._type_ is ctypes.c_double:
         function, name, references, n, _, tail = first
         rows: Any = result  # numpy's arrays do offer the buffer that ctypes wants
         target = ctypes.c_double.from_buffer(rows)
@@ -227,10 +229,13 @@ def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
         return read_doubles
 
     def read_mixed(j: int) -> None:
-        for access, columns in zip(binding.gets, binding.layout.columns, strict=True):
+        for access, group, columns in zip(
+            binding.gets, groups, binding.layout.columns, strict=True
+        ):
             function, name, references, n, buffer, tail = access
             check(function(instance, references, n, buffer, *tail), name)
-            result[j, list(columns)] = buffer
+            values = [buffer[place] for place in group.places] if group.size else buffer
+            result[j, list(columns)] = values
 
     return read_mixed
 

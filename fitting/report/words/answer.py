@@ -360,8 +360,9 @@ def _measurement(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     condition = next(filter(is_condition, result.warnings), "")
     if condition:
         return (
-            f"what tells {taken_of(condition)}: the same sample driven or read elsewhere, or at "
-            "several values of what moves one mode alone (a map); less noise would not",
+            f"what tells {taken_of(condition)}: a measurement of it, or the same sample driven or "
+            "read elsewhere; of coupled modes spectra over what moves one of them alone (a map); "
+            "less noise would not",
             "",
         )
     target = _target(result, left)

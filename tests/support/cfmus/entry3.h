@@ -55,4 +55,21 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean t, fmi3Float6
         for (size_t i = 0; i < n; i++) FIELD = value[i];                                           \
         return fmi3OK;                                                                             \
     }
+#ifdef ARRAYS_OF /* the size of a variable: values of several follow each other */
+#define WHOLE(VERB, CONST, COPY)                                                                   \
+    fmi3Status fmi3##VERB##Float64(fmi3Instance c, const fmi3ValueReference vr[], size_t n,        \
+                                   CONST fmi3Float64 value[], size_t nv) {                         \
+        Model *m = c;                                                                              \
+        size_t at = 0;                                                                             \
+        for (size_t i = 0; i < n; i++)                                                             \
+            for (size_t k = 0; k < ARRAYS_OF(vr[i]); k++, at++) {                                  \
+                if (at >= nv) return fmi3Error;                                                    \
+                COPY;                                                                              \
+            }                                                                                      \
+        return at == nv ? fmi3OK : fmi3Error;                                                      \
+    }
+WHOLE(Get, , value[at] = m->reals[vr[i]][k])
+WHOLE(Set, const, m->reals[vr[i]][k] = value[at])
+#else
 ACCESS(Float64, model_get(m, vr[i]), m->reals[vr[i]])
+#endif
