@@ -7,8 +7,8 @@
       </Reduction>
     </Accuracy></Tool></VendorAnnotations>
 
-In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. An FMU without one says nothing; where
-its equations are integrated here, the tolerance of that is known all the same.
+In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. An FMU without one says
+nothing; where its equations are integrated here, the tolerance of that is known all the same.
 """
 
 from __future__ import annotations

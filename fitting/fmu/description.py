@@ -74,6 +74,8 @@ class FmuVariable:
         )
 
 
+#: Relative tolerance of the integration of equations where nobody asks for another.
+USUAL_TOLERANCE = 1e-9
 #: The relative tolerance to which equations of model exchange are integrated here: no variable of
 #: the FMU, but set as one, by what plans the runs.
 INTEGRATOR_TOLERANCE = FmuVariable(
@@ -83,7 +85,7 @@ INTEGRATOR_TOLERANCE = FmuVariable(
     variability="fixed",
     initial="exact",
     unit=None,
-    start=1e-9,
+    start=USUAL_TOLERANCE,
     min=1e-13,
     max=1e-4,
     description="relative tolerance of the integration of its equations",

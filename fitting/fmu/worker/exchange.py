@@ -19,7 +19,7 @@ from fmpy.fmi2 import FMU2Model, fmi2EventInfo
 from fmpy.fmi3 import FMU3Model
 from scipy.integrate import DOP853, LSODA
 
-from fitting.fmu.description import INTEGRATOR_TOLERANCE
+from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
 from fitting.fmu.run_requests import Group
 from fitting.fmu.runs import Tone
 from fitting.fmu.worker.instance import FmuInstance, FmuInstance2, FmuInstance3, VariableAccess
@@ -56,7 +56,7 @@ class ModelExchange(FmuInstance):
         self._event_s = math.inf
         self._stiff, self._step_s = False, 0.0
         self._drive: tuple[VariableAccess, tuple[Tone, ...]] | None = None
-        self._tolerance = float(INTEGRATOR_TOLERANCE.start)
+        self._tolerance = USUAL_TOLERANCE
         self._nominal = self._seen = np.empty(0)
 
     def leave_initialisation(self) -> None:

@@ -15,7 +15,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.fmu.description import INTEGRATOR_TOLERANCE
+from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.traces.decay_run import Pulsed, few_samples, read_decay
@@ -225,7 +225,7 @@ class Survey(Generic[T]):
         if not self.model.integrated:
             return steps
         plan, name = self.model.plan, INTEGRATOR_TOLERANCE.name
-        within = float(plan.settings.get(name, INTEGRATOR_TOLERANCE.start))
+        within = float(plan.settings.get(name, USUAL_TOLERANCE))
         settings = {**plan.settings, name: COARSER * within}
         coarse = replace(self, model=replace(self.model, plan=replace(plan, settings=settings)))
         here = self._simulated(points[:1], steps.per_sample)
