@@ -185,13 +185,7 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         raise BadInput(f"{path}: is not an FMU ({error})") from error
     if model.fmiVersion != "2.0" and not model.fmiVersion.startswith("3."):
         raise BadInput(f"{path}: is an FMU of FMI {model.fmiVersion}, wanted FMI 2.0 or 3.0")
-    both = zip(INTERFACES, (model.coSimulation, model.modelExchange), strict=True)
-    offered = {name: told for name, told in both if told is not None}
-    if not offered:
-        raise BadInput(
-            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
-            "of them (scheduled execution alone cannot be driven)"
-        )
+    offered = _offered(path, model)
     chosen = interface or next(iter(offered))
     if chosen not in INTERFACES:
         raise BadInput(f"interface: found {chosen!r}, wanted {' or '.join(INTERFACES)}")
@@ -220,10 +214,22 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
             for v in model.modelVariables
             for each in _variables(path, model.fmiVersion, v)
         },
-        own_steps=_own_steps(path, model, None if by_exchange else told),
+        own_steps=OwnSteps() if by_exchange else _own_steps(path, model),
         exchange=_sizes(model) if by_exchange else None,
         offers=tuple(offered),
     )
+
+
+def _offered(path: Path, model: Any) -> dict[str, Any]:
+    """What the description tells of each interface that the FMU has, by INTERFACES."""
+    both = zip(INTERFACES, (model.coSimulation, model.modelExchange), strict=True)
+    offered = {name: told for name, told in both if told is not None}
+    if not offered:
+        raise BadInput(
+            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
+            "of them (scheduled execution alone cannot be driven)"
+        )
+    return offered
 
 
 def validation_problems(path: Path | str) -> list[str]:
@@ -241,20 +247,19 @@ def _sizes(model: Any) -> tuple[int, int]:
     return int(model.numberOfContinuousStates), int(model.numberOfEventIndicators)
 
 
-def _own_steps(path: Path, model: Any, cosimulation: Any) -> OwnSteps:
-    """The steps of its solver; of model exchange (None), those that are asked."""
+def _own_steps(path: Path, model: Any) -> OwnSteps:
+    """The steps that its co-simulation tells; of model exchange any step is as good as another."""
 
     def step_s(text: str | None, key: str) -> float | None:
         found = _number(text, f"{path}: {key}")
         return found if found is not None and 0.0 < found < math.inf else None
 
-    fixed = getattr(cosimulation, "fixedInternalStepSize", None)
+    fixed = getattr(model.coSimulation, "fixedInternalStepSize", None)
     usual = getattr(model.defaultExperiment, "stepSize", None)
     return OwnSteps(
         internal_s=step_s(fixed, "fixedInternalStepSize"),
         usual_s=step_s(usual, "DefaultExperiment stepSize"),
-        of_any_length=cosimulation is None
-        or bool(cosimulation.canHandleVariableCommunicationStepSize),
+        of_any_length=bool(model.coSimulation.canHandleVariableCommunicationStepSize),
     )
 
 
