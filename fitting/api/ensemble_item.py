@@ -16,6 +16,7 @@ from fitting.api.choices import BUDGET, CURVES, TRUTH_NAME
 from fitting.api.fitted import Tikhonov, Value, Valued, fit, profile
 from fitting.api.fmu import Fmu
 from fitting.api.problem import Problem
+from fitting.campaign.file import WrittenFmu
 from fitting.engine.files import NeededFile, place_of
 from fitting.lab.bench import Bench
 from fitting.lab.pumped import PumpedBench
@@ -168,7 +169,7 @@ def _row(item: Item, folder: Path, files: dict[str, str]) -> EnsembleRow:
             truth = read_toml(beside)
     if isinstance(item.fmu, str):
         raise BadInput(item.fmu)
-    fmu = _held(item.fmu, campaign.file.fmu.timeout_s)
+    fmu = _held(item.fmu, campaign.file.fmu)
     problem = Problem.of(campaign, fmu)
     how = item.options
     method = None
@@ -232,17 +233,18 @@ def _failed(item: Item, error: Exception, folder: str) -> EnsembleRow:
 class _Holder(threading.local):
     """The FMU that a thread of a worker has open: loaded once, however many items there are."""
 
-    key: tuple[str, float] | None = None
+    key: tuple[str, float, str | None] | None = None
     fmu: Fmu | None = None
 
 
 _HELD = _Holder()
 
 
-def _held(file: NeededFile, timeout_s: float) -> Fmu:
-    key = (file.digest, timeout_s)
+def _held(file: NeededFile, named: WrittenFmu) -> Fmu:
+    key = (file.digest, named.timeout_s, named.interface)
     if _HELD.key != key or _HELD.fmu is None:
         if _HELD.fmu is not None:
             _HELD.fmu.workers.close()
-        _HELD.fmu, _HELD.key = Fmu(place_of(file), 1, timeout_s), key
+        opened = Fmu(place_of(file), 1, named.timeout_s, interface=named.interface)
+        _HELD.fmu, _HELD.key = opened, key
     return _HELD.fmu

@@ -21,7 +21,7 @@ from fitting.api.written import DRIVE_FILES, SWEEP_FILES
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenFmu
 from fitting.campaign.setup import Drive as WantedDrive
-from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, read_description
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.isolation import Isolation
 from fitting.fmu.models import provide_fmu
@@ -115,8 +115,8 @@ class Fmu:
     """An FMU: its variables, and worker processes that run it.
 
     Args:
-        source: Path of an FMU file (FMI 2.0 or 3.0, co-simulation), or the name of a model of this
-            project, as "CoupledOscillator", which is built on the spot.
+        source: Path of an FMU file (FMI 2.0 or 3.0), or the name of a model of this project, as
+            "CoupledOscillator", which is built on the spot.
         workers: Number of processes, at least 1; they start at the first run, or with a
             ``with`` block, and end with it, with ``close``, or when nobody refers to this object
             any more.
@@ -124,6 +124,8 @@ class Fmu:
         timeout_name: What complaints call that time.
         isolate: Whether its processes run with limits of memory, processor time, open files and
             written bytes, in a folder of their own and without network; or these limits.
+        interface: By which it is run, "co-simulation" or "model-exchange", whose equations are
+            integrated here; None: the first of these that it offers.
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
@@ -136,13 +138,14 @@ class Fmu:
         timeout_s: float = 60.0,
         timeout_name: str = "timeout_s",
         isolate: bool | Isolation = False,
+        interface: str | None = None,
     ) -> None:
         if not isinstance(source, str | PathLike):
             raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
         is_model = isinstance(source, str) and source.isidentifier()
         path = self._built(str(source)) if is_model else source
         self.workers = FmuWorkers(
-            path,
+            read_description(path, interface),
             workers=workers,
             timeout_s=timeout_s,
             timeout_name=timeout_name,

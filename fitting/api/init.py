@@ -29,7 +29,7 @@ __all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
 
 CAMPAIGN = "campaign.toml"
 #: What may be told beforehand, by name.
-KEYS = ("output", "tone", "input", "fit", "amplitudes", "kind", "demodulated-at")
+KEYS = ("output", "tone", "input", "fit", "amplitudes", "kind", "demodulated-at", "interface")
 
 
 def init(
@@ -56,7 +56,8 @@ def init(
         out: Folder for campaign.toml, made where there is none.
         columns: What the files do not tell of their columns.
         told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
-            ("peak" or "rms"), "kind" ("noise" or "sweep", of a spectrum of amplitudes).
+            ("peak" or "rms"), "kind" ("noise" or "sweep", of a spectrum of amplitudes), "interface"
+            ("co-simulation" or "model-exchange").
         ask: Asks a person what nobody told; None: the default is taken, and said.
 
     Returns:
@@ -110,6 +111,7 @@ def drafted(
     unknown = [key for key in answers.told if key not in KEYS]
     if unknown:
         raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
+    [interface] = answers.told.get("interface", (None,))
     with results_folder(Path(out), "init", (CAMPAIGN,)):
         demodulated = _demodulated(paths, columns or Columns(), fmu)
         recordings = demodulated or recordings_of(paths)
@@ -120,11 +122,11 @@ def drafted(
                     f"{paths[0]}: is a recording over time, and no free decay of one column; "
                     f"wanted --fmu, the FMU whose output was recorded: {TIME_PAGE}"
                 )
-            with _source(recorded) as source:
+            with _source(recorded, interface) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))
         else:
             looked_at = settled(files_of(paths, columns or Columns(), answers), answers)
-            with _source(fmu or model_for(looked_at)) as source:
+            with _source(fmu or model_for(looked_at), interface) as source:
                 draft = draft_of(looked_at, source, answers, Path(out))
         path = Path(out) / CAMPAIGN
         write_whole(path, draft.text)
@@ -168,10 +170,11 @@ def _demodulated(
 
 
 @contextmanager
-def _source(fmu: str | Path) -> Iterator[Source]:
+def _source(fmu: str | Path, interface: str | None) -> Iterator[Source]:
     """The FMU, with a worker for as long as the context lasts."""
-    with Fmu(fmu, 1) as held:
-        yield Source(str(fmu), isinstance(fmu, str) and fmu.isidentifier(), held.workers)
+    with Fmu(fmu, 1, interface=interface) as held:
+        is_model = isinstance(fmu, str) and fmu.isidentifier()
+        yield Source(str(fmu), is_model, held.workers, interface)
 
 
 def _names(value: str | Sequence[str]) -> tuple[str, ...]:

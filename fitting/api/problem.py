@@ -133,7 +133,11 @@ class Problem:
             raise BadInput("problem: no campaigns, wanted at least one")
         if fmu is None:
             named = one_fmu(read)
-            fmu = Fmu(named.file or str(named.model), timeout_s=named.timeout_s)
+            fmu = Fmu(
+                named.file or str(named.model),
+                timeout_s=named.timeout_s,
+                interface=named.interface,
+            )
         bound = [bind(campaign, fmu.variables) for campaign in read]
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
@@ -508,7 +512,7 @@ def fmu_of(
     """
     named = one_fmu(campaigns)
     path = provide_fmu(named, Path(folder))
-    return Fmu(path, workers, named.timeout_s, isolate=isolate)
+    return Fmu(path, workers, named.timeout_s, isolate=isolate, interface=named.interface)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
@@ -530,5 +534,10 @@ def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
             raise BadInput(
                 f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
                 f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
+            )
+        if one.interface != two.interface:
+            raise BadInput(
+                f"{other.path}: [fmu] interface: {two.interface or 'none'}, but {first.path} has "
+                f"{one.interface or 'none'}; wanted the same in campaigns that are fitted together"
             )
     return first.file.fmu

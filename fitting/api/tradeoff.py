@@ -42,7 +42,8 @@ def fmu_of(subject: str | Campaign, workers: int = 1) -> Fmu:
         BadInput: no such scene, file or model.
     """
     named = one_fmu([subject]) if isinstance(subject, Campaign) else scene_named(subject).fmu
-    return Fmu(named.file or str(named.model), workers, named.timeout_s)
+    source = named.file or str(named.model)
+    return Fmu(source, workers, named.timeout_s, interface=named.interface)
 
 
 def memory_of(folder: Path, subject: str | Campaign, fmu: Fmu, options: StudyOptions) -> Memory:

@@ -24,7 +24,7 @@ from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_ampli
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import ADDED, BACKGROUNDS, FLOOR_KINDS
 from fitting.signal.scale import SCALES
-from fitting.text.choices import CRITERIA, ESTIMATORS, LIKELIHOOD, MISFITS
+from fitting.text.choices import CRITERIA, ESTIMATORS, INTERFACES, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput
 from fitting.text.keys import (
     Count,
@@ -76,6 +76,8 @@ class WrittenFmu(Keys):
     """A model of this project, built on demand; either this or file."""
     file: FileName | None = None
     """An FMU (FMI 2.0 or 3.0, co-simulation or model exchange)."""
+    interface: Annotated[Text | None, OneOf(INTERFACES)] = None
+    """By which it is run; without it by co-simulation where it offers that."""
     timeout_s: Positive = 60.0
     """Longest simulation run, then the FMU counts as failed, s."""
     start: Mapping[str, Value] = field(default_factory=dict)

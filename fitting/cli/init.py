@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import fitting as ff
 from fitting.cli.running.results import writes
 from fitting.cli.words.columns import add_columns, columns_of
+from fitting.cli.words.drive import add_interface
 
 if TYPE_CHECKING:
     from fitting.api.init import Question
@@ -57,6 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='of a demodulated ringdown: the frequency of the lock-in, as "1.2 MHz"',
     )
     parser.add_argument("--output", metavar="NAME", help="output of the FMU that is seen")
+    add_interface(parser)
     parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")
     parser.add_argument("--input", metavar="NAME", help="input of the FMU that is driven")
     parser.add_argument(
@@ -76,7 +78,8 @@ def run(args: argparse.Namespace) -> int:
     from fitting.api.init import drafted, told_apart
     from fitting.report.table import wrapped
 
-    told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit", "kind")}
+    same = ("output", "tone", "input", "fit", "kind", "interface")
+    told = {name: getattr(args, name) for name in same}
     told["demodulated-at"] = args.demodulated_at
     told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
     made = drafted(

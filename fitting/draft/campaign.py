@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from fitting.draft.files import Files, SweepFile, TableFile
 from fitting.draft.model import Offer
+from fitting.draft.source import Source, relative_path
 from fitting.draft.values import Box
 from fitting.measurements.noise.record import THERMAL, WHITE
 from fitting.resonance.form import FANO, SLOPED
@@ -53,8 +53,7 @@ class Choices:
 
     Attributes:
         title: of the campaign.
-        fmu: a model of this project, or the path of an FMU.
-        is_model: which of the two.
+        source: the FMU.
         output: observed output.
         tones: parameters of frequency and amplitude, one pair for each tone of the data; empty: an
             input is driven.
@@ -73,8 +72,7 @@ class Choices:
     """
 
     title: str
-    fmu: str
-    is_model: bool
+    source: Source
     output: str
     tones: tuple[tuple[str, str], ...]
     driven: str
@@ -192,28 +190,10 @@ def put_remarks(tables: Tables, remarks: Remarks) -> None:
         put(table, str(path[-1]), value.unwrap() if hasattr(value, "unwrap") else value, words)
 
 
-def relative_path(path: Path, folder: Path | None) -> str:
-    """A path as seen from the campaign, with slashes on every system.
-
-    Args:
-        path: of a file.
-        folder: where the campaign stands; None: the path is absolute.
-    """
-    absolute = Path(os.path.abspath(path))
-    if folder is None:
-        return absolute.as_posix()
-    try:
-        return Path(os.path.relpath(absolute, os.path.abspath(folder))).as_posix()
-    except ValueError:  # on another drive
-        return absolute.as_posix()
-
-
 def _fmu(choices: Choices, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
-    if choices.is_model:
-        made: dict[str, Any] = {"model": choices.fmu}
+    made: dict[str, Any] = dict(choices.source.table(folder))
+    if choices.source.is_model:
         remarks["fmu", "model"] = "shipped with fmu-fit and built on demand"
-    else:
-        made = {"file": relative_path(Path(choices.fmu), folder)}
     if choices.taken:
         made["taken"] = list(choices.taken)
         remarks["fmu", "taken"] = TAKEN_REMARK

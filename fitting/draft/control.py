@@ -18,14 +18,13 @@ from fitting.draft.campaign import (
     meaning,
     parameter_table,
     put_remarks,
-    relative_path,
 )
 from fitting.draft.checked import Draft, check_text
 from fitting.draft.crossing import Crossing, Spectra, crossing_of, phases_of
 from fitting.draft.files import MapFile
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
-from fitting.draft.source import Source
+from fitting.draft.source import Source, relative_path
 from fitting.draft.values import Box
 from fitting.resonance.control_map import PAGE, TABLES
 from fitting.resonance.reading import POWERS, hertz_in, lead, values_in
@@ -314,11 +313,7 @@ class _Written:
         return rewritten(toml_text(tables, head), lambda made: put_remarks(made, remarks))
 
     def _fmu(self, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
-        name = self.source.name
-        model = self.source.is_model
-        made: dict[str, Any] = (
-            {"model": name} if model else {"file": relative_path(Path(name), folder)}
-        )
+        made: dict[str, Any] = dict(self.source.table(folder))
         made["taken"] = ["g2"]
         made["start"] = {self.steady: True, "A2": 0.0, "g2": 0.0}
         remarks["fmu", "taken"] = "nobody measured it: leave it out where you know it to be so"

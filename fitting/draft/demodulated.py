@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.instruments import Channel
-from fitting.draft.campaign import Remarks, relative_path
+from fitting.draft.campaign import Remarks
 from fitting.draft.decays import Decay
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
 from fitting.draft.ringdown import DecayingLine, line_boxes, width_box
-from fitting.draft.source import Source
+from fitting.draft.source import Source, relative_path
 from fitting.draft.trace_draft import TimeDraft
 from fitting.draft.values import Box
 from fitting.measurements.traces.record import FOUND

@@ -346,8 +346,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         taken=tuple(n for n in TAKEN_VALUES if n in start) if pair else (),
         title=", ".join(sweep.path.stem for sweep in files.sweeps)
         or (str(files.table) if files.table else offer.description.model_name),
-        fmu=source.name,
-        is_model=source.is_model,
+        source=source,
         output=output,
         tones=tuple((tone.frequency, tone.amplitude) for tone in tones),
         driven=driven,

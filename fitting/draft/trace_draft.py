@@ -16,10 +16,9 @@ from fitting.draft.campaign import (
     Remarks,
     parameter_table,
     put_remarks,
-    relative_path,
 )
 from fitting.draft.model import Offer
-from fitting.draft.source import Source
+from fitting.draft.source import Source, relative_path
 from fitting.draft.values import Box
 from fitting.measurements.traces.record import FIT, FOUND, STATES_OF_ONE, UNKNOWN
 from fitting.measurements.traces.waveform import HELD
@@ -98,10 +97,7 @@ class TimeDraft:
             folder: where it stands, to which paths are relative; None: they are absolute.
         """
         remarks: Remarks = {}
-        name = self.source.name
-        fmu: dict[str, Any] = (
-            {"model": name} if self.source.is_model else {"file": relative_path(Path(name), folder)}
-        )
+        fmu: dict[str, Any] = dict(self.source.table(folder))
         if self.start:
             fmu["start"] = {name: value for name, (value, _) in self.start.items()}
             for name, (_, why) in self.start.items():

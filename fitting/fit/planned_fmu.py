@@ -111,7 +111,7 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
     }
     for each in series.values():
         refuse_other_drives(each, workers)
-    variables, own = workers.description.variables, read_accuracy_annotation(workers.description)
+    variables, own = told.settable, read_accuracy_annotation(told)
     plans = {name: measured_plan(each, workers, variables, own) for name, each in series.items()}
     planned = PlannedFmu(problem, workers, plans)
     for sentence in planned.sentences:

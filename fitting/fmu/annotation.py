@@ -7,7 +7,8 @@
       </Reduction>
     </Accuracy></Tool></VendorAnnotations>
 
-In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. An FMU without one says nothing.
+In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. An FMU without one says
+nothing; where its equations are integrated here, the tolerance of that is known all the same.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import zipfile
 from xml.etree import ElementTree
 
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
-from fitting.fmu.description import FmuDescription
+from fitting.fmu.description import INTEGRATOR_TOLERANCE, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
@@ -43,7 +44,8 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
         raise BadInput(f"{description.path}: modelDescription.xml: {error}") from error
     found = [element for place in PLACES for element in root.iterfind(place)]
     if not found:
-        return AccuracyAnnotation()
+        integrated = INTEGRATOR_TOLERANCE.name if description.exchange is not None else None
+        return AccuracyAnnotation(tolerance=integrated)
     element = found[0]
     for name in (element.get("tolerance"), element.get("substep")):
         if name is not None:

@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 from fitting.fmu.archive import member_names
 from fitting.fmu.own_steps import OwnSteps
 from fitting.text.arrays import Scalar
+from fitting.text.choices import INTERFACES
 from fitting.text.errors import BadInput, shown
 from fitting.text.files import read_whole
 
@@ -29,7 +30,6 @@ _KINDS: dict[str, Kind] = {
     "String": "String",
     **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
 }
-
 
 #: Elements of an array (FMI 3.0) up to which each is a variable here.
 MOST_ELEMENTS = 1000
@@ -74,12 +74,33 @@ class FmuVariable:
         )
 
 
+#: Relative tolerance of the integration of equations where nobody asks for another.
+USUAL_TOLERANCE = 1e-9
+#: The relative tolerance to which equations of model exchange are integrated here: no variable of
+#: the FMU, but set as one, by what plans the runs.
+INTEGRATOR_TOLERANCE = FmuVariable(
+    name="integrator_tolerance",
+    kind="Real",
+    causality="parameter",
+    variability="fixed",
+    initial="exact",
+    unit=None,
+    start=USUAL_TOLERANCE,
+    min=1e-13,
+    max=1e-4,
+    description="relative tolerance of the integration of its equations",
+    value_reference=0,
+    fmi_type="integrator",
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FmuDescription:
     """What an FMU file says of itself; ``variables`` by name in the order of the file.
 
     ``own_steps`` are the steps that it was made for. ``exchange`` are the numbers of states and
-    event indicators where it offers model exchange alone: its equations are then integrated here.
+    event indicators where it is run by model exchange: its equations are then integrated here.
+    ``offers`` are the interfaces that it has, of INTERFACES.
     """
 
     path: Path
@@ -96,6 +117,19 @@ class FmuDescription:
     variables: Mapping[str, FmuVariable] = field(repr=False)
     own_steps: OwnSteps = field(default_factory=OwnSteps)
     exchange: tuple[int, int] | None = None
+    offers: tuple[str, ...] = INTERFACES[:1]
+
+    @property
+    def interface(self) -> str:
+        """The one by which it is run, of INTERFACES."""
+        return INTERFACES[0] if self.exchange is None else INTERFACES[1]
+
+    @property
+    def settable(self) -> Mapping[str, FmuVariable]:
+        """Its variables, and the tolerance of the integrator where its equations are integrated."""
+        if self.exchange is None:
+            return self.variables
+        return {INTEGRATOR_TOLERANCE.name: INTEGRATOR_TOLERANCE, **self.variables}
 
     @property
     def step_s(self) -> float | None:
@@ -120,7 +154,7 @@ class FmuDescription:
 
     def variable(self, name: str) -> FmuVariable:
         """The variable ``name``; BadInput with the nearest names if there is none."""
-        found = self.variables.get(name)
+        found = self.settable.get(name)
         if found is None:
             lower = {known.lower(): known for known in self.variables}
             near = [lower[key] for key in difflib.get_close_matches(name.lower(), lower, n=3)]
@@ -129,15 +163,15 @@ class FmuDescription:
         return found
 
 
-def read_description(path: Path | str) -> FmuDescription:
+def read_description(path: Path | str, interface: str | None = None) -> FmuDescription:
     """Description of an FMU that this machine can run by FMI 2.0 or 3.0.
-
-    One that offers both co-simulation and model exchange is taken for co-simulation.
 
     Args:
         path: of the file.
+        interface: by which it is run, of INTERFACES; None: by co-simulation where it offers that.
 
-    Raises BadInput if the file is no FMU, has neither, or no binary for this platform.
+    Raises BadInput if the file is no FMU, has neither or not the one that is asked for, or no
+    binary for this platform.
     """
     import fmpy  # slow to load, and the other names of this module are wanted by many
 
@@ -151,13 +185,17 @@ def read_description(path: Path | str) -> FmuDescription:
         raise BadInput(f"{path}: is not an FMU ({error})") from error
     if model.fmiVersion != "2.0" and not model.fmiVersion.startswith("3."):
         raise BadInput(f"{path}: is an FMU of FMI {model.fmiVersion}, wanted FMI 2.0 or 3.0")
-    interface = model.coSimulation or model.modelExchange
-    if interface is None:
+    offered = _offered(path, model)
+    chosen = interface or next(iter(offered))
+    if chosen not in INTERFACES:
+        raise BadInput(f"interface: found {chosen!r}, wanted {' or '.join(INTERFACES)}")
+    if chosen not in offered:
         raise BadInput(
-            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
-            "of them (scheduled execution alone cannot be driven)"
+            f"{path}: offers {' and '.join(offered)} alone, wanted {chosen} as interface"
         )
-    identifier = interface.modelIdentifier
+    by_exchange = chosen == INTERFACES[1]
+    told = offered[chosen]
+    identifier = told.modelIdentifier
     _require_binary(path, model.fmiVersion, identifier, names)
     return FmuDescription(
         path=path,
@@ -169,16 +207,29 @@ def read_description(path: Path | str) -> FmuDescription:
         generation_tool=model.generationTool or "",
         description=model.description or "",
         platforms=_platforms(names),
-        one_instance_per_process=bool(interface.canBeInstantiatedOnlyOncePerProcess),
-        needs_execution_tool=bool(interface.needsExecutionTool),
+        one_instance_per_process=bool(told.canBeInstantiatedOnlyOncePerProcess),
+        needs_execution_tool=bool(told.needsExecutionTool),
         variables={
             each.name: each
             for v in model.modelVariables
             for each in _variables(path, model.fmiVersion, v)
         },
-        own_steps=_own_steps(path, model),
-        exchange=None if model.coSimulation else _sizes(model),
+        own_steps=OwnSteps() if by_exchange else _own_steps(path, model),
+        exchange=_sizes(model) if by_exchange else None,
+        offers=tuple(offered),
     )
+
+
+def _offered(path: Path, model: Any) -> dict[str, Any]:
+    """What the description tells of each interface that the FMU has, by INTERFACES."""
+    both = zip(INTERFACES, (model.coSimulation, model.modelExchange), strict=True)
+    offered = {name: told for name, told in both if told is not None}
+    if not offered:
+        raise BadInput(
+            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
+            "of them (scheduled execution alone cannot be driven)"
+        )
+    return offered
 
 
 def validation_problems(path: Path | str) -> list[str]:
@@ -197,18 +248,18 @@ def _sizes(model: Any) -> tuple[int, int]:
 
 
 def _own_steps(path: Path, model: Any) -> OwnSteps:
+    """The steps that its co-simulation tells; of model exchange any step is as good as another."""
+
     def step_s(text: str | None, key: str) -> float | None:
         found = _number(text, f"{path}: {key}")
         return found if found is not None and 0.0 < found < math.inf else None
 
-    cosimulation = model.coSimulation  # None: model exchange alone, whose steps are those asked
-    fixed = getattr(cosimulation, "fixedInternalStepSize", None)
+    fixed = getattr(model.coSimulation, "fixedInternalStepSize", None)
     usual = getattr(model.defaultExperiment, "stepSize", None)
     return OwnSteps(
         internal_s=step_s(fixed, "fixedInternalStepSize"),
         usual_s=step_s(usual, "DefaultExperiment stepSize"),
-        of_any_length=cosimulation is None
-        or bool(cosimulation.canHandleVariableCommunicationStepSize),
+        of_any_length=bool(model.coSimulation.canHandleVariableCommunicationStepSize),
     )
 
 

@@ -85,6 +85,7 @@ class FmuWorkers:
     They are started when the first runs come, and end with `close`, at the end of a ``with`` block,
     when nobody refers to this object any more, or with the caller, however that ends.
 
+    ``fmu`` is its path, or its description, which also tells the interface by which it is run;
     ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
     reset and reused where a repeated run is the same bit for bit, "never": a new one for each run;
     ``timeout_name`` what the user calls the time limit, for the message when it is over;
@@ -98,7 +99,7 @@ class FmuWorkers:
 
     def __init__(
         self,
-        path: Path | str,
+        fmu: Path | str | FmuDescription,
         *,
         workers: int = 1,
         timeout_s: float = 60.0,
@@ -110,7 +111,7 @@ class FmuWorkers:
             raise BadInput(f"workers is {workers!r}, wanted 1 to {MOST_WORKERS}")
         if not timeout_s > 0:
             raise BadInput(f"timeout_s is {timeout_s!r}, wanted a positive time")
-        self.description = read_description(path)
+        self.description = fmu if isinstance(fmu, FmuDescription) else read_description(fmu)
         self.counts = Counts()
         self.warnings: tuple[str, ...] = ()
         self.latest_warnings: tuple[str, ...] = ()

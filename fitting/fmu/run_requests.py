@@ -93,6 +93,7 @@ class RunRequests:
         self.layouts: list[Layout] = []
         self._grown = False
         self._description = description
+        self._known = description.settable
         self._numbers: dict[_Key, int] = {}
         self._defaults: dict[str, Scalar] = {}  # of every variable that any run has set
         self._beside: dict[str, Scalar] = {}  # of elements beside them in an array
@@ -165,9 +166,8 @@ class RunRequests:
             elif name not in self._defaults and self._remember(self._variable_to_set(name)):
                 self._numbers.clear()  # from now on every layout sets this one as well
                 self._grown = True
-        variables = self._description.variables
         for name, value in start_values.items():
-            self._require_type(variables[name], value)
+            self._require_type(self._known[name], value)
         covered = self._whole_arrays(names if bare else (*names, *self._defaults))
         gets = self._grouped([self._variable_to_read(name) for name in outputs])
         self.layouts.append(
@@ -185,13 +185,12 @@ class RunRequests:
 
     def _whole_arrays(self, names: Iterable[str]) -> list[FmuVariable]:
         """Variables, each once, and what stands beside an element in its array."""
-        variables = self._description.variables
-        asked = [variables[name] for name in dict.fromkeys(names)]
+        asked = [self._known[name] for name in dict.fromkeys(names)]
         arrays = {v.value_reference for v in asked if v.element is not None}
         found = [v for v in asked if v.element is None]
         if not arrays:
             return found
-        elements = [v for v in variables.values() if v.value_reference in arrays]
+        elements = [v for v in self._known.values() if v.element and v.value_reference in arrays]
         for element in elements:
             if element.start is None and element.name not in names:
                 raise BadInput(

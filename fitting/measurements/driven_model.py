@@ -65,7 +65,8 @@ class DrivenModel:
     """How parameter vectors become runs of the FMU, for one series and one discrete alternative.
 
     `own_step_s` is the step that the FMU was made for, None where it tells none; `any_steps`:
-    whether its communication steps may differ from each other.
+    whether its communication steps may differ from each other; `integrated`: whether its equations
+    are integrated here, by model exchange.
     """
 
     setup: Setup
@@ -74,6 +75,7 @@ class DrivenModel:
     alternative: Mapping[str, Scalar] = field(default_factory=dict)
     own_step_s: float | None = None
     any_steps: bool = True
+    integrated: bool = False
 
     @cached_property
     def _acting(self) -> dict[str | None, list[int]]:

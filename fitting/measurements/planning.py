@@ -143,6 +143,7 @@ def measured_plan(
         alternative=series.alternative,
         own_step_s=series.own_step_s,
         any_steps=series.any_steps,
+        integrated=series.exchange,
     )
     drives = _drives(series, model, workers)
     if not drives:

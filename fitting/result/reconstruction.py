@@ -14,11 +14,13 @@ from fitting.fmu.pool import DROPPED
 from fitting.inference.infer import Inference
 from fitting.inference.warnings import Kind, warned
 from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.plan import Plan
 from fitting.result.assembly import result_of
 from fitting.result.provenance import Identity, provenance_of
 from fitting.result.result import Result
 from fitting.simulate.words import warnings_in_words
 from fitting.text.arrays import FloatArray
+from fitting.text.choices import INTERFACES
 
 #: Kinds of warnings that a note tells of.
 MOST_KINDS = 3
@@ -82,6 +84,7 @@ def result_through(
                 for s in warnings_in_words(plan.budget)
             ),
         ),
+        *warned(Kind.PLAN, _other_interface(workers.description, plans)),
     ]
     result = result_of(fit, inference, provenance, further, plans[0].record)
     return replace(result, seconds=seconds)
@@ -90,6 +93,18 @@ def result_through(
 def _reported(fit: Fit, inference: Inference) -> FloatArray:
     """The reported values, as the model takes them."""
     return canonical(fit.problem.parameters, inference.reported)
+
+
+def _other_interface(description: FmuDescription, plans: Sequence[Plan]) -> list[str]:
+    """That the equations of the FMU could be integrated here, where its own solver does not do."""
+    other = INTERFACES[1]
+    short = any(plan.budget is not None and not plan.budget.kept for plan in plans)
+    if not short or description.interface == other or other not in description.offers:
+        return []
+    return [
+        f'The FMU offers model exchange, too: with interface = "{other}" under [fmu] its equations '
+        "are integrated here, without steps of a solver of its own."
+    ]
 
 
 def _other_signals(misfit: float, accuracy: float) -> list[str]:

@@ -56,7 +56,7 @@ def knowledge_of(
         description.variable(name)
     return Knowledge(
         merged,
-        description.variables,
+        description.settable,
         step_s=description.step_s,
         fixed_step=description.fixed_step,
         exchange=description.exchange is not None,

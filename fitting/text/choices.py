@@ -13,3 +13,5 @@ LIKELIHOOD, ALGORITHM2 = ESTIMATORS = ("likelihood", "algorithm2")
 CRITERIA = ("target", "D", "A")
 #: Whether figures for print are written, too.
 STYLES = ("report", "paper")
+#: By which an FMU can be run, in the words of FMI; the first of them where it offers both.
+INTERFACES = ("co-simulation", "model-exchange")

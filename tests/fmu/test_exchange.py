@@ -1,4 +1,4 @@
-"""FMUs of model exchange alone: integrated, with events, simulated."""
+"""FMUs of model exchange: integrated, with events, simulated, fitted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 import fitting as ff
 from fitting.fmu import FmuWorkers, Run, read_description
-from tests.support.cfmu_build import build_exchange_fmu
+from tests.support.cfmu_build import build_exchange_fmu, build_reference_fmu
 
 #: A line of 320 Hz at 318 Hz, which soon settles.
 DAMPED = {"damping": 2.0}
@@ -95,3 +95,65 @@ def test_an_fmu_that_cannot_be_driven_is_refused(exchange: Path, tmp_path: Path)
             other.writestr(name, content)
     with pytest.raises(ff.BadInput, match="neither co-simulation nor model exchange"):
         read_description(path)
+
+
+@pytest.fixture(scope="module")
+def dahlquist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """x' = -k x, by both interfaces; its co-simulation is Euler's method in steps of 0.1 s."""
+    return build_reference_fmu(tmp_path_factory.mktemp("both"), "Dahlquist")
+
+
+def test_either_interface_can_be_chosen(dahlquist: Path) -> None:
+    """Model exchange is exp(-k t), co-simulation (1 - 0.1 k)^n; the latter is the usual one."""
+    t = 0.1 * np.arange(20)
+    run = Run(start_values={"k": 0.7}, settle_s=0.0, sample_step_s=0.1, samples=20, outputs=("x",))
+
+    def seen(interface: str | None) -> np.ndarray:
+        with FmuWorkers(read_description(dahlquist, interface)) as workers:
+            return workers.run([run])[0][:, 0]
+
+    assert seen("model-exchange") == pytest.approx(np.exp(-0.7 * t), abs=1e-10)
+    assert seen("co-simulation") == pytest.approx(0.93 ** np.arange(20), abs=1e-12)
+    assert (seen(None) == seen("co-simulation")).all()
+
+
+def test_an_interface_that_is_not_there_is_refused(exchange: Path) -> None:
+    with pytest.raises(ff.BadInput, match="offers model-exchange alone, wanted co-simulation"):
+        ff.Fmu(exchange, interface="co-simulation")
+    with pytest.raises(ff.BadInput, match="'both', wanted co-simulation or model-exchange"):
+        ff.Fmu(exchange, interface="both")
+
+
+def test_a_decay_is_fitted_by_either_interface(dahlquist: Path, tmp_path: Path) -> None:
+    """Euler's method has a wide error, and the result says what else the FMU offers."""
+    t, rng = 0.1 * np.arange(60), np.random.default_rng(2)
+    volt = np.exp(-0.83 * t) + 1e-3 * rng.standard_normal(t.size)
+    file = tmp_path / "decay.csv"
+    rows = zip(t.tolist(), volt.tolist(), strict=True)
+    file.write_text("time (s),x (V)\n" + "".join(f"{a!r},{b!r}\n" for a, b in rows))
+    found = {}
+    for name in ("model-exchange", "co-simulation"):
+        made, _ = ff.init(file, dahlquist, out=tmp_path / name, told={"interface": name})
+        result = ff.fit(ff.Problem.of(made)).result
+        k = result.parameters["k"]
+        assert abs(k.value - 0.83) < 2.0 * k.std, name
+        found[name] = k.std, result.warnings
+    assert found["model-exchange"][0] < 1e-3 < 1e-2 < found["co-simulation"][0]
+    offered = 'with interface = "model-exchange" under [fmu]'
+    assert any(offered in said for said in found["co-simulation"][1])
+    assert not any(offered in said for said in found["model-exchange"][1])
+
+
+def test_the_tolerance_of_the_integration_follows_the_accuracy(fmu: ff.Fmu) -> None:
+    """In a flank of a line of Q = 30, k / (c w)."""
+    values, w = {"damping": 6e-2}, 2.0 * math.pi * 315.0
+    truth = 1.0 / abs(4e3 - 1e-3 * w * w + 6e-2j * w)
+    drive, chosen = ff.Drive(input="force"), []
+    for accuracy in (1e-3, 1e-5):
+        plan = fmu.plan(
+            values, tones=[315.0], drive=drive, outputs="displacement", accuracy=accuracy
+        )
+        assert plan.promised <= accuracy
+        assert float(plan.amplitudes[0][0, 0]) == pytest.approx(truth, rel=plan.promised)
+        chosen.append(float(plan.settings["integrator_tolerance"]))
+    assert chosen[0] > 10.0 * chosen[1]

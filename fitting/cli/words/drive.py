@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import fitting as ff
 from fitting.cli.words.values import positive_time, quantity
+from fitting.text.choices import INTERFACES
 
 if TYPE_CHECKING:
     from fitting.text.arrays import Scalar
@@ -40,6 +41,20 @@ def add_fmu(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument(
         "fmu", metavar="FMU", help="the file (FMI 2.0 or 3.0), or a model as CoupledOscillator"
+    )
+    add_interface(parser)
+
+
+def add_interface(parser: argparse.ArgumentParser) -> None:
+    """Declare by which interface the FMU is run.
+
+    Args:
+        parser: of the command.
+    """
+    parser.add_argument(
+        "--interface",
+        choices=INTERFACES,
+        help=f"by which the FMU is run ({INTERFACES[0]} where it offers that)",
     )
 
 
@@ -82,7 +97,8 @@ def fmu_of(args: argparse.Namespace) -> ff.Fmu:
     Raises:
         BadInput: no such file or model, or no FMU that this machine can run.
     """
-    return ff.Fmu(args.fmu, 1, args.timeout, "--timeout", isolate=args.isolate)
+    how = {"isolate": args.isolate, "interface": args.interface}
+    return ff.Fmu(args.fmu, 1, args.timeout, "--timeout", **how)
 
 
 @contextmanager

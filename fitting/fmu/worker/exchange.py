@@ -1,6 +1,7 @@
 """FMUs of model exchange: equations without a solver, integrated here by those of scipy.
 
-By DOP853 (Dormand and Prince, order 8), and where that takes very many steps, as stiff equations
+To a relative tolerance that is set as a variable of the FMU is: by DOP853 (Dormand and Prince,
+order 8), and where that takes very many steps, as stiff equations
 make it, by LSODA (Petzold 1983), which goes over to backward differences. A drive is no staircase
 here: the input is set to the tones wherever the equations are evaluated. Integration begins anew
 after every event; state events are found by bisection of the dense output, time events are ends of
@@ -18,13 +19,15 @@ from fmpy.fmi2 import FMU2Model, fmi2EventInfo
 from fmpy.fmi3 import FMU3Model
 from scipy.integrate import DOP853, LSODA
 
+from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
+from fitting.fmu.run_requests import Group
 from fitting.fmu.runs import Tone
 from fitting.fmu.worker.instance import FmuInstance, FmuInstance2, FmuInstance3, VariableAccess
 from fitting.fmu.worker.log import CallFailed, Log
 from fitting.text.arrays import FloatArray, Scalar
 
-#: Relative tolerance of a step, and the part of a state's nominal value below which it is nothing.
-TOLERANCE, NOTHING = 1e-9, 1e-9
+#: The part of a state's nominal value below which it is nothing.
+NOTHING = 1e-9
 #: Steps of a stretch from which equations are taken for stiff, but for so many in a period of the
 #: drive: these follow it.
 MANY_STEPS = 20_000
@@ -53,6 +56,7 @@ class ModelExchange(FmuInstance):
         self._event_s = math.inf
         self._stiff, self._step_s = False, 0.0
         self._drive: tuple[VariableAccess, tuple[Tone, ...]] | None = None
+        self._tolerance = USUAL_TOLERANCE
         self._nominal = self._seen = np.empty(0)
 
     def leave_initialisation(self) -> None:
@@ -80,6 +84,28 @@ class ModelExchange(FmuInstance):
         """Back to the state after instantiation."""
         self._running = False
         super().reset()
+
+    def access(self, verb: str, group: Group) -> VariableAccess:
+        """Function and buffers of a group of variables, or of the integrator's tolerance.
+
+        Args:
+            verb: "get" or "set".
+            group: value references of one type, or of one array.
+        """
+        if group.fmi_type != INTEGRATOR_TOLERANCE.fmi_type:
+            return super().access(verb, group)
+        return VariableAccess(
+            function=self._take_tolerance,
+            name="SetTolerance",
+            references=(),
+            n=1,
+            buffer=(ctypes.c_double * 1)(),
+            tail=(),
+        )
+
+    def _take_tolerance(self, _instance: Any, _references: Any, _n: int, buffer: Any) -> int:
+        self._tolerance = float(buffer[0])
+        return 0
 
     def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:
         """Set variables; during the simulation that is an event.
@@ -163,12 +189,12 @@ class ModelExchange(FmuInstance):
         return until, False
 
     def _solver(self, at: float, x: FloatArray, until: float) -> Any:
-        smallest = self._smallest(x)
+        smallest, within = self._smallest(x), self._tolerance
         if self._stiff:
-            return LSODA(self._rate, at, x, until, rtol=TOLERANCE, atol=smallest)
+            return LSODA(self._rate, at, x, until, rtol=within, atol=smallest)
         # a first step of its own choice would cost more than a short stretch has steps
         first_s = min(self._step_s, until - at) or None
-        return DOP853(self._rate, at, x, until, rtol=TOLERANCE, atol=smallest, first_step=first_s)
+        return DOP853(self._rate, at, x, until, rtol=within, atol=smallest, first_step=first_s)
 
     def _crossing(self, solver: Any, before: FloatArray) -> float:
         """The time just after the first change of sign of an indicator in the last step."""
@@ -188,7 +214,7 @@ class ModelExchange(FmuInstance):
     def _smallest(self, x: FloatArray) -> FloatArray:
         """Absolute tolerances, by the largest value of a state so far, or a part of a nominal."""
         self._seen = np.maximum(self._seen, np.abs(x))
-        return np.asarray(TOLERANCE * self._seen)
+        return np.asarray(self._tolerance * self._seen)
 
     def _indicators(self, t: float, x: FloatArray) -> FloatArray:
         if not self._z.values.size:

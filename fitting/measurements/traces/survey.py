@@ -15,6 +15,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from fitting.campaign import Setup
+from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.traces.decay_run import Pulsed, few_samples, read_decay
@@ -42,6 +43,9 @@ SHARE, MARGIN = 0.03, 0.1
 GOAL, BETTER = 1e-11, 0.1
 #: How far a communication step may be from whole steps of the FMU's own, as seen, relative.
 UNEVEN = 0.01
+#: How much coarser equations are integrated to see what the tolerance leaves, and which part of
+#: that change: the error goes as the tolerance, so that a hundredth would do.
+COARSER, LEFT = 100.0, 0.1
 #: A change below this is none.
 ROUNDING = 1e-16
 
@@ -173,7 +177,7 @@ class Survey(Generic[T]):
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
-        steps = self._looked_closely(kept, steps, left)
+        steps = self._integrated(kept, self._looked_closely(kept, steps, left))
         if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
             steps = self._of_few_samples(kept, steps, left)
         return plan.with_steps(steps)
@@ -210,6 +214,24 @@ class Survey(Generic[T]):
         return plan.with_steps(
             replace(before, bound=steps.bound, stands_s=longest, shifted=shifted)
         )
+
+    def _integrated(self, points: Sequence[FloatArray], steps: StepPlan) -> StepPlan:
+        """The steps with what the integration of the FMU's equations leaves, where it is done here.
+
+        Args:
+            points: parameter vectors (n,) that the FMU takes.
+            steps: as they were planned.
+        """
+        if not self.model.integrated:
+            return steps
+        plan, name = self.model.plan, INTEGRATOR_TOLERANCE.name
+        within = float(plan.settings.get(name, USUAL_TOLERANCE))
+        settings = {**plan.settings, name: COARSER * within}
+        coarse = replace(self, model=replace(self.model, plan=replace(plan, settings=settings)))
+        here = self._simulated(points[:1], steps.per_sample)
+        change = coarse._simulated(points[:1], steps.per_sample).change(here)
+        runs = steps.runs + 2 * here.count
+        return replace(steps, runs=runs, bound=steps.bound + LEFT * change)
 
     def _looked_closely(
         self, points: Sequence[FloatArray], steps: StepPlan, left: float

@@ -14,6 +14,7 @@ from fitting.fmu.trial.findings import ROUNDING
 from fitting.fmu.trial.inputs import InputEffect
 from fitting.fmu.trial.resets import Resets
 from fitting.fmu.trial.steps import SHIFT, Repeatability, Trial
+from fitting.text.choices import INTERFACES
 from fitting.text.controls import spelled_out
 from fitting.text.notation import how_many, listed
 
@@ -46,6 +47,7 @@ def description_lines(description: FmuDescription) -> list[str]:
         f"{', '.join(description.platforms)}",
         f"guid {description.guid}, sha256 {description.sha256}",
         f"made by {description.generation_tool or 'a tool that does not tell'}",
+        *_interface(description),
         *_needs(description),
         *_step(description),
         listed(_counted(n, causality) for causality, n in sorted(counts.items())),
@@ -116,7 +118,7 @@ def described(description: FmuDescription) -> dict[str, str]:
         "guid": d.guid,
         "sha256": d.sha256,
         "made by": d.generation_tool or "a tool that does not tell",
-        "further": "; ".join((*_needs(d), *_step(d))) or "nothing",
+        "further": "; ".join((*_interface(d), *_needs(d), *_step(d))) or "nothing",
     }
 
 
@@ -208,6 +210,18 @@ def _trial(trial: Trial, description: FmuDescription) -> str:
     where = "" if outputs else " (it has no output)"
     line = f"trial run: one step of {trial.step_s:g} s, {what}{where} {said}"
     return line + (f"; not a number: {', '.join(trial.blank)}" if trial.blank else "")
+
+
+def _interface(description: FmuDescription) -> list[str]:
+    """By which interface it is run, where that is not the only one, or not the usual one."""
+    if description.offers == INTERFACES[:1]:
+        return []
+    others = [name for name in description.offers if name != description.interface]
+    lines = [f"run by {description.interface}"]
+    if description.exchange is not None:
+        lines[0] += ": its equations are integrated here"
+    lines[0] += f"; it offers {others[0]}, too (--interface {others[0]})" if others else ""
+    return lines
 
 
 def _needs(description: FmuDescription) -> list[str]:
