@@ -13,7 +13,7 @@ import pytest
 from lxml import etree, html
 
 from fitting.report import table as tables
-from fitting.report.figures.style import FigureFile
+from fitting.report.figures.file import FigureFile
 from fitting.report.page import render, write_page
 from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
