@@ -36,7 +36,7 @@ NOTHING = 1e-9
 MANY_STEPS = 20_000
 #: Evaluations of events at one time, at most, and bisections of a step in which one is.
 MOST_EVENTS, BISECTIONS = 1000, 60
-#: Steps in a period of the fastest oscillation, at which state events are looked for; and looks in a
+#: Steps in a period of the fastest oscillation, at which state events are looked for; looks in a
 #: stretch, about, whether equations are as linear as they were found.
 LOOKS, MOST_LOOKS = 8, 256
 
