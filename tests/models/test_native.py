@@ -19,8 +19,8 @@ import pytest
 import build_fmu
 from fmu_src import native_binary
 from fmu_src.start_values import BuildError
-from tests.models.test_hosts_c import Host
 from tests.support import reference
+from tests.support.c_hosts import Pythonless
 from tests.support.fmus import (
     DISCARD,
     ERROR,
@@ -326,28 +326,6 @@ def test_threads_do_not_disturb_each_other(twin: Unpacked) -> None:
 # --- a host without Python -----------------------------------------------------------------------
 
 
-class Pythonless(Host):
-    """The C program, in an environment without anything of Python."""
-
-    binary: Path
-
-    def run(self, script: Any, libpython: Any = "-", **environment: str) -> Any:
-        return subprocess.run(
-            [
-                self.program,
-                "-",
-                self.binary,
-                (self.fmu.folder / "resources").as_uri(),
-                self.fmu.description.guid,
-            ],
-            input="".join(f"{line}\n" for line in script),
-            capture_output=True,
-            text=True,
-            timeout=MOST_S,
-            env=environment,
-        )
-
-
 @pytest.fixture(scope="module")
 def host(
     twin: Unpacked, compiled: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
@@ -355,10 +333,9 @@ def host(
     """The C program and a binary that stop at the first access or operation that C forbids."""
     need_compiler()
     checks = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
-    made = Pythonless(compiled("replay", *checks), twin)
     folder = tmp_path_factory.mktemp("checked")
-    object.__setattr__(made, "binary", checked_binary(folder, twin.path, *checks))
-    return made
+    binary = checked_binary(folder, twin.path, *checks)
+    return Pythonless(compiled("replay", *checks), twin, binary)
 
 
 def test_runs_in_a_host_without_python(host: Pythonless) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 import build_fmu
-from tests.models.test_native import Pythonless, Run, same
+from tests.models.test_native import Run, same
+from tests.support.c_hosts import Pythonless
 from tests.support.fmus import DISCARD, LIVELY, OK, Instance, Unpacked, unpack
 from tests.support.twins import checked_binary, twin_of
 
@@ -109,8 +110,8 @@ def test_nothing_is_touched_that_is_not_its_own(
 ) -> None:
     """Every scene and refusal, a state kept and taken back, under the compiler's checks."""
     checks = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
-    host = Pythonless(compiled("replay", *checks), twin)
-    object.__setattr__(host, "binary", checked_binary(tmp_path, twin.path, *checks))
+    binary = checked_binary(tmp_path, twin.path, *checks)
+    host = Pythonless(compiled("replay", *checks), twin, binary)
     outputs = twin.names("output")
     script = ["new 0 a"]
     for start, change in (*SCENES.values(), *((values, {}) for values in REFUSED.values())):
