@@ -19,10 +19,7 @@ import pytest
 import build_fmu
 from fmu_src import native_binary
 from fmu_src.start_values import BuildError
-from tests.support import reference
-from tests.support.c_hosts import Pythonless
 from tests.support.fmus import (
-    DISCARD,
     ERROR,
     LIVELY,
     OK,
@@ -30,14 +27,12 @@ from tests.support.fmus import (
     TIMES,
     Instance,
     Unpacked,
-    steady_state,
     unpack,
-    worst,
 )
 from tests.support.oscillator_runs import GRID, communication_points, relative_errors, simulate
 from tests.support.processes import MOST_S
 from tests.support.scenes import Scene
-from tests.support.twins import checked_binary, need_compiler
+from tests.support.twins import need_compiler
 
 ORBIT: Mapping[str, Any] = {"phase1": 0.4, "A2": 0.5}
 
@@ -321,73 +316,6 @@ def test_threads_do_not_disturb_each_other(twin: Unpacked) -> None:
     for thread in together:
         thread.join()
     assert [found[k] for k in range(len(scenes))] == alone
-
-
-# --- a host without Python -----------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def host(
-    twin: Unpacked, compiled: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
-) -> Pythonless:
-    """The C program and a binary that stop at the first access or operation that C forbids."""
-    need_compiler()
-    checks = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
-    folder = tmp_path_factory.mktemp("checked")
-    binary = checked_binary(folder, twin.path, *checks)
-    return Pythonless(compiled("replay", *checks), twin, binary)
-
-
-def test_runs_in_a_host_without_python(host: Pythonless) -> None:
-    names = "q1_hybrid", "q2_hybrid"
-    transcript = host.play(
-        [
-            "new 0 rest",
-            "new 1 orbit",
-            *host.start(0, **LIVELY),
-            *host.start(1, periodic_start=True, **ORBIT),
-            *host.steps(TIMES, *names, slot=0),
-            *host.steps(TIMES, *names, slot=1),
-            "terminate 0",
-            "free 0",
-            "free 1",
-        ]
-    )
-    assert {status for _, _, status, _ in transcript.lines} == {OK}
-    rows = transcript.reals()
-    p = host.fmu.parameters
-    rest = [row[:2] for row in reference.displacements(p(**LIVELY), TIMES)]
-    assert worst(rows[: len(TIMES)], rest) < 1e-13
-    assert worst(rows[len(TIMES) :], steady_state(p(**ORBIT), TIMES)) < 1e-11
-
-
-def test_nothing_is_touched_that_is_not_its_own(host: Pythonless) -> None:
-    """Every solver, refusal, state and misuse under the compiler's checks of memory."""
-    outputs = host.fmu.names("output")
-    script = ["new 0 a", "new 1 b"]
-    settings: list[dict[str, Any]] = [{}, {"solver": 1}, {"solver": 2}, {"other_mode": 1}]
-    settings += [{"other_mode": 2}, {"periodic_start": True}, {"d1": 1.5e5}, {"eta_minus": 1e5}]
-    for values in settings:
-        script += [
-            "reset 0",
-            *host.start(**dict(LIVELY) | values),
-            *host.steps(TIMES[:2], *outputs),
-            "save 0",
-            *host.set(0, {"theta": 2.2, "u1": 1e5}),
-            *([] if "solver" in values else host.set(0, {"b": 1e9})),
-            "step 0 2e-5 1e-5",
-            *host.get(*outputs),
-            "restore 0",
-            "step 0 2e-5 1e-5",
-            *host.get(*outputs),
-            "drop 0",
-        ]
-    for refusal in REFUSALS:
-        script += ["reset 0", *host.start(**refusal.values), "step 0 0 1", host.message]
-    script += ["reset 0", "getr 0 9999 0", "reset 0", f"setr 0 {host.fmu.references['q1']} 1"]
-    transcript = host.play([*script, "free 0", "free 1"])
-    assert {status for status, _ in transcript.of("step")} == {OK, DISCARD}
-    assert [s for s, _ in transcript.of("step")].count(DISCARD) == len(REFUSALS)
 
 
 # --- other platforms -----------------------------------------------------------------------------

@@ -1,5 +1,4 @@
 /* Preloaded into a process: counts how often anybody in it gets memory, the C library included. */
-#define _GNU_SOURCE
 #include <stddef.h>
 
 /* glibc's own, which these stand before */

@@ -1,0 +1,235 @@
+"""The native twin in hosts in C, under the compiler's checks of memory, operations and threads."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.models.test_native_duffing import SCENES as DUFFING
+from tests.support import reference
+from tests.support.c_hosts import Pythonless, Transcript
+from tests.support.fmus import (
+    DISCARD,
+    ERROR,
+    FATAL,
+    LIVELY,
+    OK,
+    REFUSALS,
+    TIMES,
+    Unpacked,
+    steady_state,
+    unpack,
+    worst,
+)
+from tests.support.modes_scenes import PUMP, THREE
+from tests.support.processes import MOST_S
+from tests.support.twins import checked_binary, need_compiler, shipped_binary, twin_of
+
+Values = Mapping[str, Any]
+ORBIT: Values = {"phase1": 0.4, "A2": 0.5}
+MEMORY = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
+THREADS = ("-fsanitize=thread",)
+#: What a call that fails answers.
+FAILED = {2: DISCARD, 3: ERROR}
+SETTINGS: Sequence[Values] = [
+    {},
+    {"solver": 1},
+    {"solver": 2},
+    {"other_mode": 1},
+    {"other_mode": 2},
+    {"periodic_start": True},
+    {"d1": 1.5e5},
+    {"eta_minus": 1e5},
+]
+#: Of each model and interface: runs in 0.2 ms, and what is changed on their way.
+Case = tuple[str, int, Sequence[tuple[Values, Values]]]
+OSCILLATOR_RUNS = [({**LIVELY, **values}, {"theta": 2.2, "u1": 1e5}) for values in SETTINGS]
+CASES: Sequence[Case] = [
+    ("CoupledOscillator", 2, OSCILLATOR_RUNS),
+    ("CoupledOscillator", 3, OSCILLATOR_RUNS),
+    ("DuffingOscillator", 2, list(DUFFING.values())),
+    (
+        "CoupledModes3",
+        2,
+        [
+            ({**THREE, **values, **pump}, {"d1": 0.3, "u1": 101.0})
+            for values in ({}, {"solver": 1}, {"solver": 2}, {"periodic_start": True})
+            for pump in ({}, PUMP)
+        ],
+    ),
+]
+EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}-{case[1]}")
+
+
+def twin(model: str, fmi: int, factory: pytest.TempPathFactory) -> Unpacked:
+    return unpack(twin_of(model, factory, fmi), factory.mktemp("twin"))
+
+
+def runs(host: Pythonless, made: Sequence[tuple[Values, Values]]) -> list[str]:
+    """Everything that a host may ask for, without a failure: steps, changes, states, packed too."""
+    outputs = host.fmu.names("output")
+    script = ["new 0 a", "new 1 b"]
+    for start, change in made:
+        script += [
+            "reset 0",
+            *host.start(0, **start),
+            *host.get(*outputs),
+            "step 0 0 1e-4",
+            "save 0",
+            "pack 0",
+            "unpack 1",
+            "restore 1",
+            "drop 1",
+            *host.set(0, change),
+            "step 0 1e-4 1e-4",
+            *host.get(*outputs),
+            "restore 0",
+            "step 0 1e-4 1e-4",
+            *host.get(*outputs),
+            "drop 0",
+            "step 1 1e-4 1e-4",
+            *host.get(*outputs, slot=1),
+            host.message,
+        ]
+    return [*script, "terminate 0", "free 0", "free 1"]
+
+
+# --- memory and operations -----------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=[2, 3], ids=["fmi2", "fmi3"])
+def host(
+    request: pytest.FixtureRequest,
+    compiled: Callable[..., Path],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Pythonless:
+    """The C program and a binary that stop at the first access or operation that C forbids."""
+    need_compiler()
+    fmu = twin("CoupledOscillator", request.param, tmp_path_factory)
+    binary = checked_binary(tmp_path_factory.mktemp("checked"), fmu.path, *MEMORY)
+    return Pythonless(compiled("replay", *MEMORY, fmi=request.param), fmu, binary)
+
+
+def test_runs_in_a_host_without_python(host: Pythonless) -> None:
+    names = "q1_hybrid", "q2_hybrid"
+    transcript = host.play(
+        [
+            "new 0 rest",
+            "new 1 orbit",
+            *host.start(0, **LIVELY),
+            *host.start(1, periodic_start=True, **ORBIT),
+            *host.steps(TIMES, *names, slot=0),
+            *host.steps(TIMES, *names, slot=1),
+            "terminate 0",
+            "free 0",
+            "free 1",
+        ]
+    )
+    assert {status for _, _, status, _ in transcript.lines} == {OK}
+    assert transcript.log == []
+    rows = transcript.reals()
+    p = host.fmu.parameters
+    rest = [row[:2] for row in reference.displacements(p(**LIVELY), TIMES)]
+    assert worst(rows[: len(TIMES)], rest) < 1e-13
+    assert worst(rows[len(TIMES) :], steady_state(p(**ORBIT), TIMES)) < 1e-11
+    assert [float(last) for _, last in transcript.of("step")] == [
+        before + (time - before) for before, time in zip([0.0, *TIMES], TIMES, strict=False)
+    ] * 2
+
+
+def test_nothing_is_touched_that_is_not_its_own(host: Pythonless) -> None:
+    """Every solver, refusal, state, derivative and misuse."""
+    reference_of = host.fmu.references
+    outputs = " ".join(str(reference_of[name]) for name in ("q1_hybrid", "q1_hybrid_X_u1"))
+    script = runs(host, OSCILLATOR_RUNS)[:-3]
+    for known in ("theta", "b", "solver"):  # the last one has no derivative
+        script += ["reset 0", *host.start(**LIVELY), "step 0 0 1e-5"]
+        script += [f"dir 0 0.5 {reference_of[known]} {outputs}"]
+    for refusal in REFUSALS:
+        script += ["reset 0", *host.start(**refusal.values), "step 0 0 1", host.message]
+    script += ["reset 0", "getr 0 9999 0", "reset 0", f"setr 0 {reference_of['q1']} 1"]
+    script += ["restore 0", "unpack 0", "drop 0", "exit 0", "exit 0", "step 0 0 1", "new 2 c"]
+    transcript = host.play([*script, "free 0", "free 1", "free 2"])
+    failed = FAILED[2 if host.fmu.description.fmiVersion == "2.0" else 3]
+    statuses = [status for status, _ in transcript.of("step")]
+    assert statuses.count(failed) == len(REFUSALS) + 1
+    assert set(statuses) == {OK, failed}
+    assert [status for status, _ in transcript.of("dir")] == [OK, OK, DISCARD]
+    for refusal, (_, said) in zip(
+        REFUSALS, transcript.of("gets")[len(OSCILLATOR_RUNS) :], strict=True
+    ):
+        assert refusal.name in said
+        assert refusal.value in said
+
+
+def test_a_state_goes_on_bit_for_bit(host: Pythonless) -> None:
+    """In the instance that it was taken of, and, as bytes, in another one."""
+    rows = host.play(runs(host, OSCILLATOR_RUNS)).reals()
+    for k in range(0, len(rows), 4):
+        _, changed, restored, other = rows[k : k + 4]
+        assert restored == other
+        assert changed != restored
+
+
+def test_a_host_is_told_why_it_gets_no_instance(host: Pythonless) -> None:
+    stranger = copy(host.fmu.description)
+    stranger.guid = "{none}"
+    transcript = replace(host, fmu=host.fmu._replace(description=stranger)).play(["new 0 a"])
+    assert transcript.of("new") == [(FATAL, "")]
+    [(status, said)] = transcript.log
+    assert status == ERROR
+    assert "is that of another FMU" in said
+
+
+# --- threads -------------------------------------------------------------------------------------
+
+
+@EVERY
+def test_threads_do_not_race(
+    case: Case,
+    compiled: Callable[..., Path],
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    """Instances in threads, each as it is alone; no two threads touch the same memory."""
+    model, fmi, made = case
+    need_compiler()
+    fmu = twin(model, fmi, tmp_path_factory)
+    binary = checked_binary(tmp_path / "checked", fmu.path, *THREADS)
+    program = compiled("threads", *THREADS, "-pthread", fmi=fmi)
+    alone = Pythonless(compiled("replay", *THREADS, fmi=fmi), fmu, binary)
+    scripts = [runs(alone, made[k::4]) for k in range(4)]
+    files = [tmp_path / f"{k}.txt" for k in range(4)]
+    for file, script in zip(files, scripts, strict=True):
+        file.write_text("".join(f"{line}\n" for line in script))
+    command = [program, binary, fmu.folder / "resources", fmu.description.guid, *files]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_S)
+    assert (done.returncode, done.stderr) == (0, "")
+    for file, script in zip(files, scripts, strict=True):
+        together = Transcript.read(file.with_name(f"{file.name}.out").read_text())
+        assert together == alone.play(script)
+
+
+# --- memory after initialisation -----------------------------------------------------------------
+
+
+@EVERY
+def test_memory_is_got_for_instances_and_states_alone(
+    case: Case, compiled: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Counted in the whole process, C library included; nothing while a simulation runs."""
+    model, fmi, made = case
+    need_compiler()
+    fmu = twin(model, fmi, tmp_path_factory)
+    host = Pythonless(compiled("replay", fmi=fmi), fmu, shipped_binary(fmu.folder))
+    counting = compiled("allocations", "-shared", "-fPIC")
+    done = host.run(runs(host, made), LD_PRELOAD=str(counting))
+    assert done.returncode == 0, done.stderr
+    got = {line.split()[3] for line in done.stdout.splitlines() if line.startswith("allocated")}
+    assert got == {"new", "save", "unpack"}
