@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
-import re
 import struct
 import subprocess
 import sys
@@ -20,6 +20,7 @@ import build_fmu
 from fmu_src import native_binary
 from fmu_src.start_values import BuildError
 from tests.support.fmus import (
+    DISCARD,
     ERROR,
     LIVELY,
     OK,
@@ -29,12 +30,13 @@ from tests.support.fmus import (
     Unpacked,
     unpack,
 )
+from tests.support.native_runs import scales
 from tests.support.oscillator_runs import GRID, communication_points, relative_errors, simulate
 from tests.support.processes import MOST_S
 from tests.support.scenes import Scene
 from tests.support.twins import need_compiler
 
-ORBIT: Mapping[str, Any] = {"phase1": 0.4, "A2": 0.5}
+MODEL_EXCHANGE = 0
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,6 @@ def pair(oscillator: Unpacked, twin: Unpacked) -> Iterator[tuple[Instance, Insta
 
 # --- the same numbers ----------------------------------------------------------------------------
 
-DISPLACEMENT = r"q\d(_hybrid)?|readout(_at_u\d)?"
 Run = tuple[list[int], list[dict[str, float]], list[tuple[int, str]]]
 
 
@@ -68,21 +69,6 @@ def run(fmu: Instance, scene: Scene, times: list[float], settings: Mapping[str, 
         now += time - now
         rows.append(fmu.outputs())
     return statuses, rows, list(fmu.messages)
-
-
-def scales(rows: list[dict[str, float]]) -> dict[str, float]:
-    """The size of each output: of all displacements together, of a pair of quadratures, its own."""
-
-    displacements = {name for name in rows[0] if re.fullmatch(DISPLACEMENT, name)}
-
-    def size(name: str) -> float:
-        alike = displacements
-        if name not in alike:
-            alike = {name.replace("_Y_", "_X_"), name.replace("_X_", "_Y_")}
-        found = [abs(row[other]) for row in rows for other in alike]
-        return max((x for x in found if x == x), default=0.0) or 1.0
-
-    return {name: size(name) for name in rows[0]}
 
 
 def same(python: Run, native: Run) -> float:
@@ -165,6 +151,10 @@ MISUSE: Mapping[str, Callable[[Instance], Any]] = {
     "fixed, a number": lambda fmu: fmu.start().set(rk4_substep=1.5e-9),
     "not where it ended": lambda fmu: fmu.start().step(5e-5, 1e-5),
     "backwards": lambda fmu: fmu.start().step(0.0, -1e-5),
+    "no end": lambda fmu: fmu.start().step(0.0, math.inf),
+    "no start": lambda fmu: fmu.start(math.nan),
+    "never begun": lambda fmu: fmu.slave.exitInitializationMode(),
+    "refused earlier": lambda fmu: fmu.slave.setReal([15], [1.0]) or fmu.start().status_message(),
     "no number": lambda fmu: fmu.start().set(b=math.nan),
     "no such solver": lambda fmu: fmu.start(solver=7),
     "no such mode": lambda fmu: fmu.start(other_mode=-3),
@@ -177,6 +167,10 @@ MISUSE: Mapping[str, Callable[[Instance], Any]] = {
     "growing": lambda fmu: fmu.start(d1=-1e5, d2=-1e5).step(0.0, 1.0),
     "no lambda": lambda fmu: fmu.start(theta=0.3).outputs(),
 }
+
+
+#: What is said without a failure.
+SAID_ALONE = ("no lambda",)
 
 
 @pytest.mark.parametrize("case", [*MISUSE, *(r.label for r in REFUSALS)])
@@ -194,6 +188,8 @@ def test_refusals_are_those_of_the_python_fmu(pair: tuple[Instance, Instance], c
         said.append((str(kept), status, found, fmu.status_message(), fmu.messages[:]))
     assert said[1] == said[0]
     assert said[1][4] != []  # something was said
+    if case not in SAID_ALONE:
+        assert said[1][1] == DISCARD
 
 
 def test_numbers_in_sentences_are_written_as_python_writes_them(twin: Unpacked) -> None:
@@ -210,6 +206,15 @@ def test_numbers_in_sentences_are_written_as_python_writes_them(twin: Unpacked) 
             fmu.slave.reset()
             fmu.start(eta_plus=value)
             assert f"eta_plus = {value!r} Hz" in fmu.status_message()
+
+
+def test_model_exchange_is_refused_with_a_reason(twin: Unpacked) -> None:
+    with Instance(twin) as fmu:
+        words = twin.description.guid.encode(), b"", ctypes.byref(fmu.slave.callbacks), False, False
+        assert fmu.slave.fmi2Instantiate(b"x", MODEL_EXCHANGE, *words) is None
+        [(status, said)] = fmu.messages
+        assert status == ERROR
+        assert "for co-simulation alone" in said
 
 
 # --- the same description, the same bytes --------------------------------------------------------

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.models.test_native_duffing import SCENES as DUFFING
 from tests.support import reference
 from tests.support.c_hosts import Pythonless, Transcript
 from tests.support.fmus import (
@@ -27,77 +25,21 @@ from tests.support.fmus import (
     unpack,
     worst,
 )
-from tests.support.modes_scenes import PUMP, THREE
+from tests.support.native_runs import CASES, Case, rows_of, script_of
 from tests.support.processes import MOST_S
 from tests.support.twins import checked_binary, need_compiler, shipped_binary, twin_of
 
-Values = Mapping[str, Any]
-ORBIT: Values = {"phase1": 0.4, "A2": 0.5}
+OSCILLATOR = CASES[0]
+ORBIT = {"phase1": 0.4, "A2": 0.5}
 MEMORY = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
 THREADS = ("-fsanitize=thread",)
 #: What a call that fails answers.
 FAILED = {2: DISCARD, 3: ERROR}
-SETTINGS: Sequence[Values] = [
-    {},
-    {"solver": 1},
-    {"solver": 2},
-    {"other_mode": 1},
-    {"other_mode": 2},
-    {"periodic_start": True},
-    {"d1": 1.5e5},
-    {"eta_minus": 1e5},
-]
-#: Of each model and interface: runs in 0.2 ms, and what is changed on their way.
-Case = tuple[str, int, Sequence[tuple[Values, Values]]]
-OSCILLATOR_RUNS = [({**LIVELY, **values}, {"theta": 2.2, "u1": 1e5}) for values in SETTINGS]
-CASES: Sequence[Case] = [
-    ("CoupledOscillator", 2, OSCILLATOR_RUNS),
-    ("CoupledOscillator", 3, OSCILLATOR_RUNS),
-    ("DuffingOscillator", 2, list(DUFFING.values())),
-    (
-        "CoupledModes3",
-        2,
-        [
-            ({**THREE, **values, **pump}, {"d1": 0.3, "u1": 101.0})
-            for values in ({}, {"solver": 1}, {"solver": 2}, {"periodic_start": True})
-            for pump in ({}, PUMP)
-        ],
-    ),
-]
-EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}-{case[1]}")
+EVERY = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 
 
 def twin(model: str, fmi: int, factory: pytest.TempPathFactory) -> Unpacked:
     return unpack(twin_of(model, factory, fmi), factory.mktemp("twin"))
-
-
-def runs(host: Pythonless, made: Sequence[tuple[Values, Values]]) -> list[str]:
-    """Everything that a host may ask for, without a failure: steps, changes, states, packed too."""
-    outputs = host.fmu.names("output")
-    script = ["new 0 a", "new 1 b"]
-    for start, change in made:
-        script += [
-            "reset 0",
-            *host.start(0, **start),
-            *host.get(*outputs),
-            "step 0 0 1e-4",
-            "save 0",
-            "pack 0",
-            "unpack 1",
-            "restore 1",
-            "drop 1",
-            *host.set(0, change),
-            "step 0 1e-4 1e-4",
-            *host.get(*outputs),
-            "restore 0",
-            "step 0 1e-4 1e-4",
-            *host.get(*outputs),
-            "drop 0",
-            "step 1 1e-4 1e-4",
-            *host.get(*outputs, slot=1),
-            host.message,
-        ]
-    return [*script, "terminate 0", "free 0", "free 1"]
 
 
 # --- memory and operations -----------------------------------------------------------------------
@@ -147,7 +89,7 @@ def test_nothing_is_touched_that_is_not_its_own(host: Pythonless) -> None:
     """Every solver, refusal, state, derivative and misuse."""
     reference_of = host.fmu.references
     outputs = " ".join(str(reference_of[name]) for name in ("q1_hybrid", "q1_hybrid_X_u1"))
-    script = runs(host, OSCILLATOR_RUNS)[:-3]
+    script = script_of(host, OSCILLATOR)[:-3]
     for known in ("theta", "b", "solver"):  # the last one has no derivative
         script += ["reset 0", *host.start(**LIVELY), "step 0 0 1e-5"]
         script += [f"dir 0 0.5 {reference_of[known]} {outputs}"]
@@ -162,7 +104,7 @@ def test_nothing_is_touched_that_is_not_its_own(host: Pythonless) -> None:
     assert set(statuses) == {OK, failed}
     assert [status for status, _ in transcript.of("dir")] == [OK, OK, DISCARD]
     for refusal, (_, said) in zip(
-        REFUSALS, transcript.of("gets")[len(OSCILLATOR_RUNS) :], strict=True
+        REFUSALS, transcript.of("gets")[len(OSCILLATOR.runs) :], strict=True
     ):
         assert refusal.name in said
         assert refusal.value in said
@@ -170,9 +112,8 @@ def test_nothing_is_touched_that_is_not_its_own(host: Pythonless) -> None:
 
 def test_a_state_goes_on_bit_for_bit(host: Pythonless) -> None:
     """In the instance that it was taken of, and, as bytes, in another one."""
-    rows = host.play(runs(host, OSCILLATOR_RUNS)).reals()
-    for k in range(0, len(rows), 4):
-        _, changed, restored, other = rows[k : k + 4]
+    for rows in rows_of(host, host.play(script_of(host, OSCILLATOR))):
+        _, changed, restored, other = rows
         assert restored == other
         assert changed != restored
 
@@ -198,13 +139,12 @@ def test_threads_do_not_race(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     """Instances in threads, each as it is alone; no two threads touch the same memory."""
-    model, fmi, made = case
     need_compiler()
-    fmu = twin(model, fmi, tmp_path_factory)
+    fmu = twin(case.model, case.fmi, tmp_path_factory)
     binary = checked_binary(tmp_path / "checked", fmu.path, *THREADS)
-    program = compiled("threads", *THREADS, "-pthread", fmi=fmi)
-    alone = Pythonless(compiled("replay", *THREADS, fmi=fmi), fmu, binary)
-    scripts = [runs(alone, made[k::4]) for k in range(4)]
+    program = compiled("threads", *THREADS, "-pthread", fmi=case.fmi)
+    alone = Pythonless(compiled("replay", *THREADS, fmi=case.fmi), fmu, binary)
+    scripts = [script_of(alone, case._replace(runs=case.runs[k::4])) for k in range(4)]
     files = [tmp_path / f"{k}.txt" for k in range(4)]
     for file, script in zip(files, scripts, strict=True):
         file.write_text("".join(f"{line}\n" for line in script))
@@ -224,12 +164,11 @@ def test_memory_is_got_for_instances_and_states_alone(
     case: Case, compiled: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """Counted in the whole process, C library included; nothing while a simulation runs."""
-    model, fmi, made = case
     need_compiler()
-    fmu = twin(model, fmi, tmp_path_factory)
-    host = Pythonless(compiled("replay", fmi=fmi), fmu, shipped_binary(fmu.folder))
+    fmu = twin(case.model, case.fmi, tmp_path_factory)
+    host = Pythonless(compiled("replay", fmi=case.fmi), fmu, shipped_binary(fmu.folder))
     counting = compiled("allocations", "-shared", "-fPIC")
-    done = host.run(runs(host, made), LD_PRELOAD=str(counting))
+    done = host.run(script_of(host, case), LD_PRELOAD=str(counting))
     assert done.returncode == 0, done.stderr
     got = {line.split()[3] for line in done.stdout.splitlines() if line.startswith("allocated")}
     assert got == {"new", "save", "unpack"}

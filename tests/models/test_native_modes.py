@@ -208,6 +208,19 @@ def test_a_state_goes_on_bit_for_bit_in_another_instance(
         other.slave.freeFMUState(taken)
 
 
+def test_what_has_decayed_for_decades_is_the_steady_state(pairs: Callable[[int], Pair]) -> None:
+    """exp(-1e11) lies outside the exponents of many a format."""
+    steady = []
+    for fmu in pairs(3):
+        fmu.slave.reset()
+        fmu.start(**THREE, periodic_start=True)
+        steady.append([fmu.step(0.0, 1e12), *fmu.get("q1", "q3")])
+        fmu.slave.reset()
+        fmu.start(**THREE)
+        assert [fmu.step(0.0, 1e12), *fmu.get("q1", "q3")] == pytest.approx(steady[-1], rel=1e-12)
+    assert steady[1] == pytest.approx(steady[0], rel=1e-12)
+
+
 def test_nothing_is_touched_that_is_not_its_own(
     twins: Callable[[int], Unpacked], compiled: Callable[..., Path], tmp_path: Path
 ) -> None:
