@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import reference
 from tests.support.c_hosts import Pythonless, Transcript
 from tests.support.fmus import (
     DISCARD,
@@ -21,16 +20,13 @@ from tests.support.fmus import (
     REFUSALS,
     TIMES,
     Unpacked,
-    steady_state,
     unpack,
-    worst,
 )
-from tests.support.native_runs import CASES, Case, rows_of, script_of
+from tests.support.native_runs import CASES, Case, closed_form, refusals, rows_of, script_of
 from tests.support.processes import MOST_S
 from tests.support.twins import checked_binary, need_compiler, shipped_binary, twin_of
 
 OSCILLATOR = CASES[0]
-ORBIT = {"phase1": 0.4, "A2": 0.5}
 MEMORY = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
 THREADS = ("-fsanitize=thread",)
 #: What a call that fails answers.
@@ -59,27 +55,12 @@ def host(
 
 
 def test_runs_in_a_host_without_python(host: Pythonless) -> None:
-    names = "q1_hybrid", "q2_hybrid"
-    transcript = host.play(
-        [
-            "new 0 rest",
-            "new 1 orbit",
-            *host.start(0, **LIVELY),
-            *host.start(1, periodic_start=True, **ORBIT),
-            *host.steps(TIMES, *names, slot=0),
-            *host.steps(TIMES, *names, slot=1),
-            "terminate 0",
-            "free 0",
-            "free 1",
-        ]
-    )
+    found = closed_form(host)
+    assert found.rest_error < 1e-13
+    assert found.orbit_error < 1e-11
+    transcript = found.transcript
     assert {status for _, _, status, _ in transcript.lines} == {OK}
     assert transcript.log == []
-    rows = transcript.reals()
-    p = host.fmu.parameters
-    rest = [row[:2] for row in reference.displacements(p(**LIVELY), TIMES)]
-    assert worst(rows[: len(TIMES)], rest) < 1e-13
-    assert worst(rows[len(TIMES) :], steady_state(p(**ORBIT), TIMES)) < 1e-11
     assert [float(last) for _, last in transcript.of("step")] == [
         before + (time - before) for before, time in zip([0.0, *TIMES], TIMES, strict=False)
     ] * 2
@@ -93,8 +74,7 @@ def test_nothing_is_touched_that_is_not_its_own(host: Pythonless) -> None:
     for known in ("theta", "b", "solver"):  # the last one has no derivative
         script += ["reset 0", *host.start(**LIVELY), "step 0 0 1e-5"]
         script += [f"dir 0 0.5 {reference_of[known]} {outputs}"]
-    for refusal in REFUSALS:
-        script += ["reset 0", *host.start(**refusal.values), "step 0 0 1", host.message]
+    script += refusals(host)
     script += ["reset 0", "getr 0 9999 0", "reset 0", f"setr 0 {reference_of['q1']} 1"]
     script += ["restore 0", "unpack 0", "drop 0", "exit 0", "exit 0", "step 0 0 1", "new 2 c"]
     transcript = host.play([*script, "free 0", "free 1", "free 2"])
@@ -144,7 +124,7 @@ def test_threads_do_not_race(
     binary = checked_binary(tmp_path / "checked", fmu.path, *THREADS)
     program = compiled("threads", *THREADS, "-pthread", fmi=case.fmi)
     alone = Pythonless(compiled("replay", *THREADS, fmi=case.fmi), fmu, binary)
-    scripts = [script_of(alone, case._replace(runs=case.runs[k::4])) for k in range(4)]
+    scripts = [script_of(alone, replace(case, runs=case.runs[k::4])) for k in range(4)]
     files = [tmp_path / f"{k}.txt" for k in range(4)]
     for file, script in zip(files, scripts, strict=True):
         file.write_text("".join(f"{line}\n" for line in script))

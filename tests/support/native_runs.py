@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
+from tests.support import reference
 from tests.support.c_hosts import Host, Transcript
 from tests.support.duffing_scenes import SCENES
-from tests.support.fmus import LIVELY
+from tests.support.fmus import LIVELY, REFUSALS, TIMES, steady_state, worst
 from tests.support.modes_scenes import PUMP, THREE
 
 Values = Mapping[str, Any]
@@ -25,7 +27,8 @@ SETTINGS: Sequence[Values] = [
 ]
 
 
-class Case(NamedTuple):
+@dataclass(frozen=True, eq=False)  # a case is itself alone, and a key
+class Case:
     """A model and its interface; start values of its runs, and what is changed on their way."""
 
     model: str
@@ -82,6 +85,40 @@ def script_of(host: Host, case: Case) -> list[str]:
             host.message,
         ]
     return [*script, "terminate 0", "free 0", "free 1"]
+
+
+def refusals(host: Host) -> list[str]:
+    """Every failure that the oscillator promises to survive, and what it says of it; slot 0."""
+    script = []
+    for refusal in REFUSALS:
+        script += ["reset 0", *host.start(**refusal.values), "step 0 0 1", host.message]
+    return script
+
+
+@dataclass(frozen=True)
+class ClosedForm:
+    """Runs of the oscillator beside the closed form: from rest, and on the periodic orbit."""
+
+    transcript: Transcript
+    rest_error: float
+    orbit_error: float
+
+
+def closed_form(host: Host) -> ClosedForm:
+    """Run the oscillator twice, side by side in one process."""
+    orbit = {"phase1": 0.4, "A2": 0.5}
+    names = "q1_hybrid", "q2_hybrid"
+    script = ["new 0 rest", "new 1 orbit"]
+    script += [*host.start(0, **LIVELY), *host.start(1, periodic_start=True, **orbit)]
+    script += [*host.steps(TIMES, *names, slot=0), *host.steps(TIMES, *names, slot=1)]
+    transcript = host.play([*script, "terminate 0", "free 0", "terminate 1", "free 1"])
+    rows, p = transcript.reals(), host.fmu.parameters
+    rest = [row[:2] for row in reference.displacements(p(**LIVELY), TIMES)]
+    return ClosedForm(
+        transcript,
+        worst(rows[: len(TIMES)], rest),
+        worst(rows[len(TIMES) :], steady_state(p(**orbit), TIMES)),
+    )
 
 
 def rows_of(host: Host, transcript: Transcript) -> list[list[dict[str, float]]]:
