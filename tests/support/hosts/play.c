@@ -53,24 +53,26 @@ static size_t read_references(char *words, unsigned *references)
 static void read_reals(struct session *session, void *instance, int slot, char *words)
 {
     unsigned references[MAX_REFERENCES];
-    double values[MAX_REFERENCES] = {0.0};
     const size_t count = read_references(words, references);
-    const int status = fmu_get_reals(instance, references, count, values);
-    print_reals(session, "getr", slot, status, values, count);
+    double values[count + 1]; /* of this length, so that one too many is seen by the checks */
+    memset(values, 0, sizeof values);
+    print_reals(session, "getr", slot,
+                fmu_get_reals(instance, references, count, values + 1), values + 1, count);
 }
 
 /* dir SLOT SEED KNOWN UNKNOWN...: directional derivatives along one variable */
 static void read_derivatives(struct session *session, void *instance, int slot, char *words)
 {
     unsigned references[MAX_REFERENCES];
-    double values[MAX_REFERENCES] = {0.0};
     const double seed = strtod(words, &words);
     const size_t count = read_references(words, references);
+    double values[count + 1];
     if (count < 2)
         exit(WRONG_SCRIPT);
+    memset(values, 0, sizeof values);
     print_reals(session, "dir", slot,
-                fmu_derivatives(instance, references + 1, count - 1, references[0], seed, values),
-                values, count - 1);
+                fmu_derivatives(instance, references + 1, count - 1, references[0], seed, values + 2),
+                values + 2, count - 1);
 }
 
 static void assign(struct session *session, const char *verb, void *instance, int slot,
