@@ -121,7 +121,7 @@ def test_a_native_twin_is_handed_on_as_a_native_twin(
     twin = unpack(made.fmu, tmp_path / "unpacked")
     host = Pythonless(compiled("replay"), twin, shipped_binary(twin.folder))
     times = [STEP_S * k for k in range(1, ROWS + 1)]
-    script = ["new 0 a", *host.start(**DRIVEN), *host.steps(times, "q1_hybrid"), "free 0"]
+    script = ["new 0 a", *host.start(0, **DRIVEN), *host.steps(times, "q1_hybrid"), "free 0"]
     seen = np.array(host.play(script).reals())[:, 0]
     assert worst(seen, truth(result, np.array(times))) < 1e-9
 
