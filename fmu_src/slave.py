@@ -98,11 +98,15 @@ class ModelSlave(Fmi2Slave):
 
     def enter_initialization_mode(self) -> None:
         """Let the start values be read as outputs from now on."""
+        if self._phase == _FAILED:
+            return  # only a reset mends what was refused before
         self._phase = _INITIALISING
         self._changed = True
 
     def exit_initialization_mode(self) -> None:
         """Start the motion, or fail with a sentence."""
+        if self._phase == _INSTANTIATED:
+            self._fail(ModelError("the simulation has not been initialised"))
         self._guarded(self._settle_parameters)
         if self._phase != _FAILED:
             self._phase = _STEPPING
@@ -121,6 +125,8 @@ class ModelSlave(Fmi2Slave):
                     f"doStep at {current_time!r} s by {step_size!r} s does not follow the "
                     f"communication point {self.time!r} s"
                 )
+            if not math.isfinite(end):
+                raise ModelError(f"doStep at {current_time!r} s by {step_size!r} s has no end")
             self.step(current_time, end)
             self.time = end
             self._moving_stale = True
@@ -136,6 +142,8 @@ class ModelSlave(Fmi2Slave):
         """Bring the model in line with parameters set since the last communication point."""
         if self._changed:
             self._moving_stale = self._steady_stale = True
+            if not math.isfinite(self.time):
+                raise ModelError(f"the start time {self.time!r} s is not a finite number")
             if self._phase == _STEPPING:
                 self.change(self.time)
             else:

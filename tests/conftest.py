@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
-import fmpy
 import hypothesis
 import pytest
 
 import build_fmu
 from fitting.fmu.worker import process as worker_process
+from tests.support.c_hosts import compile_program
 from tests.support.fmus import Instance, Unpacked, unpack
-from tests.support.processes import MOST_S, Clock
+from tests.support.processes import Clock
 from tests.support.shipped_runs import ShippedRun, shipped_run
 from tests.support.twins import swift_model, twin_of
 
@@ -70,19 +70,17 @@ def string_q2_run(tmp_path_factory: pytest.TempPathFactory) -> ShippedRun:
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """A function that compiles a program of ``tests/hosts`` without a warning, for FMI 2.0."""
+    """A function that compiles a program of ``tests/support/hosts``, for FMI 2.0 or 3.0."""
     compiler = shutil.which("cc")
     folder = tmp_path_factory.mktemp("compiled")
-    headers = Path(fmpy.__file__).parent / "c-code"
-    strict = ["-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Werror", "-O1", f"-I{headers}"]
 
-    def compile_source(name: str, *options: str) -> Path:
+    @cache
+    def compile_source(name: str, *options: str, fmi: int = 2) -> Path:
         if compiler is None:
             pytest.skip("this machine has no C compiler")
-        program = folder / name
-        source = Path(__file__).parent / "support" / "hosts" / f"{name}.c"
-        command = [compiler, *strict, str(source), "-o", str(program), *options, "-ldl"]
-        subprocess.run(command, check=True, timeout=MOST_S)
+        program = folder / str(len(list(folder.iterdir()))) / name
+        program.parent.mkdir()
+        compile_program([compiler], name, program, [*options, "-ldl"], fmi)
         return program
 
     return compile_source

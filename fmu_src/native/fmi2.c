@@ -50,6 +50,16 @@ const char *fmi2GetVersion(void)
     return fmi2Version;
 }
 
+/* FMI wants to be told why there is no instance. */
+static fmi2Component no_instance(fmi2String name, const fmi2CallbackFunctions *callbacks,
+                                 const char *why)
+{
+    if (callbacks != NULL && callbacks->logger != NULL)
+        callbacks->logger(callbacks->componentEnvironment, name ? name : "", fmi2Error,
+                          "logStatusError", why);
+    return NULL;
+}
+
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid,
                               fmi2String resources, const fmi2CallbackFunctions *callbacks,
                               fmi2Boolean visible, fmi2Boolean logging)
@@ -58,11 +68,13 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid,
     (void)resources;
     (void)visible;
     (void)logging; /* warnings and errors are no debug messages: they are always sent */
-    if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, model_guid) != 0)
-        return NULL;
+    if (type != fmi2CoSimulation)
+        return no_instance(name, callbacks, "fmi2Instantiate: this FMU is for co-simulation alone");
+    if (guid == NULL || strcmp(guid, model_guid) != 0)
+        return no_instance(name, callbacks, "fmi2Instantiate: this GUID is that of another FMU");
     instance = calloc(1, sizeof *instance);
     if (instance == NULL)
-        return NULL;
+        return no_instance(name, callbacks, "fmi2Instantiate: there is no memory left");
     if (callbacks != NULL)
         instance->callbacks = *callbacks;
     if (name != NULL)
@@ -218,8 +230,7 @@ fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference refer
     struct instance *instance = component;
     double none;
     for (size_t i = 0; i < count; ++i) {
-        const bool known =
-            references[i] < VARIABLE_COUNT && variables[references[i]].kind == STRING;
+        const bool known = slave_knows(STRING, references[i]);
         values[i] = known ? instance->slave.message.text : "";
         if (!known)
             get(instance, STRING, references + i, 1, &none);
@@ -252,15 +263,10 @@ fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference refer
                          size_t count, const fmi2String values[])
 {
     struct instance *instance = component;
-    /* the one String is an output: only the text that it has may be "set" */
-    for (size_t i = 0; i < count; ++i) {
-        const bool same = references[i] < VARIABLE_COUNT &&
-                          variables[references[i]].kind == STRING && values[i] != NULL &&
-                          strcmp(values[i], instance->slave.message.text) == 0;
-        const double other = 1.0;
-        if (!same)
+    const double other = 1.0;
+    for (size_t i = 0; i < count; ++i)
+        if (!slave_says(&instance->slave, references[i], values[i]))
             set(instance, STRING, references + i, 1, &other);
-    }
     return fmi2OK;
 }
 

@@ -47,6 +47,21 @@ const char *fmi3GetVersion(void)
     return fmi3Version;
 }
 
+/* FMI wants to be told why there is no instance. */
+static fmi3Instance no_instance(fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                const char *why)
+{
+    if (log != NULL)
+        log(environment, fmi3Error, "logStatusError", why);
+    return NULL;
+}
+
+/* What is left of a failure that an earlier call has told of. */
+static fmi3Status unless_failed(const struct instance *instance, fmi3Status status)
+{
+    return instance->slave.phase == FAILED ? fmi3Error : status;
+}
+
 fmi3Instance fmi3InstantiateCoSimulation(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
     fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early_return,
@@ -62,11 +77,15 @@ fmi3Instance fmi3InstantiateCoSimulation(
     (void)early_return;
     (void)intermediate;
     (void)update;
-    if (token == NULL || strcmp(token, model_guid) != 0 || event_mode || intermediate_count > 0)
-        return NULL;
+    if (token == NULL || strcmp(token, model_guid) != 0)
+        return no_instance(environment, log, "this instantiation token is that of another FMU");
+    if (event_mode)
+        return no_instance(environment, log, "this FMU has no event mode");
+    if (intermediate_count > 0)
+        return no_instance(environment, log, "this FMU has no intermediate updates");
     instance = calloc(1, sizeof *instance);
     if (instance == NULL)
-        return NULL;
+        return no_instance(environment, log, "there is no memory left");
     instance->environment = environment;
     instance->log = log;
     slave_start(&instance->slave);
@@ -99,7 +118,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance handle, fmi3Boolean with_tol
     (void)stop;
     instance->slave.time = start;
     slave_enter_initialisation(&instance->slave);
-    return fmi3OK;
+    return unless_failed(instance, fmi3OK);
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance handle)
@@ -108,7 +127,7 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance handle)
     struct report report;
     clear(&report);
     slave_exit_initialisation(&instance->slave, &report);
-    return tell_all(instance, &report);
+    return unless_failed(instance, tell_all(instance, &report));
 }
 
 fmi3Status fmi3Terminate(fmi3Instance instance)
@@ -130,15 +149,12 @@ fmi3Status fmi3DoStep(fmi3Instance handle, fmi3Float64 t, fmi3Float64 step, fmi3
 {
     struct instance *instance = handle;
     struct report report;
-    bool done;
-    fmi3Status status;
     (void)no_return;
     clear(&report);
-    done = slave_step(&instance->slave, t, step, &report);
+    slave_step(&instance->slave, t, step, &report);
     *event = *terminate = *early = fmi3False;
     *last = instance->slave.time;
-    status = tell_all(instance, &report);
-    return done ? status : fmi3Error;
+    return unless_failed(instance, tell_all(instance, &report));
 }
 
 /* --- get and set ------------------------------------------------------------------------------ */
@@ -261,8 +277,7 @@ fmi3Status fmi3GetString(fmi3Instance handle, const fmi3ValueReference reference
     fmi3Status status = fits(instance, count, value_count) ? fmi3OK : fmi3Error;
     double none;
     for (size_t i = 0; i < count && status == fmi3OK; ++i) {
-        const bool known =
-            references[i] < VARIABLE_COUNT && variables[references[i]].kind == STRING;
+        const bool known = slave_knows(STRING, references[i]);
         values[i] = known ? instance->slave.message.text : "";
         if (!known)
             status = get(instance, STRING, references + i, 1, &none);
@@ -273,11 +288,12 @@ fmi3Status fmi3GetString(fmi3Instance handle, const fmi3ValueReference reference
 fmi3Status fmi3SetString(fmi3Instance handle, const fmi3ValueReference references[], size_t count,
                          const fmi3String values[], size_t value_count)
 {
-    const double other = 1.0; /* the one String is an output */
-    fmi3Status status = fits(handle, count, value_count) ? fmi3OK : fmi3Error;
-    (void)values;
+    struct instance *instance = handle;
+    const double other = 1.0;
+    fmi3Status status = fits(instance, count, value_count) ? fmi3OK : fmi3Error;
     for (size_t i = 0; i < count && status == fmi3OK; ++i)
-        status = set(handle, STRING, references + i, 1, &other);
+        if (!slave_says(&instance->slave, references[i], values[i]))
+            status = set(instance, STRING, references + i, 1, &other);
     return status;
 }
 
@@ -308,7 +324,8 @@ fmi3Status fmi3GetFMUState(fmi3Instance handle, fmi3FMUState *state)
     struct report report;
     clear(&report);
     slave_settle(&instance->slave, &report);
-    tell_all(instance, &report);
+    if (tell_all(instance, &report) != fmi3OK)
+        return fmi3Error;
     if (*state == NULL)
         *state = malloc(STATE_SIZE);
     if (*state == NULL)

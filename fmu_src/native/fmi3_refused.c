@@ -26,13 +26,20 @@ REFUSE_TYPE(UInt32)
 REFUSE_TYPE(Int64)
 REFUSE_TYPE(UInt64)
 
+static fmi3Instance refused(fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+{
+    if (log != NULL)
+        log(environment, fmi3Error, "logStatusError", "this FMU is for co-simulation alone");
+    return NULL;
+}
+
 fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
                                           fmi3String resourcePath, fmi3Boolean visible,
                                           fmi3Boolean loggingOn,
                                           fmi3InstanceEnvironment instanceEnvironment,
                                           fmi3LogMessageCallback logMessage)
 {
-    return NULL;
+    return refused(instanceEnvironment, logMessage);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(
@@ -41,7 +48,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(
     fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate,
     fmi3LockPreemptionCallback lockPreemption, fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    return NULL;
+    return refused(instanceEnvironment, logMessage);
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)

@@ -6,7 +6,9 @@
 #include <math.h>
 #include <string.h>
 
-enum { LIMB_BITS = 32, GUARDED = REAL_LIMBS + 2 };
+/* Beyond this power of two products are zero, or as large as that: a double is either by then, and
+ * exponents of squares of squares would leave their own range. */
+enum { LIMB_BITS = 32, GUARDED = REAL_LIMBS + 2, FARTHEST = 1 << 24 };
 
 static const struct real ZERO = {0, 0, {0}};
 
@@ -113,8 +115,10 @@ struct real real_subtract(struct real a, struct real b)
 struct real real_multiply(struct real a, struct real b)
 {
     uint32_t product[2 * REAL_LIMBS] = {0};
-    if (a.sign == 0 || b.sign == 0)
+    int32_t exponent = a.exponent + b.exponent;
+    if (a.sign == 0 || b.sign == 0 || exponent < -FARTHEST)
         return ZERO;
+    exponent = exponent < FARTHEST ? exponent : FARTHEST;
     for (int i = 0; i < REAL_LIMBS; ++i) {
         uint64_t carry = 0;
         for (int j = 0; j < REAL_LIMBS; ++j) {
@@ -124,7 +128,7 @@ struct real real_multiply(struct real a, struct real b)
         }
         product[i + REAL_LIMBS] = (uint32_t)carry;
     }
-    return normalised(a.sign * b.sign, a.exponent + b.exponent, product, 2 * REAL_LIMBS);
+    return normalised(a.sign * b.sign, exponent, product, 2 * REAL_LIMBS);
 }
 
 /* Newton's r (2 - x r) doubles the digits of a double twice; x must not be zero. */

@@ -27,6 +27,8 @@ void slave_fail(struct slave *slave, struct report *report)
 
 void slave_enter_initialisation(struct slave *slave)
 {
+    if (slave->phase == FAILED)
+        return; /* only a reset mends what was refused before */
     slave->phase = INITIALISING;
     slave->changed = true;
 }
@@ -37,6 +39,8 @@ static bool settled(struct slave *slave, struct report *report)
     if (!slave->changed)
         return true;
     slave->moving_stale = slave->steady_stale = true;
+    if (!isfinite(slave->time))
+        return refuse(report, "the start time %r s is not a finite number", slave->time);
     if (!(slave->phase == STEPPING ? model_change : model_begin)(slave, slave->time, report))
         return false;
     slave->changed = false;
@@ -51,6 +55,11 @@ void slave_settle(struct slave *slave, struct report *report)
 
 void slave_exit_initialisation(struct slave *slave, struct report *report)
 {
+    if (slave->phase == INSTANTIATED) {
+        refuse(report, "the simulation has not been initialised");
+        slave_fail(slave, report);
+        return;
+    }
     slave_settle(slave, report);
     if (slave->phase != FAILED)
         slave->phase = STEPPING;
@@ -65,6 +74,8 @@ static bool stepped(struct slave *slave, double t, double step, struct report *r
         return refuse(report,
                       "doStep at %r s by %r s does not follow the communication point %r s", t,
                       step, slave->time);
+    if (!isfinite(t + step))
+        return refuse(report, "doStep at %r s by %r s has no end", t, step);
     if (slave->phase != INITIALISING && slave->phase != STEPPING)
         return refuse(report, "the simulation has not been initialised");
     if (!model_step(slave, t, t + step, report))
@@ -135,6 +146,17 @@ static void update(struct slave *slave, const unsigned *references, size_t count
         slave_fail(slave, report);
 }
 
+bool slave_knows(enum kind kind, unsigned reference)
+{
+    return reference < VARIABLE_COUNT && variables[reference].kind == kind;
+}
+
+bool slave_says(const struct slave *slave, unsigned reference, const char *text)
+{
+    return slave_knows(STRING, reference) && text != NULL &&
+           strcmp(text, slave->message.text) == 0;
+}
+
 /* Refuse references that are not of a kind, with all of them in the sentence as a list. */
 static bool of_kind(enum kind kind, const unsigned *references, size_t count, const char *verb,
                     struct report *report)
@@ -143,7 +165,7 @@ static bool of_kind(enum kind kind, const unsigned *references, size_t count, co
     struct sentence list = {""}, longer;
     bool good = true;
     for (size_t i = 0; i < count; ++i)
-        good = good && references[i] < VARIABLE_COUNT && variables[references[i]].kind == kind;
+        good = good && slave_knows(kind, references[i]);
     if (good)
         return true;
     for (size_t i = 0; i < count; ++i) {

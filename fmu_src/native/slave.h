@@ -61,6 +61,10 @@ bool slave_step(struct slave *slave, double t, double step, struct report *repor
 void slave_settle(struct slave *slave, struct report *report);
 void slave_get(struct slave *slave, enum kind kind, const unsigned *references, size_t count,
                double *values, struct report *report);
+/* Whether there is such a variable of a kind. */
+bool slave_knows(enum kind kind, unsigned reference);
+/* Whether a String has this text, the only one that an output may be "set" to. */
+bool slave_says(const struct slave *slave, unsigned reference, const char *text);
 void slave_set(struct slave *slave, enum kind kind, const unsigned *references, size_t count,
                const double *values, struct report *report);
 /* Refuses without failing. */

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import shutil
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,9 @@ from fitting.result.calibration import calibration, calibration_csv
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
 from tests.models.test_hosts_masters import rows
+from tests.support.c_hosts import Pythonless
+from tests.support.fmus import unpack
+from tests.support.twins import shipped_binary
 
 STEP_S, ROWS = 1e-6, 40
 NAME = "CoupledOscillator_calibrated"
@@ -86,8 +90,16 @@ def test_the_calibrated_fmu_answers_in_fmpy_as_the_textbook_does_at_the_fitted_v
     assert worst(found["q1_hybrid"], wanted) < 1e-9
 
 
+def test_the_calibrated_fmu_answers_in_ecos_likewise(calibrated: Path, fitted: Path) -> None:
+    words = [f"{name}={value!r}" for name, value in DRIVEN.items()]
+    fmu = calibrated / f"{NAME}.fmu"
+    found, _ = rows("ecospy.lib", "ecos_run.py", fmu, repr(STEP_S), 1, ROWS, *words)
+    wanted = truth(read_result(fitted), np.array([float.fromhex(row.time) for row in found]))
+    assert worst(np.array([row.values[0] for row in found]), wanted) < 1e-9
+
+
 def test_a_native_twin_is_handed_on_as_a_native_twin(
-    fitted: Path, twin_fmu: Path, tmp_path: Path
+    fitted: Path, twin_fmu: Path, tmp_path: Path, compiled: Callable[..., Path]
 ) -> None:
     """Its own start values are the fitted ones: the host sets those of the drive alone."""
     result = read_result(fitted)
@@ -106,6 +118,12 @@ def test_a_native_twin_is_handed_on_as_a_native_twin(
         output=["q1_hybrid"],
     )
     assert worst(found["q1_hybrid"], truth(result, found["time"])) < 1e-9
+    twin = unpack(made.fmu, tmp_path / "unpacked")
+    host = Pythonless(compiled("replay"), twin, shipped_binary(twin.folder))
+    times = [STEP_S * k for k in range(1, ROWS + 1)]
+    script = ["new 0 a", *host.start(0, **DRIVEN), *host.steps(times, "q1_hybrid"), "free 0"]
+    seen = np.array(host.play(script).reals())[:, 0]
+    assert worst(seen, truth(result, np.array(times))) < 1e-9
 
 
 def test_the_system_structure_answers_in_libcosim_likewise(

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import fitting as ff
 from fitting.fmu import FmuWorkers, Run, read_description
+from fitting.simulate.drive_plan import DrivePlan
 from tests.support.cfmu_build import build_exchange_fmu, build_reference_fmu
 
 #: A line of 320 Hz at 318 Hz, which soon settles.
@@ -144,16 +146,69 @@ def test_a_decay_is_fitted_by_either_interface(dahlquist: Path, tmp_path: Path) 
     assert not any(offered in said for said in found["model-exchange"][1])
 
 
+def free_decay(workers: FmuWorkers, spacing_s: float, **values: float) -> np.ndarray:
+    """Displacement at ten times, from 1 mm at rest."""
+    run = Run(
+        start_values={"height": 1e-3, "damping": 0.0, **values},
+        settle_s=0.0,
+        sample_step_s=spacing_s,
+        samples=10,
+        outputs=("displacement",),
+    )
+    return workers.run([run])[0][:, 0]
+
+
+def test_linear_equations_are_solved_exactly(workers: FmuWorkers) -> None:
+    """cos w t over 300 periods, to rounding: an integration to 1e-9 is off by 3e-7 there."""
+    spacing_s = 0.1 * math.pi
+    truth = 1e-3 * np.cos(2e3 * spacing_s * np.arange(10))
+    assert free_decay(workers, spacing_s) == pytest.approx(truth, abs=1e-11 * 1e-3)
+
+
+@pytest.mark.parametrize(("hard", "gap"), [(1e9, 0.0), (1e13, 9.7e-4)], ids=["cubic", "beyond"])
+def test_equations_that_are_linear_in_part_are_integrated(
+    workers: FmuWorkers, hard: float, gap: float
+) -> None:
+    """The second one is linear but for the last hundredth of its way, where no event tells it.
+
+    The truth is an integration of the same motion in scaled units, a thousand times as fine.
+    """
+
+    def rate(_: float, y: np.ndarray) -> list[float]:
+        beyond = max(abs(y[0]) - gap / 1e-3, 0.0)
+        force = y[0] + math.copysign(hard * 1e-6 / 4e3 * beyond**3, y[0])
+        return [y[1], -force]
+
+    spacing_s = 7e-3
+    t = 2e3 * spacing_s * np.arange(10)
+    solved = solve_ivp(
+        rate,
+        (0.0, t[-1]),
+        [1.0, 0.0],
+        method="DOP853",
+        t_eval=t,
+        rtol=1e-12,
+        atol=1e-13,
+        max_step=0.05,
+    )
+    found = free_decay(workers, spacing_s, hard=hard, gap=gap)
+    assert found == pytest.approx(1e-3 * solved.y[0], abs=1e-5 * 1e-3)
+
+
 def test_the_tolerance_of_the_integration_follows_the_accuracy(fmu: ff.Fmu) -> None:
-    """In a flank of a line of Q = 30, k / (c w)."""
-    values, w = {"damping": 6e-2}, 2.0 * math.pi * 315.0
-    truth = 1.0 / abs(4e3 - 1e-3 * w * w + 6e-2j * w)
-    drive, chosen = ff.Drive(input="force"), []
-    for accuracy in (1e-3, 1e-5):
-        plan = fmu.plan(
-            values, tones=[315.0], drive=drive, outputs="displacement", accuracy=accuracy
+    """Of a hardening spring, whose equations are integrated; of a linear one none is chosen."""
+    values, drive = {"damping": 6e-1, "hard": 1e10}, ff.Drive(input="force")
+
+    def plan(accuracy: float, **more: float) -> DrivePlan:
+        given = {**values, **more}
+        return fmu.plan(
+            given, tones=[315.0], drive=drive, outputs="displacement", accuracy=accuracy
         )
-        assert plan.promised <= accuracy
-        assert float(plan.amplitudes[0][0, 0]) == pytest.approx(truth, rel=plan.promised)
-        chosen.append(float(plan.settings["integrator_tolerance"]))
+
+    coarse, fine = plan(1e-3), plan(1e-5)
+    assert max(coarse.promised / 1e-3, fine.promised / 1e-5) <= 1.0
+    ratio = float(coarse.amplitudes[0][0, 0]) / float(fine.amplitudes[0][0, 0])
+    assert ratio == pytest.approx(1.0, abs=coarse.promised + fine.promised)
+    chosen = [float(p.settings["integrator_tolerance"]) for p in (coarse, fine)]
     assert chosen[0] > 10.0 * chosen[1]
+    assert "integrator_tolerance" not in plan(1e-5, hard=0.0).settings

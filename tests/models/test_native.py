@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
-import re
 import struct
 import subprocess
 import sys
@@ -19,8 +19,6 @@ import pytest
 import build_fmu
 from fmu_src import native_binary
 from fmu_src.start_values import BuildError
-from tests.models.test_hosts_c import Host
-from tests.support import reference
 from tests.support.fmus import (
     DISCARD,
     ERROR,
@@ -30,16 +28,15 @@ from tests.support.fmus import (
     TIMES,
     Instance,
     Unpacked,
-    steady_state,
     unpack,
-    worst,
 )
+from tests.support.native_runs import scales
 from tests.support.oscillator_runs import GRID, communication_points, relative_errors, simulate
 from tests.support.processes import MOST_S
 from tests.support.scenes import Scene
-from tests.support.twins import checked_binary, need_compiler
+from tests.support.twins import need_compiler
 
-ORBIT: Mapping[str, Any] = {"phase1": 0.4, "A2": 0.5}
+MODEL_EXCHANGE = 0
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +53,6 @@ def pair(oscillator: Unpacked, twin: Unpacked) -> Iterator[tuple[Instance, Insta
 
 # --- the same numbers ----------------------------------------------------------------------------
 
-DISPLACEMENT = r"q\d(_hybrid)?|readout(_at_u\d)?"
 Run = tuple[list[int], list[dict[str, float]], list[tuple[int, str]]]
 
 
@@ -73,21 +69,6 @@ def run(fmu: Instance, scene: Scene, times: list[float], settings: Mapping[str, 
         now += time - now
         rows.append(fmu.outputs())
     return statuses, rows, list(fmu.messages)
-
-
-def scales(rows: list[dict[str, float]]) -> dict[str, float]:
-    """The size of each output: of all displacements together, of a pair of quadratures, its own."""
-
-    displacements = {name for name in rows[0] if re.fullmatch(DISPLACEMENT, name)}
-
-    def size(name: str) -> float:
-        alike = displacements
-        if name not in alike:
-            alike = {name.replace("_Y_", "_X_"), name.replace("_X_", "_Y_")}
-        found = [abs(row[other]) for row in rows for other in alike]
-        return max((x for x in found if x == x), default=0.0) or 1.0
-
-    return {name: size(name) for name in rows[0]}
 
 
 def same(python: Run, native: Run) -> float:
@@ -170,6 +151,10 @@ MISUSE: Mapping[str, Callable[[Instance], Any]] = {
     "fixed, a number": lambda fmu: fmu.start().set(rk4_substep=1.5e-9),
     "not where it ended": lambda fmu: fmu.start().step(5e-5, 1e-5),
     "backwards": lambda fmu: fmu.start().step(0.0, -1e-5),
+    "no end": lambda fmu: fmu.start().step(0.0, math.inf),
+    "no start": lambda fmu: fmu.start(math.nan),
+    "never begun": lambda fmu: fmu.slave.exitInitializationMode(),
+    "refused earlier": lambda fmu: fmu.slave.setReal([15], [1.0]) or fmu.start().status_message(),
     "no number": lambda fmu: fmu.start().set(b=math.nan),
     "no such solver": lambda fmu: fmu.start(solver=7),
     "no such mode": lambda fmu: fmu.start(other_mode=-3),
@@ -182,6 +167,10 @@ MISUSE: Mapping[str, Callable[[Instance], Any]] = {
     "growing": lambda fmu: fmu.start(d1=-1e5, d2=-1e5).step(0.0, 1.0),
     "no lambda": lambda fmu: fmu.start(theta=0.3).outputs(),
 }
+
+
+#: What is said without a failure.
+SAID_ALONE = ("no lambda",)
 
 
 @pytest.mark.parametrize("case", [*MISUSE, *(r.label for r in REFUSALS)])
@@ -199,6 +188,8 @@ def test_refusals_are_those_of_the_python_fmu(pair: tuple[Instance, Instance], c
         said.append((str(kept), status, found, fmu.status_message(), fmu.messages[:]))
     assert said[1] == said[0]
     assert said[1][4] != []  # something was said
+    if case not in SAID_ALONE:
+        assert said[1][1] == DISCARD
 
 
 def test_numbers_in_sentences_are_written_as_python_writes_them(twin: Unpacked) -> None:
@@ -215,6 +206,15 @@ def test_numbers_in_sentences_are_written_as_python_writes_them(twin: Unpacked) 
             fmu.slave.reset()
             fmu.start(eta_plus=value)
             assert f"eta_plus = {value!r} Hz" in fmu.status_message()
+
+
+def test_model_exchange_is_refused_with_a_reason(twin: Unpacked) -> None:
+    with Instance(twin) as fmu:
+        words = twin.description.guid.encode(), b"", ctypes.byref(fmu.slave.callbacks), False, False
+        assert fmu.slave.fmi2Instantiate(b"x", MODEL_EXCHANGE, *words) is None
+        [(status, said)] = fmu.messages
+        assert status == ERROR
+        assert "for co-simulation alone" in said
 
 
 # --- the same description, the same bytes --------------------------------------------------------
@@ -321,96 +321,6 @@ def test_threads_do_not_disturb_each_other(twin: Unpacked) -> None:
     for thread in together:
         thread.join()
     assert [found[k] for k in range(len(scenes))] == alone
-
-
-# --- a host without Python -----------------------------------------------------------------------
-
-
-class Pythonless(Host):
-    """The C program, in an environment without anything of Python."""
-
-    binary: Path
-
-    def run(self, script: Any, libpython: Any = "-", **environment: str) -> Any:
-        return subprocess.run(
-            [
-                self.program,
-                "-",
-                self.binary,
-                (self.fmu.folder / "resources").as_uri(),
-                self.fmu.description.guid,
-            ],
-            input="".join(f"{line}\n" for line in script),
-            capture_output=True,
-            text=True,
-            timeout=MOST_S,
-            env=environment,
-        )
-
-
-@pytest.fixture(scope="module")
-def host(
-    twin: Unpacked, compiled: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
-) -> Pythonless:
-    """The C program and a binary that stop at the first access or operation that C forbids."""
-    need_compiler()
-    checks = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
-    made = Pythonless(compiled("replay", *checks), twin)
-    folder = tmp_path_factory.mktemp("checked")
-    object.__setattr__(made, "binary", checked_binary(folder, twin.path, *checks))
-    return made
-
-
-def test_runs_in_a_host_without_python(host: Pythonless) -> None:
-    names = "q1_hybrid", "q2_hybrid"
-    transcript = host.play(
-        [
-            "new 0 rest",
-            "new 1 orbit",
-            *host.start(0, **LIVELY),
-            *host.start(1, periodic_start=True, **ORBIT),
-            *host.steps(TIMES, *names, slot=0),
-            *host.steps(TIMES, *names, slot=1),
-            "terminate 0",
-            "free 0",
-            "free 1",
-        ]
-    )
-    assert {status for _, _, status, _ in transcript.lines} == {OK}
-    rows = transcript.reals()
-    p = host.fmu.parameters
-    rest = [row[:2] for row in reference.displacements(p(**LIVELY), TIMES)]
-    assert worst(rows[: len(TIMES)], rest) < 1e-13
-    assert worst(rows[len(TIMES) :], steady_state(p(**ORBIT), TIMES)) < 1e-11
-
-
-def test_nothing_is_touched_that_is_not_its_own(host: Pythonless) -> None:
-    """Every solver, refusal, state and misuse under the compiler's checks of memory."""
-    outputs = host.fmu.names("output")
-    script = ["new 0 a", "new 1 b"]
-    settings: list[dict[str, Any]] = [{}, {"solver": 1}, {"solver": 2}, {"other_mode": 1}]
-    settings += [{"other_mode": 2}, {"periodic_start": True}, {"d1": 1.5e5}, {"eta_minus": 1e5}]
-    for values in settings:
-        script += [
-            "reset 0",
-            *host.start(**dict(LIVELY) | values),
-            *host.steps(TIMES[:2], *outputs),
-            "save 0",
-            *host.set(0, {"theta": 2.2, "u1": 1e5}),
-            *([] if "solver" in values else host.set(0, {"b": 1e9})),
-            "step 0 2e-5 1e-5",
-            *host.get(*outputs),
-            "restore 0",
-            "step 0 2e-5 1e-5",
-            *host.get(*outputs),
-            "drop 0",
-        ]
-    for refusal in REFUSALS:
-        script += ["reset 0", *host.start(**refusal.values), "step 0 0 1", host.message]
-    script += ["reset 0", "getr 0 9999 0", "reset 0", f"setr 0 {host.fmu.references['q1']} 1"]
-    transcript = host.play([*script, "free 0", "free 1"])
-    assert {status for status, _ in transcript.of("step")} == {OK, DISCARD}
-    assert [s for s, _ in transcript.of("step")].count(DISCARD) == len(REFUSALS)
 
 
 # --- other platforms -----------------------------------------------------------------------------

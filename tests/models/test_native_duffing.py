@@ -9,35 +9,12 @@ from typing import Any
 import pytest
 
 import build_fmu
-from tests.models.test_native import Pythonless, Run, same
+from tests.models.test_native import Run, same
+from tests.support.c_hosts import Pythonless
+from tests.support.duffing_scenes import ORBIT, RK4, SCENES
 from tests.support.fmus import DISCARD, LIVELY, OK, Instance, Unpacked, unpack
 from tests.support.twins import checked_binary, twin_of
 
-ONE = {"A1": 0.05, "A2": 0.0}
-BOTH = {"A1": 0.02, "A2": 0.02}
-LINEAR = {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}
-ORBIT = {"periodic_start": True}
-RK4 = {"solver": 2}
-
-#: Start values, and what is changed on the way.
-SCENES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
-    "from rest": ({}, {}),
-    "one tone": (ONE, {"A1": 0.1}),
-    "lower branch": (ONE | ORBIT, {"u1": 6.9403e6}),
-    "upper branch": (ONE | ORBIT | {"branch": 1, "u1": 6.9404e6}, {}),
-    "coupled by kappa": ({"kappa": 2e31, "A1": 0.1, "A2": 0.1}, {"kappa": -1e31}),
-    "two tones on their orbit": (BOTH | ORBIT, {"theta": 1.2}),
-    "softening": (ONE | ORBIT | {"alpha1": -1e32}, {"d1": 200.0}),
-    "linear": (LINEAR | ORBIT, {"alpha1": 1e32}),
-    "no drive": ({"A1": 0.0, "A2": 0.0}, {"A1": 0.1}),
-    "exceptional point": (ONE | {"theta": 0.785398, "eta_minus": 6.9404e6, "d1": 150.0}, {}),
-    "fine steps": (ONE | {"tolerance": 1e-11}, {}),
-    "reflection": (ONE | {"reflection": True, "g2": -1.0}, {}),
-    "rk4": (ONE | RK4, {"d1": 200.0, "b": 1.0}),
-    "rk4 on an orbit": (ONE | RK4 | ORBIT, {}),
-    "rk4 on the orbit of two": (BOTH | RK4 | ORBIT | {"tolerance": 1e-2}, {"u1": 6.9e6}),
-    "rk4, linear": (LINEAR | RK4 | ORBIT, {}),
-}
 REFUSED: Mapping[str, Mapping[str, Any]] = {
     "too strong": {"A1": 1e5},
     "branch of two tones": ORBIT | {"branch": 1},
@@ -109,8 +86,8 @@ def test_nothing_is_touched_that_is_not_its_own(
 ) -> None:
     """Every scene and refusal, a state kept and taken back, under the compiler's checks."""
     checks = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
-    host = Pythonless(compiled("replay", *checks), twin)
-    object.__setattr__(host, "binary", checked_binary(tmp_path, twin.path, *checks))
+    binary = checked_binary(tmp_path, twin.path, *checks)
+    host = Pythonless(compiled("replay", *checks), twin, binary)
     outputs = twin.names("output")
     script = ["new 0 a"]
     for start, change in (*SCENES.values(), *((values, {}) for values in REFUSED.values())):

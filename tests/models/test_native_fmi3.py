@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import subprocess
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +14,12 @@ from xml.etree import ElementTree
 import fmpy
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi3 import (
+    FMU3Slave,
+    fmi3ClockUpdateCallback,
+    fmi3LockPreemptionCallback,
+    fmi3UnlockPreemptionCallback,
+)
 from fmpy.validation import validate_fmu
 
 import build_fmu
@@ -169,6 +175,61 @@ def test_misuse_is_an_error(new: Instance3) -> None:
         assert set(new.start(**LIVELY)) == {OK}
         assert new.status(name, *arguments) == ERROR, name
     assert new.start(**LIVELY)[-1] == OK
+
+
+def test_a_failure_before_initialisation_stays_one(new: Instance3) -> None:
+    """Every further call says so, until a reset."""
+    for failing in ([], [("setFloat64", [new.variables["solver"].valueReference], [1.0])]):
+        new.slave.reset()
+        for name, *arguments in failing:
+            assert new.status(name, *arguments) == ERROR
+            assert new.status("enterInitializationMode") == ERROR
+        assert new.status("exitInitializationMode") == ERROR
+        assert new.status("doStep", 0.0, 1e-5) == ERROR
+    assert set(new.start(**LIVELY)) == {OK}
+
+
+def test_a_state_that_cannot_be_is_an_error(new: Instance3) -> None:
+    new.start(**LIVELY)
+    assert new.set(theta=math.nan) == [OK]
+    assert new.status("getFMUState") == ERROR
+    assert "theta = nan" in new.messages[-1][1]
+
+
+def test_an_output_may_be_set_to_the_text_that_it_has(new: Instance3) -> None:
+    """As hosts do that set every start value."""
+    reference = new.variables["status_message"].valueReference
+    new.slave.reset()
+    assert new.status("setString", [reference], [""]) == OK
+    assert new.status("setString", [reference], ["no"]) == ERROR
+
+
+def test_a_host_is_told_why_it_gets_no_instance(folder: Path) -> None:
+    """Of model exchange, of scheduled execution, with events, with intermediate updates."""
+    with Instance3(folder) as made:
+        slave, messages = made.slave, made.messages
+        first = b"x", slave.guid.encode(), b"", False, False
+        last = None, slave.logMessage
+        clocks = (
+            fmi3ClockUpdateCallback(),
+            fmi3LockPreemptionCallback(),
+            fmi3UnlockPreemptionCallback(),
+        )
+        more = *last, slave.intermediateUpdate
+        updated = (ctypes.c_uint * 1)(0)
+        for found, said in (
+            (slave.fmi3InstantiateModelExchange(*first, *last), "co-simulation alone"),
+            (slave.fmi3InstantiateScheduledExecution(*first, *last, *clocks), "simulation alone"),
+            (slave.fmi3InstantiateCoSimulation(*first, True, False, None, 0, *more), "event mode"),
+            (
+                slave.fmi3InstantiateCoSimulation(*first, False, False, updated, 1, *more),
+                "no intermediate updates",
+            ),
+        ):
+            assert found is None
+            assert messages[0][0] == ERROR
+            assert said in messages.pop(0)[1]
+        assert messages == []
 
 
 def test_a_state_goes_on_bit_for_bit_in_another_instance(folder: Path) -> None:

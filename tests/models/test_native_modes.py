@@ -12,7 +12,8 @@ import pytest
 import build_fmu
 from fmu_src import coupled_modes, native_binary
 from tests.models.test_modes_pump import pumped
-from tests.models.test_native import Pythonless, Run, same
+from tests.models.test_native import Run, same
+from tests.support.c_hosts import Pythonless
 from tests.support.fmus import DISCARD, OK, Instance, Unpacked, unpack
 from tests.support.modes_scenes import PUMP, THREE, Scene, scenes
 from tests.support.processes import MOST_S
@@ -207,13 +208,26 @@ def test_a_state_goes_on_bit_for_bit_in_another_instance(
         other.slave.freeFMUState(taken)
 
 
+def test_what_has_decayed_for_decades_is_the_steady_state(pairs: Callable[[int], Pair]) -> None:
+    """exp(-1e11) lies outside the exponents of many a format."""
+    steady = []
+    for fmu in pairs(3):
+        fmu.slave.reset()
+        fmu.start(**THREE, periodic_start=True)
+        steady.append([fmu.step(0.0, 1e12), *fmu.get("q1", "q3")])
+        fmu.slave.reset()
+        fmu.start(**THREE)
+        assert [fmu.step(0.0, 1e12), *fmu.get("q1", "q3")] == pytest.approx(steady[-1], rel=1e-12)
+    assert steady[1] == pytest.approx(steady[0], rel=1e-12)
+
+
 def test_nothing_is_touched_that_is_not_its_own(
     twins: Callable[[int], Unpacked], compiled: Callable[..., Path], tmp_path: Path
 ) -> None:
     """Solvers, refusals, states and changes under the compiler's checks, without a Python."""
     checks = "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
-    host = Pythonless(compiled("replay", *checks), twins(3))
-    object.__setattr__(host, "binary", checked_binary(tmp_path, twins(3).path, *checks))
+    binary = checked_binary(tmp_path, twins(3).path, *checks)
+    host = Pythonless(compiled("replay", *checks), twins(3), binary)
     outputs = twins(3).names("output")
     script = ["new 0 a", "new 1 b"]
     starts = [THREE | s | pump for s in SETTINGS for pump in ({}, PUMP)]

@@ -29,6 +29,7 @@ from fmpy.model_description import ModelDescription
 from tests.support import reference
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+OF_FMI_3 = {"Float64": "Real", "Int32": "Integer"}
 
 #: A scene in which a lot happens in 0.3 ms: strong damping, both modes, both tones, from rest.
 LIVELY: Mapping[str, Any] = {
@@ -88,18 +89,20 @@ class Unpacked(NamedTuple):
         return {v.name: v.valueReference for v in self.description.modelVariables}
 
     def names(self, causality: str, kind: str = "Real") -> list[str]:
-        """Return the names of the variables of one causality and type."""
+        """Return the names of the variables of one causality and type, by FMI 2.0's name of it."""
         return [
             v.name
             for v in self.description.modelVariables
-            if v.causality == causality and v.type == kind
+            if v.causality == causality and kind in (v.type, OF_FMI_3.get(v.type))
         ]
 
     def parameters(self, **changes: Any) -> SimpleNamespace:
         """Return the parameters of a run as the reference solution takes them."""
         read: dict[str, Callable[[str], Any]] = {
             "Real": float,
+            "Float64": float,
             "Integer": int,
+            "Int32": int,
             "Boolean": lambda text: text == "true",
         }
         values = {

@@ -73,3 +73,9 @@ def checked_binary(folder: Path, fmu: Path, *options: str) -> Path:
     path = folder / Path(name).name
     path.write_bytes(content)
     return path
+
+
+def shipped_binary(folder: Path) -> Path:
+    """The binary of an unpacked FMU that has one."""
+    [path] = [path for path in (folder / "binaries").glob("*/*") if path.is_file()]
+    return path

@@ -1,4 +1,6 @@
-"""FMUs of model exchange: equations without a solver, integrated here by those of scipy.
+"""FMUs of model exchange: equations without a solver, solved here.
+
+Where they are linear, exactly (`fitting.fmu.worker.linear_equations`); else integrated by scipy.
 
 To a relative tolerance that is set as a variable of the FMU is: by DOP853 (Dormand and Prince,
 order 8), and where that takes very many steps, as stiff equations
@@ -23,6 +25,7 @@ from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
 from fitting.fmu.run_requests import Group
 from fitting.fmu.runs import Tone
 from fitting.fmu.worker.instance import FmuInstance, FmuInstance2, FmuInstance3, VariableAccess
+from fitting.fmu.worker.linear_equations import TURN, LinearEquations, linear_equations
 from fitting.fmu.worker.log import CallFailed, Log
 from fitting.text.arrays import FloatArray, Scalar
 
@@ -33,6 +36,9 @@ NOTHING = 1e-9
 MANY_STEPS = 20_000
 #: Evaluations of events at one time, at most, and bisections of a step in which one is.
 MOST_EVENTS, BISECTIONS = 1000, 60
+#: Steps in a period of the fastest oscillation, at which state events are looked for; looks in a
+#: stretch, about, whether equations are as linear as they were found.
+LOOKS, MOST_LOOKS = 8, 256
 
 
 class _Buffer:
@@ -58,6 +64,7 @@ class ModelExchange(FmuInstance):
         self._drive: tuple[VariableAccess, tuple[Tone, ...]] | None = None
         self._tolerance = USUAL_TOLERANCE
         self._nominal = self._seen = np.empty(0)
+        self._begin_anew()
 
     def leave_initialisation(self) -> None:
         """Initial values, the first events, and the size of the states."""
@@ -73,6 +80,7 @@ class ModelExchange(FmuInstance):
         """As in co-simulation; the time is kept, which nobody tells it again."""
         self._start_s, self._running, self._event_s = start_time, False, math.inf
         self._drive, self._step_s = None, 0.0
+        self._begin_anew()
         super().enter_initialisation(start_time)
 
     def terminate(self) -> None:
@@ -134,13 +142,18 @@ class ModelExchange(FmuInstance):
 
     def _drive_input(self, t: float) -> None:
         if self._drive is not None:
-            access, tones = self._drive
-            turns = ((f * t) % 1.0 for f, _, _ in tones)
-            value = sum(
-                a * math.cos(2.0 * math.pi * turn + phase)
-                for (_, a, phase), turn in zip(tones, turns, strict=True)
-            )
-            super().set(access, (value,))
+            super().set(self._drive[0], (self._input_at(t),))
+
+    @property
+    def _tones(self) -> tuple[Tone, ...]:
+        return () if self._drive is None else self._drive[1]
+
+    def _phases(self, t: float) -> list[float]:
+        return [TURN * ((f * t) % 1.0) + phase for f, _, phase in self._tones]
+
+    def _input_at(self, t: float) -> float:
+        tones = zip(self._tones, self._phases(t), strict=True)
+        return sum(a * math.cos(phase) for (_, a, _), phase in tones)
 
     def step(self, at: float, step: float) -> None:
         """Integrate from ``at`` over ``step``, with the events on the way.
@@ -152,7 +165,8 @@ class ModelExchange(FmuInstance):
         end = at + step
         while at < end:
             until = min(end, self._event_s) if self._event_s > at else end
-            at, event = self._stretch(at, until)
+            stretch = self._stretch if self._by_equations(at) is None else self._linear_stretch
+            at, event = stretch(at, until)
             if event or at >= self._event_s:
                 self._call("EnterEventMode")
                 self._discrete_states(at)
@@ -187,6 +201,90 @@ class ModelExchange(FmuInstance):
                 self._stiff = True
                 return t, False
         return until, False
+
+    # -- linear equations ------------------------------------------------------------------------
+
+    def _begin_anew(self) -> None:
+        """Nothing is known of the equations."""
+        self._equations: LinearEquations | None = None
+        self._curved, self._stale, self._integrate_to = False, False, -math.inf
+        self._propagators: dict[float, FloatArray] = {}
+
+    def _by_equations(self, at: float) -> LinearEquations | None:
+        """The equations where they are linear, as far as is known, from this time on."""
+        if at < self._integrate_to or not self._x.values.size:
+            return None
+        if self._equations is None and not self._curved:
+            self._equations, self._propagators = self._asked(at), {}
+            self._curved = self._equations is None
+        if self._equations is not None and self._stale:
+            x = self._read("GetContinuousStates", self._x)
+            rate, self._stale = self._rate(at, x), False
+            self._equations = self._equations.with_constant(rate, x, self._input_at(at))
+        return self._equations
+
+    def _asked(self, at: float) -> LinearEquations | None:
+        """The equations at a time; the FMU is left as it was."""
+        x = self._read("GetContinuousStates", self._x)
+
+        def rate(there: FloatArray, u: float) -> FloatArray:
+            self._put(at, there)
+            if self._drive is not None:
+                FmuInstance.set(self, self._drive[0], (u,))
+            return self._read(self.derivatives, self._dx)
+
+        try:
+            scales = np.where(self._nominal != 0.0, np.abs(self._nominal), 1.0)
+            return linear_equations(rate, scales, driven=self._drive is not None)
+        except CallFailed:  # it does not take such states
+            return None
+        finally:
+            self._put(at, x)
+
+    def _linear_stretch(self, at: float, until: float) -> tuple[float, bool]:
+        """As `_stretch`, by the equations, as far as the FMU is seen to follow them."""
+        equations = self._equations
+        if equations is None:
+            return at, False
+        x = self._read("GetContinuousStates", self._x)
+        count = self._looks(equations, until - at)
+        step = (until - at) / count
+        by = self._propagators.get(step)
+        if by is None:
+            by = self._propagators[step] = equations.propagator(step, self._tones)
+        before, now, each = self._indicators(at, x), at, max(1, count // MOST_LOOKS)
+        for k in range(1, count + 1):
+            then = at + k * step if k < count else until
+            there = equations.moved(by, x, self._phases(now))
+            self._put(then, there)
+            if (k % each == 0 or k == count) and not self._follows(equations, there, then):
+                self._equations, self._curved = None, True
+                self._put(now, x)
+                return now, False
+            if self._z.values.size:
+                after = self._read("GetEventIndicators", self._z)
+                if np.any((before > 0.0) != (after > 0.0)):
+                    self._integrate_to = then
+                    self._put(now, x)
+                    return now, False
+                before = after
+            x, now = there, then
+            if self._completed():
+                return then, True
+        return until, False
+
+    def _follows(self, equations: LinearEquations, x: FloatArray, at: float) -> bool:
+        """Whether the equations are those of the FMU, which has been put to x."""
+        rate = self._read(self.derivatives, self._dx)
+        return equations.describe(rate, x, self._input_at(at))
+
+    def _looks(self, equations: LinearEquations, span_s: float) -> int:
+        """In how many equal parts a stretch is looked at."""
+        fastest_hz = max([equations.fastest_hz, *(f for f, _, _ in self._tones)])
+        looks = max(1, math.ceil(LOOKS * fastest_hz * span_s))
+        return looks if self._z.values.size else min(looks, MOST_LOOKS)
+
+    # -- any equations ---------------------------------------------------------------------------
 
     def _solver(self, at: float, x: FloatArray, until: float) -> Any:
         smallest, within = self._smallest(x), self._tolerance
@@ -263,6 +361,7 @@ class ModelExchange(FmuInstance):
                 self.with_log(f"has more than {MOST_EVENTS} events at t = {at!r} s in a row")
             )
         self._event_s = event_s if event_s > at else math.inf
+        self._stale, self._curved = True, False  # an input has another value, or more is other
         self._call("EnterContinuousTimeMode")
 
     def _completed(self) -> bool:

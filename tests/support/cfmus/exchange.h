@@ -1,16 +1,17 @@
-/* m x'' = force + weight - c x' - k x as equations of model exchange, y = x + through force; with `wall` a
-   ball that is thrown back elastically at x = 0; `clock` counts whole seconds by time events. */
+/* m x'' = force + weight - c x' - k x - hard (|x| - gap)^3 sign x as equations of model exchange, the last
+   term beyond the gap alone, without an event; y = x + through force; with `wall` a ball that is thrown back
+   elastically at x = 0; `clock` counts whole seconds by time events. */
 #include <math.h>
 #include <stdlib.h>
 
-enum { MASS, DAMPING, STIFFNESS, WEIGHT, THROUGH, WALL, HEIGHT, FORCE, X, V, DV, Y, CLOCK, N_REALS };
+enum { MASS, DAMPING, STIFFNESS, WEIGHT, THROUGH, WALL, HEIGHT, FORCE, X, V, DV, Y, CLOCK, HARD, GAP, N_REALS };
 
 typedef struct {
     double reals[N_REALS], time;
 } Model;
 
 static void start_values(Model *m) {
-    const double reals[N_REALS] = {1e-3, 2e-2, 4e3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    const double reals[N_REALS] = {1e-3, 2e-2, 4e3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
     for (int i = 0; i < N_REALS; i++) m->reals[i] = reals[i];
 }
 
@@ -20,7 +21,9 @@ static void model_initialise(Model *m) { m->reals[X] = m->reals[HEIGHT]; }
 
 static double model_get(Model *m, unsigned which) {
     double *r = m->reals;
-    r[DV] = (r[FORCE] + r[WEIGHT] - r[DAMPING] * r[V] - r[STIFFNESS] * r[X]) / r[MASS];
+    const double beyond = fmax(fabs(r[X]) - r[GAP], 0.0);
+    const double hard = copysign(r[HARD] * beyond * beyond * beyond, r[X]);
+    r[DV] = (r[FORCE] + r[WEIGHT] - r[DAMPING] * r[V] - r[STIFFNESS] * r[X] - hard) / r[MASS];
     r[Y] = r[X] + r[THROUGH] * r[FORCE];
     return r[which];
 }

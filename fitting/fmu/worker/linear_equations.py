@@ -1,0 +1,134 @@
+"""Equations of motion that are linear, x' = A x + b u + c: found by asking, solved exactly.
+
+An FMU of model exchange tells x' at any x. Where that is linear in x and in its driven input, the
+motion over a step follows from a matrix exponential, to rounding and at a tenth of the work of an
+integration. Nothing tells that equations are linear everywhere: what is found is held against the
+FMU at states of all sizes beforehand, and wherever the motion comes by.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm, matrix_balance
+
+from fitting.fmu.runs import Tone
+from fitting.text.arrays import FloatArray
+
+TURN = 2.0 * math.pi
+#: States up to which A is asked for, one evaluation each.
+MOST_STATES = 30
+#: Difference from the FMU's x', of the sum of all terms' sizes, from which it is not linear.
+CURVED = 1e-11
+
+#: Sizes of states and input, in their scales, at which equations are looked at beforehand, and how
+#: often at each: limits, gaps and powers show themselves at some of them.
+SIZES, TIMES = 10.0 ** np.arange(-9, 4), 4
+
+#: x' at some x, with the input at some value.
+Rate = Callable[[FloatArray, float], FloatArray]
+
+
+@dataclass(frozen=True)
+class LinearEquations:
+    """x' = A x + b u + c: ``matrix`` (n, n), ``drive`` (n,) and ``constant`` (n,)."""
+
+    matrix: FloatArray
+    drive: FloatArray
+    constant: FloatArray
+
+    def describe(self, rate: FloatArray, x: FloatArray, u: float) -> bool:
+        """Whether they give the FMU's x' (n,) at x (n,).
+
+        Args:
+            rate: as the FMU has it, (n,).
+            x: states, (n,).
+            u: the input.
+        """
+        terms = self.matrix * x
+        pushed = u * self.drive + self.constant
+        size = np.abs(terms).sum(axis=1) + abs(u) * np.abs(self.drive) + np.abs(self.constant)
+        return bool((np.abs(rate - terms.sum(axis=1) - pushed) <= CURVED * size).all())
+
+    def with_constant(self, rate: FloatArray, x: FloatArray, u: float) -> LinearEquations:
+        """The same A and b with the c that x' has at x, as after an event.
+
+        Args:
+            rate: as the FMU has it, (n,).
+            x: states, (n,).
+            u: the input.
+        """
+        return LinearEquations(self.matrix, self.drive, rate - self.matrix @ x - u * self.drive)
+
+    @property
+    def fastest_hz(self) -> float:
+        """Frequency of the fastest free oscillation, Hz."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.matrix).imag))) / TURN
+
+    def propagator(self, step_s: float, tones: Sequence[Tone]) -> FloatArray:
+        """What makes x(t + h) of x(t), cosine and sine of each tone at t, and c: (n, 2 n + 2 m).
+
+        Args:
+            step_s: h, s.
+            tones: frequency in Hz, amplitude and phase of each of m.
+        """
+        n, m = len(self.matrix), len(tones)
+        whole = np.zeros((2 * n + 2 * m, 2 * n + 2 * m))
+        whole[:n, :n] = self.matrix
+        for k, (frequency_hz, amplitude, _) in enumerate(tones):
+            i, w = n + 2 * k, TURN * frequency_hz
+            whole[:n, i] = amplitude * self.drive
+            whole[i, i + 1], whole[i + 1, i] = -w, w
+        whole[:n, n + 2 * m :] = np.eye(n)
+        # states differ by many powers of ten: unscaled, that would cost digits
+        balanced, (scale, _) = matrix_balance(step_s * whole, permute=False, separate=True)
+        found: FloatArray = expm(balanced)[:n] * scale[:n, None] / scale[None, :]
+        return found
+
+    def moved(self, by: FloatArray, x: FloatArray, phases: Sequence[float]) -> FloatArray:
+        """x(t + h), (n,).
+
+        Args:
+            by: the propagator over h.
+            x: states at t, (n,).
+            phases: of the tones at t, rad.
+        """
+        turning = [part for phase in phases for part in (math.cos(phase), math.sin(phase))]
+        moved: FloatArray = by @ np.concatenate([x, turning, self.constant])
+        return moved
+
+
+@np.errstate(all="ignore")  # what is no number is not linear
+def linear_equations(rate: Rate, scales: FloatArray, *, driven: bool) -> LinearEquations | None:
+    """The equations, from x' about x = 0; None: they are not linear, or of too many states.
+
+    Args:
+        rate: of the FMU.
+        scales: sizes of the states, (n,).
+        driven: whether the input drives it.
+    """
+    n = len(scales)
+    if not 0 < n <= MOST_STATES:
+        return None
+    here = np.zeros(n)
+    constant = rate(here, 0.0)
+    columns = []
+    for j, scale in enumerate(scales.tolist()):
+        x = here.copy()
+        x[j] = scale
+        columns.append((rate(x, 0.0) - constant) / scale)
+    drive = rate(here, 1.0) - constant if driven else np.zeros(n)
+    found = LinearEquations(np.array(columns).T.copy(), drive, constant)
+    finite = all(np.isfinite(part).all() for part in (found.matrix, drive, constant))
+    return found if finite and _everywhere(found, rate, scales) else None
+
+
+def _everywhere(equations: LinearEquations, rate: Rate, scales: FloatArray) -> bool:
+    """Whether they hold at seeded states and inputs of all sizes."""
+    draws = np.random.default_rng(1).standard_normal((TIMES, len(SIZES), len(scales) + 1))
+    rows = (SIZES[:, None] * draws).reshape(-1, len(scales) + 1)
+    places = ((scales * row[:-1], float(row[-1])) for row in rows)
+    return all(equations.describe(rate(x, u), x, u) for x, u in places)
