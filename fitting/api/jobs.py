@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +14,11 @@ from fitting.api.choices import BUDGET, STYLES
 from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
+from fitting.engine.local import LocalProcesses
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
+from fitting.report.artists import Artists
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
@@ -22,13 +27,18 @@ from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = [
+    "Artists",
     "IdentificationOptions",
+    "artists_beside",
     "draw_report",
     "identified",
     "identify",
     "report",
     "with_part",
 ]
+
+#: Processes that draw: ten figures are soon drawn.
+MOST_ARTISTS = 2
 
 
 def identify(
@@ -176,6 +186,7 @@ def draw_report(
     out: Path,
     style: str = "report",
     progress: Callable[[int, int], None] = lambda done, of: None,
+    artists: Artists | None = None,
 ) -> Path:
     """Figures and report.html of a result; the path of the page.
 
@@ -185,10 +196,14 @@ def draw_report(
         out: Folder.
         style: One of STYLES.
         progress: Is told how many figures are drawn, of how many.
+        artists: Processes that draw side by side; None: this one draws.
     """
+    shown = shown_fit(found.source.record)
+    if artists is not None and style != "paper":
+        with suppress(BrokenExecutor):  # somebody ended them: this one draws
+            return artists.report(result, shown, out)
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
-    shown = shown_fit(found.source.record)
     if style != "paper":
         return Path(page.write_report(result, shown, out, progress))
     # for print every figure is drawn in two widths, then for the page
@@ -197,3 +212,23 @@ def draw_report(
     )
     last = page.write_report(result, shown, out, lambda done, of: progress(2 * of + done, 3 * of))
     return Path(last)
+
+
+@contextmanager
+def artists_beside(wanted: bool) -> Iterator[Artists | None]:
+    """Processes that draw a report, loading while others work; None on one processor.
+
+    Args:
+        wanted: Whether there will be a report.
+    """
+    count = min(MOST_ARTISTS, os.cpu_count() or 1)
+    if not wanted or count < 2:
+        yield None
+        return
+    executor = LocalProcesses(count)
+    try:
+        artists = Artists(executor, count)
+        artists.get_ready()
+        yield artists
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)

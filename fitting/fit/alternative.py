@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fitting.campaign.parameters import Parameter
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import noise_of, shared
 from fitting.fit.objective import Objective, Point, evaluate_many, weights
@@ -96,7 +97,8 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
     Args:
         course: objective, schedule, settings and journal.
         solved: alternatives that are done. Of one that mirrors this one exactly the minima are
-            known, and the box is not searched again.
+            known, and where J is least: the box is not searched again, and what was lowered there
+            is looked at here.
 
     Raises:
         FmuFailure: the model failed inside the box.
@@ -111,12 +113,13 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
         outcome = _with_twins(course, outcome)
         if schedule.starts > 1:
             outcome = _searched(course, outcome, solved)
-            outcome, begins = _promising(course, outcome)
+            known = outcome.search is not None and outcome.search.lowered
+            outcome, begins = (outcome, known) if known else _promising(course, outcome)
             for x, begun in begins:
                 outcome = _with_start(course, outcome, x, begun)
                 if sum(chain.joined is None for chain in outcome.chains) == schedule.starts:
                     break
-            outcome, places = _flat_places(course, outcome)
+            outcome, places = (outcome, []) if known else _flat_places(course, outcome)
             for x in places:
                 outcome = _lower_or_joined(_with_start(course, outcome, x, x), outcome.best)
     except KeyboardInterrupt:
@@ -191,7 +194,7 @@ def _searched(course: Course, outcome: Outcome, solved: Sequence[Solved]) -> Out
                 "alternative %d: mirrors one that is done, its minima are known",
                 course.alternative + 1,
             )
-            return replace(outcome, search=_mirrored(course, other.outcome.search, mirrors[0]))
+            return replace(outcome, search=_mirrored(course, other.outcome, mirrors[0]))
     own = outcome.chains[0]
     end = np.array(own.steps[-1].x)
     [point] = evaluate_many(course.objective, [end])
@@ -215,16 +218,44 @@ def _searched(course: Course, outcome: Outcome, solved: Sequence[Solved]) -> Out
     return replace(outcome, search=search, further=outcome.further + counts)
 
 
-def _mirrored(course: Course, search: Search, mirror: Twin) -> Search:
+def _mirrored(course: Course, other: Outcome, mirror: Twin) -> Search | None:
     """The search of an alternative as that of the one which mirrors it; it cost nothing."""
-    parameters = course.objective.parameters
+    parameters, search = course.objective.parameters, other.search
+    if search is None:
+        return None
     minima = [
         replace(minimum, x=x, begun=minimum.begun if begun is None else begun)
         for minimum in search.minima
         if (x := mirror.of(parameters, minimum.x)) is not None
         for begun in [mirror.of(parameters, minimum.begun)]
     ]
-    return replace(search, minima=tuple(minima), evaluations=0, runs=0, mirrored=True)
+    return replace(
+        search,
+        minima=tuple(minima),
+        evaluations=0,
+        runs=0,
+        mirrored=True,
+        lowered=_lowered_there(parameters, other, mirror),
+    )
+
+
+def _lowered_there(
+    parameters: Sequence[Parameter], other: Outcome, mirror: Twin
+) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Images of where the chains of least J of an alternative ended, and of where they had begun.
+
+    None where one of them has its image outside the box: what is lowest there is not known then.
+    """
+    chains = [chain for chain in other.chains if chain.joined is None]
+    least, found = min(chain.steps[-1].j for chain in chains), []
+    for chain in chains:
+        if not is_lower(least, chain.steps[-1].j):
+            x = mirror.of(parameters, np.array(chain.steps[-1].x))
+            begun = mirror.of(parameters, np.array(chain.begun))
+            if x is None:
+                return ()
+            found.append((x, x if begun is None else begun))
+    return tuple(found)
 
 
 def _evaluated(

@@ -8,7 +8,8 @@ from fitting.campaign.check import Check
 from fitting.fmu import FmuVariable
 from fitting.fmu.findings import Severity
 from fitting.report.figures.check import draw_repeats
-from fitting.report.figures.style import FigureFile, save, style
+from fitting.report.figures.file import FigureFile
+from fitting.report.figures.style import save, style
 from fitting.report.page import Line, Page, Section, Status, write_page
 from fitting.report.table import Column, Table, pairs_table, tabulate
 from fitting.report.words.check import (

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fitting.design.result import Design, Expected, PlacePoint, Proposal
-from fitting.report.figures.style import FigureFile
+from fitting.report.figures.file import FigureFile
 from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.table import Cell, Column, Table, pairs_table, tabulate
 from fitting.report.words.design import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fitting.report.figures.style import FigureFile
+from fitting.report.figures.file import FigureFile
 from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.table import pairs_table
 from fitting.report.tables.ensemble import (

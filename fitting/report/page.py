@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import quote
 
 import fitting
-from fitting.report.figures.style import FigureFile
+from fitting.report.figures.file import FigureFile
 from fitting.report.table import Table, environment
 from fitting.text.files import write_whole
 from fitting.text.notation import listed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitting.inference.posterior.summary import CONVERGED, PosteriorSummary
-from fitting.report.figures.style import FigureFile
+from fitting.report.figures.file import FigureFile
 from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.table import pairs_table
 from fitting.report.tables.posterior import ending, mode_table, output_table, value_table

@@ -10,9 +10,9 @@ from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
 from fitting.report.figures import numbers
+from fitting.report.figures.file import FigureFile
 from fitting.report.figures.inference import flat_sentence
 from fitting.report.figures.reconstruction import write_figures
-from fitting.report.figures.style import FigureFile
 from fitting.report.page import Line, Page, Section, Status, write_page
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Table, pairs_table
@@ -76,8 +76,24 @@ def write_report(
     Raises:
         BadInput: the folder cannot be written.
     """
+    return write_report_of(result, data, out_dir, write_figures(result, data, out_dir, progress))
+
+
+def write_report_of(
+    result: Result, data: ShownCampaign, out_dir: Path, figures: Sequence[FigureFile]
+) -> Path:
+    """The same of figures that are drawn already; the path of the page.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+        out_dir: where the files go.
+        figures: figure files that are shown.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
     write_values(result, out_dir)
-    figures = write_figures(result, data, out_dir, progress)
     return write_page(page_of(result, data, figures), out_dir)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fitting.lab.tradeoff.front import choices
 from fitting.lab.tradeoff.records import Study
-from fitting.report.figures.style import FigureFile
+from fitting.report.figures.file import FigureFile
 from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.table import pairs_table
 from fitting.report.tables.tradeoff import choice_tables, error_text, front_tables

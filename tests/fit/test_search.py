@@ -189,6 +189,10 @@ def test_an_alternative_that_mirrors_another_is_not_searched_again() -> None:
     assert outcome.best is not None
     assert mirrored.best is not None
     assert mirrored.best.steps[-1].j == pytest.approx(outcome.best.steps[-1].j, rel=1e-3)
+    # where J is least is known as well: to look at it there costs less than to go there again
+    [lowered, *_], went = mirrored.chains[1:], outcome.chains[1:]
+    assert lowered.steps[-1].j == pytest.approx(outcome.best.steps[-1].j, rel=1e-6)
+    assert lowered.steps[0].evaluations < 0.5 * min(chain.steps[0].evaluations for chain in went)
 
 
 def test_of_a_fit_and_its_twin_the_one_with_every_value_is_reported() -> None:

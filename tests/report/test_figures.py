@@ -20,10 +20,11 @@ from matplotlib.transforms import Bbox
 
 from fitting.inference.verdict import Verdict
 from fitting.report.figures import style as plots_style
+from fitting.report.figures.file import FigureFile
 from fitting.report.figures.fit import draw_convergence, draw_derived
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.reconstruction import figures_of, write_figures
-from fitting.report.figures.style import Drawing, FigureFile, save, style
+from fitting.report.figures.style import Drawing, save, style
 from fitting.report.figures.tones import (
     draw_drive,
     draw_improvement,

@@ -22,8 +22,9 @@ from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
 from fitting.report import plot
 from fitting.report import table as tables
 from fitting.report.figures.data import bare, figure_csv
+from fitting.report.figures.file import FigureFile
 from fitting.report.figures.numbers import numbered
-from fitting.report.figures.style import Drawing, FigureFile
+from fitting.report.figures.style import Drawing
 from fitting.report.interactive.document import interactive, library
 from fitting.report.interactive.looks import MARKERS
 from fitting.report.reconstruction import write_report

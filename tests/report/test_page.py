@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import base64
 import itertools
+import os
 import re
+import signal
+from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +15,10 @@ from typing import Any
 import pytest
 from lxml import etree, html
 
+from fitting.engine.local import LocalProcesses
 from fitting.report import table as tables
-from fitting.report.figures.style import FigureFile
+from fitting.report.artists import Artists
+from fitting.report.figures.file import FigureFile
 from fitting.report.page import render, write_page
 from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
@@ -365,6 +370,31 @@ def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
     assert "a copy of the page alone has them not" in page.text_content()
     assert "2, 3 and 4 are not drawn here" in page.text_content()
     assert write_report(result, data, tmp_path).read_bytes() == first
+
+
+def test_whoever_draws_the_files_are_the_same(tmp_path: Path) -> None:
+    """Two processes side by side, then one of them is lost."""
+    data = records.campaign(tones=[])
+    result = records.result_for(data)
+    data = records.with_figures(data, result)
+    alone, beside = tmp_path / "alone", tmp_path / "beside"
+    write_report(result, data, alone)
+    executor = LocalProcesses(2)
+    try:
+        artists = Artists(executor, 2)
+        artists.get_ready()
+        artists.report(result, data, beside)
+        for pid in executor.pids:
+            os.kill(pid, signal.SIGKILL)
+        with pytest.raises(BrokenExecutor):
+            artists.report(result, data, beside)
+    finally:
+        executor.shutdown(wait=False)
+    names = [p.relative_to(alone) for p in sorted(alone.rglob("*")) if p.is_file()]
+    assert len(names) > 10
+    assert [p.relative_to(beside) for p in sorted(beside.rglob("*")) if p.is_file()] == names
+    for name in names:
+        assert (beside / name).read_bytes() == (alone / name).read_bytes(), name
 
 
 def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(

@@ -13,7 +13,7 @@ import fitting as ff
 from fitting.api.choices import STYLES
 from fitting.api.cost import expected_of
 from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
-from fitting.api.jobs import draw_report
+from fitting.api.jobs import Artists, artists_beside, draw_report
 from fitting.api.problem import Campaign
 from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
@@ -54,10 +54,15 @@ def reconstruct(args: argparse.Namespace, out: Path) -> int:
     """
     check_external(args.external)
     campaigns = [ff.read_campaign(path) for path in args.campaign]
-    return _tell_cost(args, campaigns) if args.dry_run else _reconstructed(args, campaigns, out)
+    if args.dry_run:
+        return _tell_cost(args, campaigns)
+    with artists_beside(not args.no_report) as artists:
+        return _reconstructed(args, campaigns, out, artists)
 
 
-def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path) -> int:
+def _reconstructed(
+    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, artists: Artists | None
+) -> int:
     with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         check_external(args.external, _units(problem))
@@ -88,24 +93,20 @@ def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out:
         print(f"go on with: {_command(args, resume=True)}")
         return 1
     if not args.no_report:
-        print(f"report: {_drawn(ended, result, out, args.style, remaining)}")
+        with status_line(NAME, remaining.left) as tell:
+            tell(remaining.report())
+            page = draw_report(
+                ended.found,
+                result,
+                out,
+                args.style or STYLES[0],
+                lambda done, of: tell(remaining.drawing(done, of)),
+                artists,
+            )
+        print(f"report: {page}")
     remove_earlier(out, PASSING)
     memory.remove()  # when all is done that may be killed
     return EXIT_CODES.get(result.status, 1)
-
-
-def _drawn(
-    ended: _Ending, result: Result, out: Path, style: str | None, remaining: Remaining
-) -> Path:
-    with status_line(NAME, remaining.left) as tell:
-        tell(remaining.report())
-        return draw_report(
-            ended.found,
-            result,
-            out,
-            style or STYLES[0],
-            lambda done, of: tell(remaining.drawing(done, of)),
-        )
 
 
 def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:

@@ -92,7 +92,8 @@ class Search:
 
     `screened` points in `screens` rounds of all kinds, `descents` from the best of them;
     `explained` whether noise explains the least chi square; `mirrored` where all of it was taken
-    over from an alternative that this one mirrors.
+    over from an alternative that this one mirrors, `lowered` then where J was lowered to in that
+    one, with where it had begun.
     """
 
     minima: tuple[Minimum, ...]
@@ -103,6 +104,7 @@ class Search:
     evaluations: int
     runs: int
     mirrored: bool = False
+    lowered: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
     def apart_by_height(self) -> tuple[list[Minimum], list[Minimum]]:
         """Minima as low as the lowest, and the higher ones."""

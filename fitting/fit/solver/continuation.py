@@ -223,7 +223,8 @@ def has_crept(course: Course, chain: Chain) -> bool:
     """
     last = chain.steps[-1]
     open_ = chain.ended and chain.joined is None and not chain.polished
-    return bool(open_) and crept(last.optimality, last.j, course.settings.misfit)
+    asked = course.settings.polish and bool(open_)
+    return asked and crept(last.optimality, last.j, course.settings.misfit)
 
 
 def polished(course: Course, chain: Chain) -> Chain:

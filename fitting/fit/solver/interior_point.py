@@ -63,7 +63,8 @@ class SolveSettings:
     less than `absolute + relative J` (for "squares", a sum of another dimension,
     `absolute^2 + relative J/10`); `iterations` bounds each interior-point run; `barrier` is
     the largest first barrier parameter and `radius` the first trust radius; `restarts` counts the
-    further tries from a perturbed point where optimality is in doubt.
+    further tries from a perturbed point where optimality is in doubt; `polish`: whether an end at
+    which straight steps creep is taken on along its curved valley.
     """
 
     misfit: str = "slack"
@@ -73,15 +74,16 @@ class SolveSettings:
     barrier: float = 0.1
     radius: float = 1.0
     restarts: int = 1
+    polish: bool = True
 
 
 def quick_settings(settings: SolveSettings) -> SolveSettings:
-    """The same with looser tolerances and no second try.
+    """The same with looser tolerances, no second try and no polish, which takes most of the runs.
 
     Args:
         settings: of the solve.
     """
-    return replace(settings, absolute=1e-5, relative=1e-3, iterations=30, restarts=0)
+    return replace(settings, absolute=1e-5, relative=1e-3, iterations=30, restarts=0, polish=False)
 
 
 @dataclass(frozen=True, kw_only=True)

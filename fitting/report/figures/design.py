@@ -6,9 +6,9 @@ from pathlib import Path
 
 from fitting.design.result import Design
 from fitting.report import plot
+from fitting.report.figures.file import FigureFile
 from fitting.report.figures.style import (
     Drawing,
-    FigureFile,
     handles_of,
     legend_below,
     new_figure,

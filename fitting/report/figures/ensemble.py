@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fitting.report.figures.file import FigureFile
 from fitting.report.figures.style import (
     Drawing,
-    FigureFile,
     legend_below,
     new_figure,
     save,

@@ -7,7 +7,8 @@ from pathlib import Path
 from matplotlib.lines import Line2D
 
 from fitting.inference.posterior.summary import PosteriorSummary
-from fitting.report.figures.style import Drawing, FigureFile, legend_below, new_figure, save, style
+from fitting.report.figures.file import FigureFile
+from fitting.report.figures.style import Drawing, legend_below, new_figure, save, style
 from fitting.report.plot.axes import BLUE, GREEN, ORANGE, RED
 from fitting.report.plot.posterior import alone, marked, together
 from fitting.text.arrays import FloatArray

@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from fitting.report.figures.file import FigureFile
 from fitting.report.figures.fit import draw_convergence, draw_derived, varying
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.numbers import numbered
 from fitting.report.figures.paper import ONE_COLUMN, TWO_COLUMNS, save_pdf
-from fitting.report.figures.style import Drawing, FigureFile, save, style
+from fitting.report.figures.style import Drawing, save, style
 from fitting.report.figures.tones import (
     draw_drive,
     draw_improvement,
@@ -31,6 +32,7 @@ def write_figures(
     data: ShownCampaign,
     out_dir: Path,
     progress: Callable[[int, int], None] = lambda done, of: None,
+    share: tuple[int, int] = (0, 1),
 ) -> list[FigureFile]:
     """Draw every figure that the campaign has data for, as SVG, PNG and CSV in `out_dir`/figures.
 
@@ -41,6 +43,7 @@ def write_figures(
         data: what is shown of the campaign.
         out_dir: where the files go.
         progress: is told how many are drawn, of how many.
+        share: which ones: from this on, each so many-th.
 
     Raises:
         BadInput: the folder cannot be written.
@@ -48,9 +51,9 @@ def write_figures(
     written = []
     with style():
         drawn = _drawings(result, data)
-        for done, drawing in enumerate(drawn):
+        for done in range(share[0], len(drawn), share[1]):
             progress(done, len(drawn))
-            written.append(save(drawing, out_dir / FOLDER, for_page=True))
+            written.append(save(drawn[done], out_dir / FOLDER, for_page=True))
     progress(len(drawn), len(drawn))
     return written
 

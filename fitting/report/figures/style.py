@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from fitting.report.figures.data import figure_csv
+from fitting.report.figures.file import FigureFile
 from fitting.report.plot.axes import BLACK, RED
 from fitting.text.files import write_whole
 
@@ -86,27 +87,6 @@ class Drawing:
         """Name of its files, without an ending."""
         number = f"{self.number:0{self.digits}d}" if self.number else ""
         return "_".join(filter(None, (number, self.name, self.series)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class FigureFile:
-    """A saved figure: what a :class:`Drawing` says, its two files, and one of its numbers.
-
-    ``name`` is that of its files, ``kind`` that of the drawing; ``live`` makes it interactive on
-    a page (JSON).
-    """
-
-    name: str
-    kind: str
-    number: int
-    title: str
-    caption: str
-    alt: str
-    svg: Path
-    png: Path
-    csv: Path | None = None
-    pdf: Path | None = None
-    live: str = ""
 
 
 #: What a figure for print has otherwise: fonts as publishers want them, which takes half a second

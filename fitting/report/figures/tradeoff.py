@@ -14,9 +14,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from fitting.lab.names import QUANTITIES
 from fitting.lab.tradeoff.front import pareto
 from fitting.lab.tradeoff.records import COHERENT, Measurement, Study
+from fitting.report.figures.file import FigureFile
 from fitting.report.figures.style import (
     Drawing,
-    FigureFile,
     legend_below,
     new_figure,
     save,

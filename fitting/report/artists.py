@@ -1,0 +1,71 @@
+"""Processes that draw a report: they load what they draw with while others wait for an FMU.
+
+Nothing here loads a library that draws, as the process that asks has no need of one.
+"""
+
+from __future__ import annotations
+
+import importlib
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting.report.figures.file import FigureFile
+from fitting.report.shown import ShownCampaign
+from fitting.result.result import Result
+
+
+@dataclass(frozen=True)
+class Artists:
+    """So many processes that draw side by side."""
+
+    executor: Executor
+    count: int
+
+    def get_ready(self) -> None:
+        """Have them load what they draw with, which takes seconds."""
+        for _ in range(self.count):
+            self.executor.submit(_load)
+
+    def report(self, result: Result, data: ShownCampaign, out_dir: Path) -> Path:
+        """The same report as of one process; the path of its page.
+
+        Args:
+            result: of a reconstruction.
+            data: what is shown of the campaign.
+            out_dir: where the files go.
+
+        Raises:
+            BadInput: the folder cannot be written.
+            BrokenExecutor: a process was lost.
+        """
+        shares = range(self.count)
+        asked = [
+            self.executor.submit(_draw, result, data, out_dir, (k, self.count)) for k in shares
+        ]
+        drawn = [future.result() for future in asked]
+        figures = [
+            drawn[k % self.count][k // self.count] for k in range(sum(len(part) for part in drawn))
+        ]
+        return self.executor.submit(_write, result, data, out_dir, figures).result()
+
+
+def _load() -> None:
+    importlib.import_module("fitting.report.reconstruction")
+    importlib.import_module("fitting.report.interactive.document")
+
+
+def _draw(
+    result: Result, data: ShownCampaign, out_dir: Path, share: tuple[int, int]
+) -> list[FigureFile]:
+    """One share of the figures."""
+    from fitting.report.figures.reconstruction import write_figures
+
+    return write_figures(result, data, out_dir, share=share)
+
+
+def _write(result: Result, data: ShownCampaign, out_dir: Path, figures: list[FigureFile]) -> Path:
+    """Everything but the figures."""
+    from fitting.report.reconstruction import write_report_of
+
+    return write_report_of(result, data, out_dir, figures)
