@@ -47,7 +47,8 @@ class FmuVariable:
     """A variable of an FMU; ``start``, ``min`` and ``max`` are in ``unit`` (None: none declared).
 
     ``fmi_type`` is the type as the FMU declares it, ``kind`` what it is to us. Of an array every
-    element is a variable, called as "A[1,2]", with the reference of the array.
+    element is a variable, called as "A[1,2]", with the reference of the array; ``is_size``: it is
+    a structural parameter that arrays have their size of.
     """
 
     name: str
@@ -63,11 +64,14 @@ class FmuVariable:
     value_reference: int
     fmi_type: str
     element: Element | None = None
+    is_size: bool = False
 
     @property
     def can_be_started(self) -> bool:
-        """Whether the variable may be set before initialisation."""
+        """Whether the variable may be set before initialisation; a size of an array stays."""
         if self.variability == "constant" or self.causality == "calculatedParameter":
+            return False
+        if self.is_size:
             return False
         return self.causality in ("parameter", "input", "structuralParameter") or (
             self.initial in ("exact", "approx")
@@ -209,11 +213,7 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         platforms=_platforms(names),
         one_instance_per_process=bool(told.canBeInstantiatedOnlyOncePerProcess),
         needs_execution_tool=bool(told.needsExecutionTool),
-        variables={
-            each.name: each
-            for v in model.modelVariables
-            for each in _variables(path, model.fmiVersion, v)
-        },
+        variables=_all_variables(path, model),
         own_steps=OwnSteps() if by_exchange else _own_steps(path, model),
         exchange=_sizes(model) if by_exchange else None,
         offers=tuple(offered),
@@ -278,6 +278,15 @@ def _require_binary(path: Path, version: str, identifier: str, names: list[str])
         raise BadInput(
             f"{path}: no binary for this platform; wanted {wanted}, found binaries for: {found}"
         )
+
+
+def _all_variables(path: Path, model: Any) -> dict[str, FmuVariable]:
+    sizes = {id(d.variable) for v in model.modelVariables for d in v.dimensions}
+    return {
+        each.name: replace(each, is_size=id(v) in sizes)
+        for v in model.modelVariables
+        for each in _variables(path, model.fmiVersion, v)
+    }
 
 
 def _variables(path: Path, version: str, variable: Any) -> list[FmuVariable]:

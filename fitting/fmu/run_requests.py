@@ -21,6 +21,8 @@ from fitting.text.notation import listed
 if TYPE_CHECKING:
     from fitting.fmu.description import Element, FmuDescription, FmuVariable
 
+#: The causality of what FMI 3.0 sets in a mode of its own, before all other variables.
+STRUCTURAL = "structuralParameter"
 #: Least and largest number of every type of whole numbers; Integer is that of FMI 2.0.
 _RANGES = {
     "Integer": (-(2**31), 2**31 - 1),
@@ -33,6 +35,7 @@ class Group(NamedTuple):
     """Variables of one FMI type; or elements of one array, which is set and read as a whole.
 
     ``size`` is that of the array, 0 for single variables; ``places`` those of the elements in it.
+    ``structural``: they are set in configuration mode.
     """
 
     fmi_type: str
@@ -40,6 +43,7 @@ class Group(NamedTuple):
     references: tuple[int, ...]
     size: int = 0
     places: tuple[int, ...] = ()
+    structural: bool = False
 
 
 class Layout(NamedTuple):
@@ -252,9 +256,11 @@ class RunRequests:
                 "array or one of texts; wanted a Real, Integer, Boolean or String"
             )
         if not variable.can_be_started:
+            why = " as arrays have its size" if variable.is_size else ""
             raise BadInput(
                 f"{self._description.path}: {name!r} is a {variable.variability} "
-                f"{variable.causality} that cannot be set, wanted a parameter or an input"
+                f"{variable.causality} that cannot be set{why}, "
+                "wanted a parameter or an input"
             )
         return variable
 
@@ -291,16 +297,19 @@ class RunRequests:
 
     @staticmethod
     def _grouped(variables: list[FmuVariable]) -> tuple[Group, ...]:
-        """Single variables by their types, then each array by itself."""
-        single = [v for v in variables if v.element is None]
-        types = {v.fmi_type: None for v in single}
+        """Single variables by their types, structural ones first, then each array by itself."""
+        single: dict[tuple[bool, str], list[FmuVariable]] = {}
+        for v in variables:
+            if v.element is None:
+                single.setdefault((v.causality != STRUCTURAL, v.fmi_type), []).append(v)
         groups = [
             Group(
                 fmi_type,
-                tuple(v.name for v in single if v.fmi_type == fmi_type),
-                tuple(v.value_reference for v in single if v.fmi_type == fmi_type),
+                tuple(v.name for v in alike),
+                tuple(v.value_reference for v in alike),
+                structural=not later,
             )
-            for fmi_type in types
+            for (later, fmi_type), alike in sorted(single.items(), key=lambda each: each[0][0])
         ]
         arrays: dict[int, list[tuple[FmuVariable, Element]]] = {}
         for v in variables:

@@ -101,3 +101,19 @@ def test_check_and_simulate_take_elements(
     assert "A[1,1]" in capsys.readouterr().out
     words = ["--input", "u[1]", "--drive", "0.5 Hz", "--output", "y[1]", "--accuracy", "1e-4"]
     assert main(["simulate", str(path), *words, "--out", str(tmp_path / "o")]) == 0
+
+
+def test_structural_parameters_are_set_in_their_mode(fmu: ff.Fmu) -> None:
+    """One term of the series makes its steps those of Euler's method, (1 + h A) x; then all."""
+    euler = replace(RUN, start_values={"terms": 1, "x0[1]": 1.0}, outputs=("y[1]", "y[2]"))
+    exact = replace(euler, start_values={"x0[1]": 1.0})
+    slow, quick = fmu.workers.run([euler, exact])
+    stepped = [np.linalg.matrix_power(np.eye(2) + 0.1 * A, k) @ [1.0, 0.0] for k in range(30)]
+    truth = [expm(A * 0.1 * k) @ [1.0, 0.0] for k in range(30)]
+    assert np.asarray(slow) == pytest.approx(np.array(stepped), abs=1e-13)
+    assert np.asarray(quick) == pytest.approx(np.array(truth), abs=1e-13)
+
+
+def test_the_size_of_an_array_stays(fmu: ff.Fmu) -> None:
+    with pytest.raises(ff.BadInput, match=r"'states' is a fixed structuralParameter .* its size"):
+        fmu.workers.run([replace(RUN, start_values={"states": 3})])

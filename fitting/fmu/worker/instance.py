@@ -140,6 +140,15 @@ class FmuInstance:
             access.name,
         )
 
+    def configure(self, *, begin: bool) -> None:
+        """Enter configuration mode, in which structural parameters are set, or leave it.
+
+        Args:
+            begin: which of the two.
+        """
+        name = "EnterConfigurationMode" if begin else "ExitConfigurationMode"
+        self.check(self._function(name)(self.instance), name)
+
     def follow(self, access: VariableAccess, tones: tuple[Tone, ...]) -> bool:
         """Whether the input follows tones by itself from now on: what is held over steps does not.
 

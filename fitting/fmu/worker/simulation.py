@@ -59,8 +59,7 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     unless ``request.allow_nan``, for an output that is not a finite number.
     """
     result = np.empty((request.rows, len(binding.layout.outputs)))
-    for access, values in zip(binding.sets, request.values, strict=True):
-        fmu.set(access, values)
+    _set_start_values(fmu, binding, request)
     read = _reader(fmu, binding, result)
     fmu.enter_initialisation(request.start_time_s)
     if request.held is not None:
@@ -76,6 +75,19 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     if not (request.allow_nan or np.isfinite(result).all()):
         raise CallFailed(fmu.with_log(_not_finite(binding.layout.outputs, request, result)))
     return result
+
+
+def _set_start_values(fmu: FmuInstance, binding: Binding, request: RunRequest) -> None:
+    """Structural parameters in configuration mode, which come first, then all others."""
+    groups = zip(binding.layout.sets, binding.sets, request.values, strict=True)
+    configuring = False
+    for group, access, values in groups:
+        if group.structural != configuring:
+            configuring = group.structural
+            fmu.configure(begin=configuring)
+        fmu.set(access, values)
+    if configuring:
+        fmu.configure(begin=False)
 
 
 def steps_of(request: RunRequest) -> int:
