@@ -39,15 +39,15 @@ class Artists:
             BadInput: the folder cannot be written.
             BrokenExecutor: a process was lost.
         """
-        shares = range(self.count)
-        asked = [
-            self.executor.submit(_draw, result, data, out_dir, (k, self.count)) for k in shares
-        ]
+        there = out_dir.absolute()  # they are in folders of their own
+        shares = [(k, self.count) for k in range(self.count)]
+        asked = [self.executor.submit(_draw, result, data, there, share) for share in shares]
         drawn = [future.result() for future in asked]
         figures = [
             drawn[k % self.count][k // self.count] for k in range(sum(len(part) for part in drawn))
         ]
-        return self.executor.submit(_write, result, data, out_dir, figures).result()
+        page = self.executor.submit(_write, result, data, there, figures).result()
+        return out_dir / page.name
 
 
 def _load() -> None:

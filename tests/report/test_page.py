@@ -372,8 +372,11 @@ def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
     assert write_report(result, data, tmp_path).read_bytes() == first
 
 
-def test_whoever_draws_the_files_are_the_same(tmp_path: Path) -> None:
-    """Two processes side by side, then one of them is lost."""
+def test_whoever_draws_the_files_are_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two processes side by side, told a folder as seen from here; then one of them is lost."""
+    monkeypatch.chdir(tmp_path)
     data = records.campaign(tones=[])
     result = records.result_for(data)
     data = records.with_figures(data, result)
@@ -383,7 +386,7 @@ def test_whoever_draws_the_files_are_the_same(tmp_path: Path) -> None:
     try:
         artists = Artists(executor, 2)
         artists.get_ready()
-        artists.report(result, data, beside)
+        assert artists.report(result, data, Path("beside")) == Path("beside/report.html")
         for pid in executor.pids:
             os.kill(pid, signal.SIGKILL)
         with pytest.raises(BrokenExecutor):
