@@ -323,8 +323,8 @@ class FmuWorkers:
         self._kill(number)
         if not in_trial:
             raise self._failure(f"the FMU {how}", run, kind)
-        self._verdicts[number].refuse(f"after a reset the FMU {how}", ended=True)
-        _log.info("worker %d: replaced, after a reset the FMU %s", number + 1, how)
+        self._verdicts[number].refuse(f"when its reset was tried the FMU {how}", ended=True)
+        _log.info("worker %d: replaced, when its reset was tried the FMU %s", number + 1, how)
         self._send(number, job)
 
     def _run_of(self, number: int, worker: WorkerProcess, job: _Job) -> Run:
