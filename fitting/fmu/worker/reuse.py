@@ -2,8 +2,8 @@
 
 The first run of a layout has a new instance. When a run comes that differs from it in a value that
 no comparison has varied yet, it has a new instance as well, and so has the same run with that value
-as it was in the first one. Then both are repeated, each after a reset that follows the other. Bit for
-bit the same, twice: from now on this value may vary between resets. Else every run gets a new
+as it was in the first one. Then both are repeated, each after a reset that follows the other. Bit
+for bit the same, twice: from now on this value may vary between resets. Else every run gets a new
 instance, for good. The first run alone is no measure: with its input at rest it shows no value at
 all. A value that changes nothing in its run is compared in further runs, too, before it counts as
 tried. What goes wrong with the values of a run goes wrong before any reset, and is not laid to one.
@@ -27,6 +27,7 @@ from fitting.text.arrays import FloatArray
 
 Place = tuple[int, int] | str  # a value of a request: (group, position), or the input's tones
 
+ANEW = "every run has a new instance: "
 UNDECIDED = "no comparison of a reset instance with a new one was needed"
 #: Places that only fit the run that they are of.
 WHOLE = frozenset({"segments", "held"})
@@ -64,26 +65,31 @@ class Instances(NamedTuple):
 class ReuseDecision:
     """Whether instances are reused (None: undecided), and why; outlives the worker process.
 
-    ``ended``: a reset ended the process; ``lied``: it was called OK and left something behind.
+    ``ended``: a reset ended the process; ``lied``: it was called OK and left something behind;
+    ``failed``: it, or a run after it, failed.
     """
 
     reused: bool | None = None
     note: str = UNDECIDED
     ended: bool = False
     lied: bool = False
+    failed: bool = False
     trials: dict[int, Trial] = field(default_factory=dict)
 
-    def refuse(self, reason: str, *, ended: bool = False, lied: bool = False) -> None:
+    def refuse(
+        self, reason: str, *, ended: bool = False, lied: bool = False, failed: bool = False
+    ) -> None:
         """From now on every run gets a new instance.
 
         Args:
             reason: as a sentence.
             ended: whether a reset ended the process.
             lied: whether a reset that was called OK left something behind.
+            failed: whether it, or a run after it, failed.
         """
         self.reused = False
-        self.ended, self.lied = ended, lied
-        self.note = f"every run has a new instance: {reason}"
+        self.ended, self.lied, self.failed = ended, lied, failed
+        self.note = f"{ANEW}{reason}"
         self.trials.clear()
 
 
@@ -117,7 +123,7 @@ def run_with_reuse(
             pairs = ((request, result), (first, before))
         reason = _difference_after_reset(layouts[request.layout], pairs, instances)
     except CallFailed as error:  # and on a new instance the same run did not fail
-        verdict.refuse(f"a run after a reset failed ({error})")
+        verdict.refuse(f"a run after a reset failed ({error})", failed=True)
         return result
     if reason:
         verdict.refuse(reason, lied=True)
