@@ -203,7 +203,7 @@ def resonance(rng: np.random.Generator) -> Sample:
     w = 2.0 * np.pi * f
     return Sample(
         truth={"stiffness": k, "damping": c},
-        drive=ff.Drive(input="force"),
+        drive=ff.Drive(input="force", samples_per_period=28),
         output="displacement",
         line_width_hz=width,
         f_hz=f,
@@ -241,7 +241,7 @@ def through(rng: np.random.Generator) -> Sample:
     f = np.geomspace(10.0, 500.0, 13)
     return Sample(
         truth={"tau": tau, "through": share},
-        drive=ff.Drive(input="u"),
+        drive=ff.Drive(input="u", samples_per_period=60),
         output="y",
         line_width_hz=None,
         f_hz=f,
