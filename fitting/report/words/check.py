@@ -180,8 +180,8 @@ def costs_line(costs: Costs) -> str:
     if math.isnan(costs.bytes_per_run):
         return line
     if costs.bytes_per_run < LEAST_BYTES:
-        return f"{line}, and leaves less than {LEAST_BYTES / 1e3:g} kB"
-    return f"{line}, and leaves about {costs.bytes_per_run / 1e3:.0f} kB"
+        return f"{line}, and leaves less than {LEAST_BYTES / 1e3:g} kB of memory"
+    return f"{line}, and leaves about {costs.bytes_per_run / 1e3:.0f} kB of memory"
 
 
 def _seconds(time_s: float) -> str:
