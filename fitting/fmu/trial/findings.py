@@ -80,8 +80,12 @@ def _of_repeats(repeats: Repeatability, description: FmuDescription) -> list[str
     said += _of_steps(repeats)
     if not math.isnan(repeats.own_step_s):
         declared = own.step_s is not None and abs(own.step_s / repeats.own_step_s - 1.0) < 0.1
-        told = ", as it declares" if declared else ", of which its description tells nothing"
-        said.append(f"outputs move only every {repeats.own_step_s:.3g} s, its own step{told}")
+        said.append(
+            f"outputs move only every {own.step_s:g} s, its own step, as it declares"
+            if declared
+            else f"outputs move only about every {repeats.own_step_s:.3g} s, its own step, of "
+            "which its description tells nothing"
+        )
     return said
 
 
