@@ -74,6 +74,13 @@ class Answers:
                 return answer
         if not question.default and question.unit:
             raise BadInput(question.why)
+        if not question.default and not question.options:
+            raise BadInput(
+                f"--{question.key}: the FMU has nothing that could be named here; wanted a "
+                "parameter, or another variable with a start value, that is a Real number"
+                if question.key == "fit"
+                else f"--{question.key}: the FMU has nothing that could be named here"
+            )
         if not question.default:
             raise BadInput(
                 f"--{question.key}: nothing suits by itself, wanted one of "

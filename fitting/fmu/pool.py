@@ -24,7 +24,7 @@ from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
 from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
 from fitting.fmu.worker.process import WorkerProcess
-from fitting.fmu.worker.reuse import ReuseDecision
+from fitting.fmu.worker.reuse import ANEW, ReuseDecision
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.scratch import Scratch
@@ -162,6 +162,12 @@ class FmuWorkers:
     def reset_lies(self) -> bool:
         """Whether a reset that was called OK left something behind."""
         return any(verdict.lied for verdict in self._verdicts)
+
+    @property
+    def reset_failure(self) -> str:
+        """How a reset failed, or ended the process; empty: none did."""
+        found = (v.note for v in self._verdicts if v.ended or v.failed)
+        return next((note.removeprefix(ANEW) for note in found), "")
 
     @property
     def resets_end(self) -> bool:
@@ -324,8 +330,8 @@ class FmuWorkers:
         self._kill(number)
         if not in_trial:
             raise self._failure(f"the FMU {how}", run, kind)
-        self._verdicts[number].refuse(f"after a reset the FMU {how}", ended=True)
-        _log.info("worker %d: replaced, after a reset the FMU %s", number + 1, how)
+        self._verdicts[number].refuse(f"when its reset was tried the FMU {how}", ended=True)
+        _log.info("worker %d: replaced, when its reset was tried the FMU %s", number + 1, how)
         self._send(number, job)
 
     def _run_of(self, number: int, worker: WorkerProcess, job: _Job) -> Run:

@@ -102,8 +102,10 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
             return _earliest(probe, settings, times, seen, wanted)
         if probe.foreign and _lingers(changes[1:], wanted) and time_s >= LOOK_AGAIN * looked_s:
             looked_s, repeats = time_s, probe.repetition(settings, time_s)
-            if repeats > QUIET * wanted and changes[-1] <= NOISY * repeats:
-                return _as_it_repeats(probe, times, seen, repeats)
+            # also where noise is small enough: it would be so twice in a row by chance alone
+            if changes[-1] <= NOISY * repeats:
+                found = _as_it_repeats(probe, times, seen, repeats)
+                return found if repeats > QUIET * wanted else replace(found, repeats=0.0)
     bound = min(1.0, SAFETY * changes[-1])
     return Settled(settle_s=times[-1], bound=bound, last=tuple(seen[-1]), steady=False)
 

@@ -24,7 +24,7 @@ def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -
     assert not re.search("^(cosmetic|careful|fatal): ", text, re.MULTILINE)
     assert re.search(r"outputs are the same to 1e-12 over \d+ steps of 1e-08 s", text)
     assert "made for steps of 1e-08 s" in text
-    assert "changed no output over 16 steps of 1e-08 s: " in text
+    assert re.search(r"changed no output over \d+ steps of 1e-08 s: ", text)
     assert "rk4_substep" in text  # the exact solver takes none
     assert "eta_plus" in text
     assert "suits this FMU" in text

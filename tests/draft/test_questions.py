@@ -30,6 +30,13 @@ class Person:
         return self.typed.pop(0).split() or None
 
 
+def test_nothing_to_choose_from_is_said() -> None:
+    """An FMU whose values are all inputs has no parameter: no list of options without an option."""
+    fit = Question(key="fit", words="Which are fitted?", options=(), default=(), why="")
+    with pytest.raises(BadInput, match="the FMU has nothing that could be named here; wanted a"):
+        Answers().of(fit)
+
+
 def test_an_answer_that_is_no_option_is_asked_for_again() -> None:
     person = Person("Q3", "q2")
     answers = Answers(ask=person)

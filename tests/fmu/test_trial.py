@@ -16,7 +16,13 @@ from fitting.fmu.trial.inputs import try_inputs
 from fitting.fmu.trial.resets import try_resets
 from fitting.fmu.trial.runs import STEPS, pushed_run, trial_step_s
 from fitting.fmu.trial.steps import try_repeats
-from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, reworded
+from tests.support.cfmu_build import (
+    build_c_fmu,
+    build_lag_fmu,
+    build_own_step_fmu,
+    build_reference_fmu,
+    reworded,
+)
 from tests.support.processes import Clock
 
 
@@ -94,16 +100,66 @@ def test_noise_that_grows_is_told(tmp_path: Path) -> None:
     assert any("grows with time" in sentence for sentence in said)
 
 
-def test_a_step_of_its_own_is_found(tmp_path: Path) -> None:
-    """3/10 ms: not told by the description, no part of a communication step."""
-    with FmuWorkers(build_c_fmu(tmp_path, marks={"OWN_STEP": 3e-4})) as workers:
-        own = try_repeats(workers, pushed_run(workers, 1e-3, {}), 64)
+@pytest.mark.parametrize("own_s", [2e-6, 3e-5, 3e-4, 9e-4, 1.25e-3, 0.01, 0.07])
+def test_a_step_of_its_own_is_found(own_s: float, tmp_path: Path) -> None:
+    """Not told by the description, much shorter or longer than a trial step, or no part of it."""
+    with FmuWorkers(build_c_fmu(tmp_path, marks={"OWN_STEP": own_s})) as workers:
+        own = try_repeats(workers, pushed_run(workers, 1e-3, {}), 256)
     assert own is not None
-    assert own.own_step_s == pytest.approx(3e-4, rel=0.02)
+    assert own.own_step_s == pytest.approx(own_s, rel=0.02)
+
+
+def test_no_step_is_found_where_there_is_none(tmp_path: Path) -> None:
     with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
         none = try_repeats(workers, pushed_run(workers, 1e-3, {}), 64)
     assert none is not None
     assert math.isnan(none.own_step_s)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("LOSES_TIME", "in steps of 0.0005 s no output moves, in steps of 0.001 s they do"),
+        ("REFUSES", "it refuses steps of 0.0005 s, and takes those of 0.001 s"),
+    ],
+)
+def test_steps_that_are_lost_or_refused_are_told(kind: str, said: str, tmp_path: Path) -> None:
+    """The oscillator of own_step.h, whose own step is the trial step, in halves of it."""
+    with FmuWorkers(build_own_step_fmu(tmp_path, kind)) as workers:
+        found = examine(workers, 1e-3, {})
+        sentences = [f.sentence for f in trial_findings(workers.description, found)]
+    assert [s for s in sentences if s.startswith(said)]
+    assert not [s for s in sentences if "differ" in s or "repeat" in s]
+
+
+def test_outputs_that_go_by_the_number_of_steps_are_told(tmp_path: Path) -> None:
+    """x (1 + sin ...), another sine for every number of steps."""
+    with FmuWorkers(build_c_fmu(tmp_path, marks={"NOISE": 1.0})) as workers:
+        found = examine(workers, 1e-3, {})
+        sentences = [f.sentence for f in trial_findings(workers.description, found)]
+    [said] = [s for s in sentences if "other ones" in s]
+    assert said.startswith("in shorter communication steps outputs are other ones (displacement by")
+
+
+@pytest.mark.parametrize(
+    ("reset", "said"), [("RESET_FAILS", "fmi2Reset returned 'error'"), ("RESET_CRASHES", "SIGSEGV")]
+)
+def test_a_reset_that_does_not_work_is_told(reset: str, said: str, tmp_path: Path) -> None:
+    with FmuWorkers(build_c_fmu(tmp_path, reset=reset)) as workers:
+        found = examine(workers, 1e-3, {})
+        [sentence] = [f.sentence for f in trial_findings(workers.description, found)]
+    assert sentence.startswith("its reset does not work: ")
+    assert said in sentence
+
+
+def test_what_acts_late_is_not_called_idle(tmp_path: Path) -> None:
+    """The ball falls from 1 m for 0.45 s before its bounce matters, longer than 16 steps."""
+    with FmuWorkers(build_reference_fmu(tmp_path, "BouncingBall")) as workers:
+        found = examine(workers, 0.01, {})
+        sentences = [f.sentence for f in trial_findings(workers.description, found)]
+    assert found.resets is not None
+    assert found.resets.idle == ()
+    assert not any("changes no output" in sentence for sentence in sentences)
 
 
 def test_what_an_input_does_at_once_and_later(tmp_path: Path) -> None:

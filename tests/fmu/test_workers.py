@@ -294,6 +294,34 @@ def test_a_value_that_is_varied_later_is_checked_then(folder: Path) -> None:
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
 
+@pytest.mark.parametrize("once", [False, True])
+def test_a_reset_is_not_proven_by_a_run_at_rest(folder: Path, once: bool) -> None:
+    """The first run shows no value, as a probe without a drive; then stiffness and force vary."""
+    still = replace(PULLED, start_values={**START, "force": 0.0})
+    runs = [still, PULLED, *stiffness_runs(4)[1:]]
+    path = build_c_fmu(folder, reset="RESET_KEEPS_DERIVED", once=once)
+    with FmuWorkers(path) as workers:
+        results = workers.run(runs)
+        assert "every run has a new instance" in workers.reuse_note
+        assert workers.reset_lies
+    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
+        expected = workers.run(runs)
+    assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
+
+
+def test_a_reset_is_not_proven_by_runs_that_end_at_once(folder: Path) -> None:
+    """Runs of one sample, taken before the first step, show no damping."""
+    ends = replace(PULLED, samples=1)
+    runs = [ends, replace(ends, start_values={**PULLED.start_values, "damping": 0.5}), PULLED]
+    runs += [replace(PULLED, start_values={**PULLED.start_values, "damping": 0.5})]
+    with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_DERIVED")) as workers:
+        results = workers.run(runs)
+        assert "every run has a new instance" in workers.reuse_note
+    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
+        expected = workers.run(runs)
+    assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
+
+
 def test_one_instance_per_process(folder: Path) -> None:
     """Declared so and true: still compared with a new instance, in a process of its own."""
     with FmuWorkers(build_c_fmu(folder, once=True)) as workers:

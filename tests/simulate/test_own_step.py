@@ -15,7 +15,7 @@ from fitting.simulate.budget import Basis, Decision, Kind
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.own_step import simplest
 from fitting.simulate.words import plan_in_words
-from tests.support.cfmu_build import build_lag_fmu, build_own_step_fmu
+from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, build_own_step_fmu
 from tests.support.own_step import phasor
 
 TONE = 30.3
@@ -35,6 +35,21 @@ def grid_of(plan: DrivePlan) -> Decision:
 def off(plan: DrivePlan, step_s: float = STEP) -> float:
     """How far the amplitude is from that of the FMU's own difference equation."""
     return abs(float(plan.amplitudes[0][0, 0]) / abs(phasor(TONE, step_s)) - 1.0)
+
+
+def test_noise_that_nearly_does_ends_settling(tmp_path: Path) -> None:
+    """Amplitudes that repeat to a quarter of a share: doubled on, the time was minutes of runs."""
+    with ff.Fmu(build_c_fmu(tmp_path, marks={"NOISE": 5e-6}), workers=1) as fmu:
+        drive = ff.Drive(input="force", samples_per_period=28)
+        values = {"damping": 0.4}
+        asked = {"drive": drive, "outputs": "displacement", "accuracy": 1e-4}
+        plan = fmu.plan(values, tones=[320.0], **asked)  # type: ignore[arg-type]
+        steps = fmu.workers.counts.steps
+    w = 2.0 * math.pi * 320.0
+    true = 1.0 / abs(complex(4e3 - 1e-3 * w * w, 0.4 * w))
+    assert plan.settle_s < 0.2  # a transient takes 5 ms to fall by e
+    assert steps < 200_000
+    assert abs(float(plan.amplitudes[0][0, 0]) / true - 1.0) <= plan.promised <= 1e-4
 
 
 @pytest.mark.parametrize(

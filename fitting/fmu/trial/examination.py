@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.trial.costs import Costs, measure_costs, repeated_steps
 from fitting.fmu.trial.inputs import InputEffect, try_inputs
-from fitting.fmu.trial.resets import Resets, try_resets
+from fitting.fmu.trial.resets import Resets, try_longer, try_resets
 from fitting.fmu.trial.runs import pushed_run
 from fitting.fmu.trial.steps import Repeatability, Trial, take_trial, try_freeing, try_repeats
 from fitting.text.arrays import Scalar
@@ -51,8 +51,10 @@ def examine(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) ->
         run = pushed_run(workers, step_s, values)
         resets = try_resets(workers, run)
         costs = measure_costs(workers, run)
-        repeats = try_repeats(workers, run, repeated_steps(costs))
-        effects = try_inputs(workers, run)
+        steps = repeated_steps(costs)
+        repeats = try_repeats(workers, run, steps)
+        resets = try_longer(workers, resets, run, steps)
+        effects = try_inputs(workers, run, steps)
     except FmuFailure as error:
         failure = error
     return Examination(

@@ -7,6 +7,7 @@ import math
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.findings import Finding, Severity
 from fitting.fmu.trial.examination import Examination
+from fitting.fmu.trial.inputs import InputEffect
 from fitting.fmu.trial.resets import Resets
 from fitting.fmu.trial.runs import STEPS
 from fitting.fmu.trial.steps import Repeatability
@@ -16,6 +17,8 @@ from fitting.text.notation import listed
 ROUNDING = 1e-12
 #: By which differences grow from the first quarter of the time to the last where they drift.
 DRIFTS = 2.0
+#: Share from which outputs of shorter steps are other ones altogether.
+OTHER = 0.3
 #: Bytes that a run leaves, from which a thousand runs are felt.
 LEAK = 50_000
 
@@ -33,7 +36,7 @@ def trial_findings(description: FmuDescription, found: Examination) -> tuple[Fin
     for effect in found.effects:
         what = f"{effect.causality} {effect.name}"
         if effect.acts is False:
-            said.append(f"{what}: moved between steps, it changes no output{_over(found)}")
+            said.append(f"{what}: moved between steps, it changes no output{_over(found, effect)}")
         elif effect.acts is None:
             said.append(f"{what}: the FMU refuses to have it moved between steps")
     if found.costs is not None and found.costs.bytes_per_run > LEAK:
@@ -42,9 +45,9 @@ def trial_findings(description: FmuDescription, found: Examination) -> tuple[Fin
     return (*fatal, *(Finding(Severity.CAREFUL, sentence) for sentence in said))
 
 
-def _over(found: Examination) -> str:
+def _over(found: Examination, effect: InputEffect) -> str:
     resets = found.resets
-    return "" if resets is None else f" over {resets.steps} steps of {resets.step_s:g} s"
+    return "" if resets is None else f" over {effect.steps} steps of {resets.step_s:g} s"
 
 
 def _of_resets(resets: Resets) -> list[str]:
@@ -61,6 +64,8 @@ def _of_resets(resets: Resets) -> list[str]:
         )
     elif not resets.true:
         said.append("a reset is called OK and leaves something behind")
+    elif resets.fails:
+        said.append(f"its reset does not work: {resets.fails}")
     return said
 
 
@@ -72,18 +77,46 @@ def _of_repeats(repeats: Repeatability, description: FmuDescription) -> list[str
             f"the same run on a new instance gives other outputs, by up to {repeats.again:.1e} of "
             "their largest value"
         )
-    if repeats.floor > max(ROUNDING, repeats.again):
+    said += _of_steps(repeats)
+    if not math.isnan(repeats.own_step_s):
+        declared = own.step_s is not None and abs(own.step_s / repeats.own_step_s - 1.0) < 0.1
         said.append(
-            f"outputs repeat to {repeats.floor:.1e} of their largest value only, however small the "
-            "communication step: no amplitude can be asked more accurately"
+            f"outputs move only every {own.step_s:g} s, its own step, as it declares"
+            if declared
+            else f"outputs move only about every {repeats.own_step_s:.3g} s, its own step, of "
+            "which its description tells nothing"
+        )
+    return said
+
+
+def _of_steps(repeats: Repeatability) -> list[str]:
+    """What outputs do in shorter communication steps."""
+    step_s = repeats.step_s
+    if not math.isnan(repeats.stops_s):
+        return [
+            f"in steps of {repeats.stops_s:g} s no output moves, in steps of {step_s:g} s they do: "
+            "it forgets what is shorter than a step of its own"
+        ]
+    said = []
+    if math.isnan(repeats.halves):
+        said.append(
+            f"it refuses steps of {step_s / 2.0:g} s, and takes those of {step_s:g} s: other tools "
+            "and plans have to keep to steps that it takes"
+        )
+    if repeats.floor > OTHER:
+        said.append(
+            f"in shorter communication steps outputs are other ones ({repeats.output} by "
+            f"{repeats.floor:.1e} of its largest value), however short they are, as where steps "
+            "are counted"
+        )
+    elif repeats.floor > max(ROUNDING, repeats.again):
+        said.append(
+            f"outputs repeat to {repeats.floor:.1e} of their largest value only "
+            f"({repeats.output}), however short the communication step: amplitudes rest on that"
         )
     if not repeats.falls and repeats.late > max(ROUNDING, DRIFTS * repeats.early):
         said.append(
             f"what outputs differ by with other steps grows with time, from {repeats.early:.1e} to "
             f"{repeats.late:.1e} over {repeats.steps} steps"
         )
-    if not math.isnan(repeats.own_step_s):
-        declared = own.step_s is not None and abs(own.step_s / repeats.own_step_s - 1.0) < 0.1
-        told = ", as it declares" if declared else ", of which its description tells nothing"
-        said.append(f"outputs move only every {repeats.own_step_s:.3g} s, its own step{told}")
     return said

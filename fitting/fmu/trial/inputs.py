@@ -17,22 +17,24 @@ from fitting.text.arrays import Scalar
 class InputEffect:
     """What an input or a tunable parameter does when it is moved between steps.
 
-    ``acts``: an output changes; ``at_once``: without a step, which is direct feed-through; both are
-    None where the FMU refuses the run, ``at_once`` of parameters as well.
+    ``acts``: an output changes in ``steps`` steps; ``at_once``: without a step, which is direct
+    feed-through; both are None where the FMU refuses the run, ``at_once`` of parameters as well.
     """
 
     name: str
     causality: str
     acts: bool | None
     at_once: bool | None
+    steps: int
 
 
-def try_inputs(workers: FmuWorkers, run: Run) -> tuple[InputEffect, ...]:
+def try_inputs(workers: FmuWorkers, run: Run, most: int = 0) -> tuple[InputEffect, ...]:
     """What every Real input and every tunable Real parameter does when it is moved in a run.
 
     Args:
         workers: processes that run the FMU.
         run: some steps (`pushed_run`).
+        most: steps in which those are looked at again that change nothing in these; 0: in none.
 
     Raises:
         FmuFailure: a run did not end in its time.
@@ -44,11 +46,23 @@ def try_inputs(workers: FmuWorkers, run: Run) -> tuple[InputEffect, ...]:
         other = moved(v, start, share) if v.kind == "Real" and start is not None else None
         if other is None or start is None:
             continue
-        if v.causality == "input":
-            found.append(_input(workers, run, v, (float(start), float(other))))
-        elif v.causality == "parameter" and v.variability == "tunable":
-            found.append(_tunable(workers, run, v, (start, other)))
+        effect = _effect(workers, run, v, (start, other))
+        if effect is not None and effect.acts is False and most >= run.samples:
+            longer = _effect(workers, replace(run, samples=most + 1), v, (start, other))
+            effect = effect if longer is None or longer.acts is None else longer
+        found += [] if effect is None else [effect]
     return tuple(found)
+
+
+def _effect(
+    workers: FmuWorkers, run: Run, variable: FmuVariable, values: tuple[Scalar, Scalar]
+) -> InputEffect | None:
+    """What one of them does; None: it is neither."""
+    if variable.causality == "input":
+        return _input(workers, run, variable, (float(values[0]), float(values[1])))
+    if variable.causality == "parameter" and variable.variability == "tunable":
+        return _tunable(workers, run, variable, values)
+    return None
 
 
 def _input(
@@ -70,7 +84,13 @@ def _input(
         still, late, direct = results
         at_once = not np.array_equal(still, direct, equal_nan=True)
         acts = at_once or not np.array_equal(still, late, equal_nan=True)
-    return InputEffect(name=variable.name, causality=variable.causality, acts=acts, at_once=at_once)
+    return InputEffect(
+        name=variable.name,
+        causality=variable.causality,
+        acts=acts,
+        at_once=at_once,
+        steps=run.samples - 1,
+    )
 
 
 def _tunable(
@@ -93,4 +113,10 @@ def _tunable(
 
     results = tried(workers, [moved_to(value) for value in values])
     acts = None if results is None else not np.array_equal(results[0], results[1], equal_nan=True)
-    return InputEffect(name=variable.name, causality=variable.causality, acts=acts, at_once=None)
+    return InputEffect(
+        name=variable.name,
+        causality=variable.causality,
+        acts=acts,
+        at_once=None,
+        steps=run.samples - 1,
+    )

@@ -21,7 +21,8 @@ class Resets:
     is not set anew is back at its start. ``kept`` are values of which a trace is left where nothing
     is set anew, "" stands for a run with nothing set at all. Also with every parameter and input
     varied, but for those of ``unvaried``, which the FMU refuses to take; those of ``idle`` changed
-    no output in ``steps`` steps of ``step_s`` seconds.
+    no output in ``idle_steps`` steps of ``step_s`` seconds, ``steps`` of which were taken here.
+    ``fails`` tells how a reset failed, or ended the process; empty: it did not.
     """
 
     reuse: str
@@ -31,6 +32,8 @@ class Resets:
     idle: tuple[str, ...]
     step_s: float
     steps: int
+    idle_steps: int
+    fails: str
 
 
 def try_resets(workers: FmuWorkers, run: Run) -> Resets:
@@ -61,7 +64,38 @@ def try_resets(workers: FmuWorkers, run: Run) -> Resets:
         idle=tuple(idle),
         step_s=run.sample_step_s,
         steps=run.samples - 1,
+        idle_steps=run.samples - 1,
+        fails=workers.reset_failure,
     )
+
+
+def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Resets:
+    """Look at values that changed nothing over more steps: some act late.
+
+    Args:
+        workers: processes that run the FMU.
+        resets: what some steps told.
+        run: the steps.
+        steps: their number here.
+
+    Raises:
+        FmuFailure: a run did not end in its time.
+    """
+    long = replace(run, samples=steps + 1)
+    if not resets.idle or steps <= resets.steps or tried(workers, [long]) is None:
+        return resets
+    others = _others(workers, run)
+    changed = [
+        replace(long, start_values={**long.start_values, name: others[name]})
+        for name in resets.idle
+    ]
+    found = [tried(workers, [long, other]) for other in changed]
+    idle = tuple(
+        name
+        for name, results in zip(resets.idle, found, strict=True)
+        if results is not None and np.array_equal(results[0], results[1], equal_nan=True)
+    )
+    return replace(resets, idle=idle, idle_steps=steps)
 
 
 def _others(workers: FmuWorkers, run: Run) -> dict[str, Scalar]:

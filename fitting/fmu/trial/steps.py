@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,11 @@ from fitting.text.arrays import FloatArray, Scalar
 PARTS = (1, 2, 4)
 #: By which differences fall at least from halves to quarters where they come of the step.
 FALLS = 1.5
-#: Samples in each step where outputs are watched for a step of their own.
-FINE = 8
+#: Samples in each step where outputs are watched for a step of their own: the first look is as
+#: much coarser as later ones become finer.
+LOOKS = (0.125, 1.0, 8.0, 64.0, 512.0, 4096.0)
+#: Part of the samples of a look at which outputs stand still where that shows a step.
+STILL = 0.2
 #: Moves at equal distances that tell a step.
 MOVES = 4
 #: Shift of the start, in steps: whole in no unit of an FMU; and a shift that is small beside it.
@@ -47,8 +50,9 @@ class Repeatability:
     last quarter of the time. ``output`` is whose ``halves`` are.
 
     ``own_step_s`` is the step in which outputs move where they are looked at more often, NaN where
-    they move all the time. ``times_s`` and ``differences`` (steps + 1, outputs) are those of
-    ``halves``, for a figure.
+    they move all the time. ``stops_s`` is the length of a step in which outputs that move in longer
+    ones do not move at all, NaN where none was met. ``times_s`` and ``differences``
+    (steps + 1, outputs) are those of ``halves``, for a figure.
     """
 
     step_s: float
@@ -62,6 +66,7 @@ class Repeatability:
     late: float
     output: str
     own_step_s: float
+    stops_s: float
     outputs: tuple[str, ...]
     times_s: FloatArray
     differences: FloatArray
@@ -167,6 +172,7 @@ def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | No
         late=_share(fine[-quarter:], whole),
         output=real[k],
         own_step_s=_own_step_s(workers, run),
+        stops_s=_stops_s(run, whole, (halves, quarters)),
         outputs=real,
         times_s=np.arange(steps + 1, dtype=np.float64) * run.sample_step_s,
         differences=np.abs(halves - whole),
@@ -185,16 +191,34 @@ def _share(difference: FloatArray, values: FloatArray) -> float:
     return math.nan if np.isnan(found).all() else float(np.nanmax(found))
 
 
+def _stops_s(run: Run, whole: FloatArray, parts: Sequence[FloatArray]) -> float:
+    """The longest step in parts of which nothing moves, though it does in whole ones; NaN: none."""
+    if not np.any(np.diff(whole, axis=0)):
+        return math.nan
+    for count, found in zip(PARTS[1:], parts, strict=True):
+        if not np.any(np.diff(found, axis=0)):
+            return run.sample_step_s / count
+    return math.nan
+
+
 def _own_step_s(workers: FmuWorkers, run: Run) -> float:
     """The step in which outputs move when they are looked at often; NaN: they move all the time."""
-    often = replace(run, sample_step_s=run.sample_step_s / FINE)
-    moves = np.diff(_tried(workers, often), axis=0)
-    moving = moves[:, np.any(moves != 0.0, axis=0) & np.isfinite(moves).all(axis=0)]
-    if not moving.size:
-        return math.nan
-    at = np.flatnonzero(np.any(moving != 0.0, axis=1))
-    between = np.diff(at)
-    # what comes at odd times is an event, no step
-    if len(at) <= MOVES or between.min() < 2 or np.ptp(between) > 1:
-        return math.nan
-    return often.sample_step_s * float(between.mean())
+    for finer in LOOKS:
+        look = replace(run, sample_step_s=run.sample_step_s / finer)
+        if finer < 1.0:  # what costs by its time, and not by its steps
+            look = replace(look, samples=1 + (run.samples - 1) // 4)
+        moves = np.diff(_tried(workers, look), axis=0)
+        moving = moves[:, np.any(moves != 0.0, axis=0) & np.isfinite(moves).all(axis=0)]
+        at = np.flatnonzero(np.any(moving != 0.0, axis=1))
+        if not moving.size and finer < 1.0:
+            continue  # steps that are too long for it
+        if len(at) <= MOVES:
+            return math.nan  # finer looks see less
+        between = np.diff(at)
+        if between.mean() * (1.0 - STILL) <= 1.0:
+            continue
+        # what comes at odd times is an event, no step
+        one = between.min() >= 2 and np.ptp(between) <= (2 if between.mean() > MOVES else 1)
+        if one or finer == LOOKS[-1]:
+            return look.sample_step_s * float(between.mean()) if one else math.nan
+    return math.nan

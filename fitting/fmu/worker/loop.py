@@ -8,7 +8,7 @@ import shutil
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing import connection
 from pathlib import Path
 
@@ -68,7 +68,8 @@ class _Holder:
             allow_processor_time(self._isolation)
         if request.handled is not None:
             return self._handled(request, request.handled)
-        instances = Instances(self._fresh, self._again, self._tried)
+        compared = self._compared if self._limit > 1 else None
+        instances = Instances(self._fresh, self._again, self._tried, compared)
         return run_with_reuse(self.verdict, layouts, request, instances)
 
     def take_counts(self) -> Counts:
@@ -114,9 +115,17 @@ class _Holder:
         return self._simulate(self._fmu, request)
 
     def _tried(self, request: RunRequest) -> FloatArray:
+        return self._in_trial(self._again, request)
+
+    def _compared(self, request: RunRequest) -> FloatArray:
+        return self._in_trial(self._fresh, request)
+
+    def _in_trial(
+        self, made: Callable[[RunRequest], FloatArray], request: RunRequest
+    ) -> FloatArray:
         self._pulse[IN_TRIAL] = 1
         try:
-            return self._again(request)
+            return made(request)
         finally:
             self._pulse[IN_TRIAL] = 0
 

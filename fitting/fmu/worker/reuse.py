@@ -1,15 +1,21 @@
 """Reuse of an instance after a reset: allowed by comparison, not on the FMU's word.
 
 The first run of a layout has a new instance. When a run comes that differs from it in a value that
-no comparison has varied yet, it has a new instance as well, and then both are repeated: the first
-run after a reset, the new one after another reset. Bit for bit the same, twice: from now on this
-value may vary between resets. Else every run gets a new instance, for good. What goes wrong with
-the values of a run goes wrong before any reset, and is not laid to one.
+no comparison has varied yet, it has a new instance as well, and so has the same run with that value
+as it was in the first one. Then both are repeated, each after a reset that follows the other. Bit
+for bit the same, twice: from now on this value may vary between resets. Else every run gets a new
+instance, for good. The first run alone is no measure: with its input at rest it shows no value at
+all. A value that changes nothing in its run is compared in further runs, too, before it counts as
+tried. What goes wrong with the values of a run goes wrong before any reset, and is not laid to one.
+
+Where a process bears one instance alone, or a signal in time varies, the first run stands for the
+second one; one that stood still gives way to the next.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import NamedTuple
 
@@ -21,56 +27,69 @@ from fitting.text.arrays import FloatArray
 
 Place = tuple[int, int] | str  # a value of a request: (group, position), or the input's tones
 
+ANEW = "every run has a new instance: "
 UNDECIDED = "no comparison of a reset instance with a new one was needed"
+#: Places that only fit the run that they are of.
+WHOLE = frozenset({"segments", "held"})
+#: Comparisons in which a value may change nothing before it counts as tried.
+BLIND = 3
 REUSED = "instances are reset and reused: runs repeated after a reset were the same bit for bit"
 
 
 @dataclass
 class Trial:
-    """What has been compared for one layout."""
+    """What has been compared for one layout; `blind`: how often a value changed nothing there."""
 
     request: RunRequest
     result: FloatArray
     _: KW_ONLY
     varied: set[Place] = field(default_factory=set)
+    blind: Counter[Place] = field(default_factory=Counter)
 
 
 class Instances(NamedTuple):
     """Ways to make a run.
 
     ``fresh``: on a new instance; ``again``: on the present one after a reset; ``tried``: the same
-    in a trial, in which the reset may turn out to be the end of the process.
+    in a trial, in which the reset may turn out to be the end of the process; ``compared``: on a new
+    instance in a trial, None where a process bears one alone.
     """
 
     fresh: Callable[[RunRequest], FloatArray]
     again: Callable[[RunRequest], FloatArray]
     tried: Callable[[RunRequest], FloatArray]
+    compared: Callable[[RunRequest], FloatArray] | None
 
 
 @dataclass
 class ReuseDecision:
     """Whether instances are reused (None: undecided), and why; outlives the worker process.
 
-    ``ended``: a reset ended the process; ``lied``: it was called OK and left something behind.
+    ``ended``: a reset ended the process; ``lied``: it was called OK and left something behind;
+    ``failed``: it, or a run after it, failed.
     """
 
     reused: bool | None = None
     note: str = UNDECIDED
     ended: bool = False
     lied: bool = False
+    failed: bool = False
     trials: dict[int, Trial] = field(default_factory=dict)
 
-    def refuse(self, reason: str, *, ended: bool = False, lied: bool = False) -> None:
+    def refuse(
+        self, reason: str, *, ended: bool = False, lied: bool = False, failed: bool = False
+    ) -> None:
         """From now on every run gets a new instance.
 
         Args:
             reason: as a sentence.
             ended: whether a reset ended the process.
             lied: whether a reset that was called OK left something behind.
+            failed: whether it, or a run after it, failed.
         """
         self.reused = False
-        self.ended, self.lied = ended, lied
-        self.note = f"every run has a new instance: {reason}"
+        self.ended, self.lied, self.failed = ended, lied, failed
+        self.note = f"{ANEW}{reason}"
         self.trials.clear()
 
 
@@ -96,30 +115,56 @@ def run_with_reuse(
         return (instances.again if trial.varied else instances.fresh)(request)
     result = instances.fresh(request)
     try:
-        reason = _difference_after_reset(trial, layouts[request.layout], request, result, instances)
+        first = None if new & WHOLE else _with_values(request, trial.request, new)
+        before = trial.result
+        pairs = ((trial.request, trial.result), (request, result))
+        if instances.compared is not None and first is not None and first != trial.request:
+            before = instances.compared(first)
+            pairs = ((request, result), (first, before))
+        reason = _difference_after_reset(layouts[request.layout], pairs, instances)
     except CallFailed as error:  # and on a new instance the same run did not fail
-        verdict.refuse(f"a run after a reset failed ({error})")
+        verdict.refuse(f"a run after a reset failed ({error})", failed=True)
         return result
     if reason:
         verdict.refuse(reason, lied=True)
     else:
-        trial.varied |= new
+        _count(trial, new, acts=not _same(before, result))
         verdict.reused, verdict.note = True, REUSED
+        if not np.ptp(trial.result, axis=0).any():
+            trial.request, trial.result = request, result
     return result
 
 
+def _count(trial: Trial, new: set[Place], *, acts: bool) -> None:
+    """Take note of values that were compared."""
+    trial.blind.update(new)
+    trial.varied |= {place for place in new if acts or trial.blind[place] >= BLIND}
+
+
 def _difference_after_reset(
-    trial: Trial, layout: Layout, request: RunRequest, result: FloatArray, instances: Instances
+    layout: Layout, pairs: Sequence[tuple[RunRequest, FloatArray]], instances: Instances
 ) -> str:
-    """What comes out otherwise of both runs, each repeated after a reset; empty if nothing.
+    """What comes out otherwise of two runs, each repeated after a reset; empty if nothing.
 
     Raises CallFailed where such a run fails.
     """
-    for repeated, new in ((trial.request, trial.result), (request, result)):
+    for repeated, new in pairs:
         reset = instances.tried(repeated)
         if not _same(reset, new):
             return _difference(layout.outputs, reset, new)
     return ""
+
+
+def _with_values(request: RunRequest, of: RunRequest, places: set[Place]) -> RunRequest:
+    """A run with what another one has at some places."""
+    values = tuple(
+        tuple(
+            there if (group, position) in places else here
+            for position, (here, there) in enumerate(zip(left, right, strict=True))
+        )
+        for group, (left, right) in enumerate(zip(request.values, of.values, strict=True))
+    )
+    return request._replace(values=values, tones=of.tones if "tones" in places else request.tones)
 
 
 def _differing(a: RunRequest, b: RunRequest) -> set[Place]:

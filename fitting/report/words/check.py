@@ -135,7 +135,9 @@ def finding_words(finding: Finding) -> str:
 def _repeats(repeats: Repeatability) -> list[str]:
     """How far outputs rest on the communication step, and on the time of the start."""
     of = f"over {repeats.steps} steps of {repeats.step_s:g} s"
-    if math.isnan(repeats.halves):
+    if not math.isnan(repeats.stops_s):
+        lines = [f"half the step: no output moves in steps of {repeats.stops_s:g} s"]
+    elif math.isnan(repeats.halves):
         lines = [f"half the step: the FMU refuses steps of {repeats.step_s / 2.0:g} s"]
     elif repeats.halves <= ROUNDING:
         lines = [f"half the step: the outputs are the same to {ROUNDING:g} {of}"]
@@ -149,9 +151,9 @@ def _repeats(repeats: Repeatability) -> list[str]:
         lines.append("repeated on a new instance: the same bit for bit")
     if repeats.later > ROUNDING and not repeats.by_time:
         lines.append(
-            f"the same run, begun at {SHIFT:.2g} steps instead of at time zero: outputs differ by "
-            f"up to {repeats.later:.1e} of their largest value; no fault: something inside it, as "
-            "a drive, goes by the time, and runs that are compared begin at one time"
+            f"the same run, begun at {SHIFT * repeats.step_s:.2g} s instead of at 0 s: outputs "
+            f"differ by up to {repeats.later:.1e} of their largest value; no fault: something "
+            "inside it, as a drive, goes by the time, and runs that are compared begin at one time"
         )
     return lines
 
@@ -180,8 +182,8 @@ def costs_line(costs: Costs) -> str:
     if math.isnan(costs.bytes_per_run):
         return line
     if costs.bytes_per_run < LEAST_BYTES:
-        return f"{line}, and leaves less than {LEAST_BYTES / 1e3:g} kB"
-    return f"{line}, and leaves about {costs.bytes_per_run / 1e3:.0f} kB"
+        return f"{line}, and leaves less than {LEAST_BYTES / 1e3:g} kB of memory"
+    return f"{line}, and leaves about {costs.bytes_per_run / 1e3:.0f} kB of memory"
 
 
 def _seconds(time_s: float) -> str:
@@ -195,7 +197,7 @@ def _seconds(time_s: float) -> str:
 def _resets(resets: Resets) -> list[str]:
     lines = [f"reset: {resets.reuse}"]
     if resets.idle:
-        over = f"over {resets.steps} steps of {resets.step_s:g} s"
+        over = f"over {resets.idle_steps} steps of {resets.step_s:g} s"
         lines.append(f"a change by 0.1 % changed no output {over}: {listed(resets.idle)}")
     if resets.unvaried:
         lines.append(f"not varied, because the FMU refuses: {', '.join(resets.unvaried)}")
