@@ -45,11 +45,11 @@ def test_squares_of_noisy_amplitudes_are_named_though_their_noise_grows_with_the
     """d(a^2) = 2 a da: large at the top, nothing in the tails, few points across the line."""
     f = ETA_HZ + WIDTH_HZ * np.sinh(np.linspace(-2.5, 2.5, 37))
     named = 0
-    for seed in range(60):
+    for seed in range(24):
         scatter = 0.005 * np.random.default_rng(seed).standard_normal(f.size)
         found = sweep_faults(f, np.abs(np.abs(line(f)) + scatter) ** 2)
         named += Fault.POWER in {each.fault for each in found}
-    assert named >= 55
+    assert named >= 22
 
 
 @pytest.mark.parametrize("missing", [0.25, 0.4])
