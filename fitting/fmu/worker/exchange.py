@@ -165,6 +165,7 @@ class ModelExchange(FmuInstance):
         end = at + step
         while at < end:
             until = min(end, self._event_s) if self._event_s > at else end
+            until = min(until, self._integrate_to) if self._integrate_to > at else until
             stretch = self._stretch if self._by_equations(at) is None else self._linear_stretch
             at, event = stretch(at, until)
             if event or at >= self._event_s:
@@ -252,26 +253,31 @@ class ModelExchange(FmuInstance):
         by = self._propagators.get(step)
         if by is None:
             by = self._propagators[step] = equations.propagator(step, self._tones)
-        before, now, each = self._indicators(at, x), at, max(1, count // MOST_LOOKS)
+        before, each = self._indicators(at, x), max(1, count // MOST_LOOKS)
+        now, known = at, (at, x)  # how far the FMU was seen to follow
         for k in range(1, count + 1):
             then = at + k * step if k < count else until
-            there = equations.moved(by, x, self._phases(now))
-            self._put(then, there)
-            if (k % each == 0 or k == count) and not self._follows(equations, there, then):
-                self._equations, self._curved = None, True
-                self._put(now, x)
-                return now, False
+            x, now = equations.moved(by, x, self._phases(now)), then
+            self._put(now, x)
             if self._z.values.size:
                 after = self._read("GetEventIndicators", self._z)
                 if np.any((before > 0.0) != (after > 0.0)):
-                    self._integrate_to = then
-                    self._put(now, x)
-                    return now, False
+                    self._integrate_to = now
+                    return self._back(known)
                 before = after
-            x, now = there, then
-            if self._completed():
-                return then, True
+            if k % each == 0 or k == count:
+                if not self._follows(equations, x, now):
+                    self._equations, self._curved = None, True
+                    return self._back(known)
+                known = now, x
+                if self._completed():
+                    return now, True
         return until, False
+
+    def _back(self, known: tuple[float, FloatArray]) -> tuple[float, bool]:
+        """Where the FMU was seen to follow the equations, from which on it is integrated."""
+        self._put(*known)
+        return known[0], False
 
     def _follows(self, equations: LinearEquations, x: FloatArray, at: float) -> bool:
         """Whether the equations are those of the FMU, which has been put to x."""
