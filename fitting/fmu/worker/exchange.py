@@ -39,6 +39,8 @@ MOST_EVENTS, BISECTIONS = 1000, 60
 #: Steps in a period of the fastest oscillation, at which state events are looked for; looks in a
 #: stretch, about, whether equations are as linear as they were found.
 LOOKS, MOST_LOOKS = 8, 256
+#: Lengths of steps for which what moves the states is kept.
+MOST_KEPT = 64
 
 
 class _Buffer:
@@ -250,9 +252,7 @@ class ModelExchange(FmuInstance):
         x = self._read("GetContinuousStates", self._x)
         count = self._looks(equations, until - at)
         step = (until - at) / count
-        by = self._propagators.get(step)
-        if by is None:
-            by = self._propagators[step] = equations.propagator(step, self._tones)
+        by = self._propagator(equations, step)
         before, each = self._indicators(at, x), max(1, count // MOST_LOOKS)
         now, known = at, (at, x)  # how far the FMU was seen to follow
         for k in range(1, count + 1):
@@ -273,6 +273,16 @@ class ModelExchange(FmuInstance):
                 if self._completed():
                     return now, True
         return until, False
+
+    def _propagator(self, equations: LinearEquations, step_s: float) -> FloatArray:
+        """Over a step; steps that differ by the rounding of the time at their ends are one."""
+        key = float(f"{step_s:.13e}")
+        by = self._propagators.get(key)
+        if by is None:
+            if len(self._propagators) == MOST_KEPT:
+                self._propagators.clear()
+            by = self._propagators[key] = equations.propagator(step_s, self._tones)
+        return by
 
     def _back(self, known: tuple[float, FloatArray]) -> tuple[float, bool]:
         """Where the FMU was seen to follow the equations, from which on it is integrated."""
