@@ -6,7 +6,7 @@ For each FMU a sweep with 0.1 % of noise is written to a file, of an amplitude i
 `fmu-fit init FMU FILE` makes a campaign, `fmu-fit reconstruct` fits it unedited, without profiles.
 A row tells the exit code of each, what was fitted, and how far it is from the truth. FMUs of a
 folder get a line in the middle of nowhere: there it counts that each command ends as it should.
-FMUs of model exchange are integrated here, in Python: each takes many minutes.
+FMUs of model exchange are solved here, in Python: each takes half a minute.
 """
 
 from __future__ import annotations
