@@ -13,6 +13,8 @@ from pathlib import Path
 from fitting.report.figures.file import FigureFile
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
+from fitting.text.files import write_whole
+from fitting.text.scratch import Scratch
 
 
 @dataclass(frozen=True)
@@ -39,15 +41,20 @@ class Artists:
             BadInput: the folder cannot be written.
             BrokenExecutor: a process was lost.
         """
-        there = out_dir.absolute()  # they are in folders of their own
         shares = [(k, self.count) for k in range(self.count)]
-        asked = [self.executor.submit(_draw, result, data, there, share) for share in shares]
-        drawn = [future.result() for future in asked]
-        figures = [
-            drawn[k % self.count][k // self.count] for k in range(sum(len(part) for part in drawn))
-        ]
-        page = self.executor.submit(_write, result, data, there, figures).result()
-        return out_dir / page.name
+        with Scratch() as folder:
+            there = folder / "report"
+            asked = [self.executor.submit(_draw, result, data, there, share) for share in shares]
+            drawn = [future.result() for future in asked]
+            figures = [
+                drawn[k % self.count][k // self.count]
+                for k in range(sum(len(part) for part in drawn))
+            ]
+            page = self.executor.submit(_write, result, data, there, figures).result()
+            # this process knows which files of a folder are its own to replace
+            for path in sorted(path for path in there.rglob("*") if path.is_file()):
+                write_whole(out_dir / path.relative_to(there), path.read_bytes())
+            return out_dir / page.name
 
 
 def _load() -> None:

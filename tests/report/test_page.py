@@ -24,6 +24,7 @@ from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
+from fitting.text.results_folder import results_folder
 from tests.support import report_records as records
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><title>{}</title></svg>'
@@ -377,6 +378,9 @@ def test_whoever_draws_the_files_are_the_same(
 ) -> None:
     """Two processes side by side, told a folder as seen from here; then one of them is lost."""
     monkeypatch.chdir(tmp_path)
+    foreign = tmp_path / "kept" / "values.csv"
+    foreign.parent.mkdir()
+    foreign.write_text("mine")
     data = records.campaign(tones=[])
     result = records.result_for(data)
     data = records.with_figures(data, result)
@@ -387,6 +391,15 @@ def test_whoever_draws_the_files_are_the_same(
         artists = Artists(executor, 2)
         artists.get_ready()
         assert artists.report(result, data, Path("beside")) == Path("beside/report.html")
+        for _ in range(2):  # its own files are replaced, others are not
+            with results_folder(tmp_path / "own", "reconstruct", ("report.html",)):
+                artists.report(result, data, tmp_path / "own")
+        with (
+            pytest.raises(BadInput, match="did not write it"),
+            results_folder(foreign.parent, "reconstruct", ("report.html",)),
+        ):
+            artists.report(result, data, foreign.parent)
+        assert foreign.read_text() == "mine"
         for pid in executor.pids:
             os.kill(pid, signal.SIGKILL)
         with pytest.raises(BrokenExecutor):
