@@ -159,6 +159,7 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
 
 @pytest.fixture
 def axes() -> Iterator[Axes]:
+    pyplot.close("all")  # what other tests of this process left open
     _, made = pyplot.subplots()
     yield made
     pyplot.close("all")
