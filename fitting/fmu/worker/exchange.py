@@ -1,13 +1,11 @@
 """FMUs of model exchange: equations without a solver, solved here.
 
-Where they are linear, exactly (`fitting.fmu.worker.linear_equations`); else integrated by scipy.
-
-To a relative tolerance that is set as a variable of the FMU is: by DOP853 (Dormand and Prince,
-order 8), and where that takes very many steps, as stiff equations
-make it, by LSODA (Petzold 1983), which goes over to backward differences. A drive is no staircase
-here: the input is set to the tones wherever the equations are evaluated. Integration begins anew
-after every event; state events are found by bisection of the dense output, time events are ends of
-a stretch.
+Where they are linear, exactly (`fitting.fmu.worker.linear_equations`). Else they are integrated by
+scipy, to a relative tolerance that is set as a variable of the FMU is: by DOP853 (Dormand and
+Prince, order 8), and where that takes very many steps, as stiff equations make it, by LSODA
+(Petzold 1983), which goes over to backward differences. A drive is no staircase here: the input is
+set to the tones wherever the equations are evaluated. Integration begins anew after every event;
+state events are found by bisection of the dense output, time events are ends of a stretch.
 """
 
 from __future__ import annotations
@@ -168,8 +166,11 @@ class ModelExchange(FmuInstance):
         while at < end:
             until = min(end, self._event_s) if self._event_s > at else end
             until = min(until, self._integrate_to) if self._integrate_to > at else until
-            stretch = self._stretch if self._by_equations(at) is None else self._linear_stretch
-            at, event = stretch(at, until)
+            equations = self._by_equations(at)
+            if equations is None:
+                at, event = self._stretch(at, until)
+            else:
+                at, event = self._linear_stretch(equations, at, until)
             if event or at >= self._event_s:
                 self._call("EnterEventMode")
                 self._discrete_states(at)
@@ -244,11 +245,10 @@ class ModelExchange(FmuInstance):
         finally:
             self._put(at, x)
 
-    def _linear_stretch(self, at: float, until: float) -> tuple[float, bool]:
+    def _linear_stretch(
+        self, equations: LinearEquations, at: float, until: float
+    ) -> tuple[float, bool]:
         """As `_stretch`, by the equations, as far as the FMU is seen to follow them."""
-        equations = self._equations
-        if equations is None:
-            return at, False
         x = self._read("GetContinuousStates", self._x)
         count = self._looks(equations, until - at)
         step = (until - at) / count

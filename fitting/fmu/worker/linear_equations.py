@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm, matrix_balance
@@ -63,7 +64,7 @@ class LinearEquations:
         """
         return LinearEquations(self.matrix, self.drive, rate - self.matrix @ x - u * self.drive)
 
-    @property
+    @cached_property
     def fastest_hz(self) -> float:
         """Frequency of the fastest free oscillation, Hz."""
         return float(np.max(np.abs(np.linalg.eigvals(self.matrix).imag))) / TURN
