@@ -132,12 +132,7 @@ class Problem:
         if not read:
             raise BadInput("problem: no campaigns, wanted at least one")
         if fmu is None:
-            named = one_fmu(read)
-            fmu = Fmu(
-                named.file or str(named.model),
-                timeout_s=named.timeout_s,
-                interface=named.interface,
-            )
+            fmu = named_fmu(one_fmu(read))
         bound = [bind(campaign, fmu.variables) for campaign in read]
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
@@ -513,6 +508,20 @@ def fmu_of(
     named = one_fmu(campaigns)
     path = provide_fmu(named, Path(folder))
     return Fmu(path, workers, named.timeout_s, isolate=isolate, interface=named.interface)
+
+
+def named_fmu(named: WrittenFmu, workers: int = 2) -> Fmu:
+    """The FMU that a campaign names; a model of this project is built on the spot.
+
+    Args:
+        named: What the campaign says of it.
+        workers: Number of processes, at least 1.
+
+    Raises:
+        BadInput: no such file or model, or no FMU that this machine can run.
+    """
+    source = named.file or str(named.model)
+    return Fmu(source, workers, named.timeout_s, interface=named.interface)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:

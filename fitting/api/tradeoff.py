@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import fitting
 from fitting.api.choices import SCENES
 from fitting.api.fmu import Fmu
-from fitting.api.problem import one_fmu
+from fitting.api.problem import named_fmu, one_fmu
 from fitting.api.written import STUDY_FILES
 from fitting.campaign import Campaign, bind
 from fitting.lab.tradeoff.campaign import scene_of_campaign
@@ -42,8 +42,7 @@ def fmu_of(subject: str | Campaign, workers: int = 1) -> Fmu:
         BadInput: no such scene, file or model.
     """
     named = one_fmu([subject]) if isinstance(subject, Campaign) else scene_named(subject).fmu
-    source = named.file or str(named.model)
-    return Fmu(source, workers, named.timeout_s, interface=named.interface)
+    return named_fmu(named, workers)
 
 
 def memory_of(folder: Path, subject: str | Campaign, fmu: Fmu, options: StudyOptions) -> Memory:
