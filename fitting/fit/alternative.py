@@ -14,16 +14,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter
+from fitting.campaign.parameters import Parameter, to_model
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import noise_of, shared
-from fitting.fit.objective import Objective, Point, evaluate_many, weights
+from fitting.fit.objective import Objective, Point, evaluate_many, j_reg, weights
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import SAME, Minimum, Search, search_box
 from fitting.fit.search.twins import Twin, find_twins
 from fitting.fit.solver.continuation import (
     Chain,
     Course,
+    distance,
     has_crept,
     is_lower,
     lowered,
@@ -42,6 +43,8 @@ BUDGET_SHARE = 12.0
 #: J of a minimum, in units of the least, from which lowering it at the last nu is in vain; and the
 #: share of the noise that a descent may leave.
 HOPELESS, LEFT = 2.0, 0.1
+#: Search vectors, and shares of J, that differ by no more are the same.
+ROUNDING = 1e-9
 #: Places in a box over decades that are tried beside where J came to rest; the share of J by which
 #: it may rise there; and from what distance along an edge a place is another one.
 PLACES, FLAT, ANOTHER = (0.25, 0.5, 0.75), 1e-3, 0.1
@@ -89,6 +92,14 @@ class Solved:
     outcome: Outcome
 
 
+@dataclass(frozen=True)
+class Mirrored:
+    """An alternative that is done, and the change of parameters that leads from it to another."""
+
+    outcome: Outcome
+    twin: Twin
+
+
 def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
     """Algorithm 2 for one discrete alternative, then the lowest minima of its box.
 
@@ -98,7 +109,7 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
         course: objective, schedule, settings and journal.
         solved: alternatives that are done. Of one that mirrors this one exactly the minima are
             known, and where J is least: the box is not searched again, and what was lowered there
-            is looked at here.
+            is looked at here. So is Algorithm 2, if its start is a mirror image as well.
 
     Raises:
         FmuFailure: the model failed inside the box.
@@ -108,11 +119,14 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
     parameters, schedule = course.objective.parameters, course.schedule
     outcome = Outcome((Chain(0, tuple(map(float, own_start(parameters)))),))
     try:
+        outcome, mirrored = _mirroring(course, outcome, solved)
+        if mirrored is not None:
+            outcome = replace(outcome, chains=(_image(course, outcome.chains[0], mirrored),))
         while not outcome.chains[0].ended:
             outcome = replace(outcome, chains=(next_level(course, outcome.chains[0]),))
         outcome = _with_twins(course, outcome)
         if schedule.starts > 1:
-            outcome = _searched(course, outcome, solved)
+            outcome = _searched(course, outcome, mirrored)
             known = outcome.search is not None and outcome.search.lowered
             outcome, begins = (outcome, known) if known else _promising(course, outcome)
             for x, begun in begins:
@@ -169,7 +183,9 @@ def polished_end(course: Course, outcome: Outcome) -> Outcome | None:
 def _with_start(course: Course, outcome: Outcome, x: FloatArray, begun: FloatArray) -> Outcome:
     """The outcome with one more chain, lowered from x, which was come to from `begun`."""
     chains = outcome.chains
-    found = lowered(course, len(chains), chains[0].nu, begun, x)
+    nu = chains[0].nu
+    least = min(chain.steps[-1].j for chain in chains if chain.steps[-1].nu == nu)
+    found = lowered(course, len(chains), nu, begun, x, least)
     images = _images(course.objective, outcome, np.array(found.steps[-1].x))
     found = met(course.objective.parameters, found, chains, images)
     return replace(outcome, chains=(*chains, found))
@@ -181,20 +197,58 @@ def _with_twins(course: Course, outcome: Outcome) -> Outcome:
     return replace(outcome, twins=tuple(twins), further=outcome.further + evaluator.counts)
 
 
-def _searched(course: Course, outcome: Outcome, solved: Sequence[Solved]) -> Outcome:
-    """The outcome with a search of the box, or with that of an alternative which mirrors it."""
+def _mirroring(
+    course: Course, outcome: Outcome, solved: Sequence[Solved]
+) -> tuple[Outcome, Mirrored | None]:
+    """The first one that is done and mirrors this one; the outcome has counted the look."""
     for other in solved:
-        if other.outcome.search is None:
-            continue
         evaluator = Evaluator(other.objective)
         mirrors = find_twins(evaluator, course.schedule.seed, course.objective)
         outcome = replace(outcome, further=outcome.further + evaluator.counts)
         if mirrors:
-            _log.info(
-                "alternative %d: mirrors one that is done, its minima are known",
-                course.alternative + 1,
+            _log.info("alternative %d: mirrors one that is done", course.alternative + 1)
+            return outcome, Mirrored(other.outcome, mirrors[0])
+    return outcome, None
+
+
+def _image(course: Course, own: Chain, mirrored: Mirrored) -> Chain:
+    """The chain from the campaign's start as the image of the other one's; it costs nothing.
+
+    As it was where the image begins elsewhere, leaves the box, or has another Tikhonov term.
+    """
+    parameters = course.objective.parameters
+    chain, steps = mirrored.outcome.chains[0], []
+    begun = mirrored.twin.of(parameters, np.array(chain.begun))
+    if begun is None or distance(parameters, begun, np.array(own.begun)) > ROUNDING:
+        return own
+    for step in chain.steps:
+        x = mirrored.twin.of(parameters, np.array(step.x))
+        if x is None:
+            return own
+        pull = weights(course.objective, step.nu, course.settings.misfit)
+        if abs(j_reg(x, pull) - step.j_reg) > ROUNDING * (1.0 + step.j):
+            return own
+        steps.append(
+            replace(
+                step,
+                alternative=course.alternative,
+                x=tuple(map(float, x)),
+                parameters=tuple(map(float, to_model(parameters, x))),
+                message=f"the image of that of alternative {step.alternative + 1}",
+                iterations=0,
+                evaluations=0,
+                jacobians=0,
+                runs=0,
+                seconds=0.0,
             )
-            return replace(outcome, search=_mirrored(course, other.outcome, mirrors[0]))
+        )
+    return replace(own, steps=tuple(steps), ended=chain.ended)
+
+
+def _searched(course: Course, outcome: Outcome, mirrored: Mirrored | None) -> Outcome:
+    """The outcome with a search of the box, or with that of an alternative which mirrors it."""
+    if mirrored is not None and mirrored.outcome.search is not None:
+        return replace(outcome, search=_mirrored(course, mirrored.outcome, mirrored.twin))
     own = outcome.chains[0]
     end = np.array(own.steps[-1].x)
     [point] = evaluate_many(course.objective, [end])

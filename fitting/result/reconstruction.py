@@ -119,12 +119,13 @@ def _other_signals(misfit: float, accuracy: float) -> list[str]:
 def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[str, list[str]]:
     """What the FMU warns of at these parameters, by kind.
 
-    The runs were all made before, so that none is made of other parameters to try a reset.
+    The runs were all made before, so that none is made of other parameters to try a reset; what was
+    read before is read again.
     """
-    response.derived_many([p])
+    replace(response).derived_many([p])
     response.misfit(p)
     said = list(workers.latest_warnings)
-    response.derived_many([p])
+    replace(response).derived_many([p])
     said += workers.latest_warnings
     return _by_kind(list(dict.fromkeys(said)))
 

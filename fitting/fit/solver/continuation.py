@@ -191,7 +191,9 @@ def next_level(course: Course, chain: Chain) -> Chain:
     return replace(chain, steps=(*chain.steps, step), ended=ended)
 
 
-def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatArray) -> Chain:
+def lowered(
+    course: Course, start: int, nu: float, begun: FloatArray, x: FloatArray, least: float = math.inf
+) -> Chain:
     """A chain of one level, beyond the schedule: J at the last nu from a point near a minimum.
 
     Args:
@@ -200,11 +202,12 @@ def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatAr
         nu: the last one.
         begun: where the search came from, (n,).
         x: search vector that it found, (n,).
+        least: J of the lowest end that is known.
 
     Raises:
         FmuFailure: the model failed inside the box.
     """
-    work = _solving(course, x, finish, last=True)
+    work = _solving(course, x, finish, last=True, least=least)
     step = _level(course, start, course.schedule.levels, nu, x, work)
     return Chain(
         start,
@@ -279,12 +282,14 @@ class _Solver(Protocol):
 _Work = Callable[[Evaluator, Nu, np.random.Generator], Solve]
 
 
-def _solving(course: Course, x: FloatArray, solver: _Solver, *, last: bool) -> _Work:
+def _solving(
+    course: Course, x: FloatArray, solver: _Solver, *, last: bool, least: float = math.inf
+) -> _Work:
     """A solve from x; at the last nu to the last digits."""
 
     def work(evaluator: Evaluator, nu: Nu, generator: np.random.Generator) -> Solve:
         found = solver(evaluator, x, nu, course.settings, generator)
-        return to_the_last_digits(evaluator, found, nu, course.settings) if last else found
+        return to_the_last_digits(evaluator, found, nu, course.settings, least) if last else found
 
     return work
 

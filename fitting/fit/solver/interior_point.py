@@ -42,6 +42,9 @@ PATIENCE = 12
 MOST_SLACKS = 2000
 #: Promised decrease, as a share of J, to which the last nu is solved.
 LAST_DIGITS = 1e-8
+#: Units of x over which the last digits of an end are looked for that is not the lowest: the
+#: promise is what one of them lowers J by, and along a valley J falls ever more slowly.
+FAR = 3.0
 #: What finishes a solve of each smooth misfit, by linearised steps.
 FINISHES: dict[str, Callable[[Evaluator, FloatArray, Nu, float], Finish]] = {
     "slack": follow,
@@ -189,23 +192,31 @@ def finish(
 
 
 def to_the_last_digits(
-    evaluator: Evaluator, found: Solve, nu: Nu, settings: SolveSettings
+    evaluator: Evaluator,
+    found: Solve,
+    nu: Nu,
+    settings: SolveSettings,
+    least: float = math.inf,
 ) -> Solve:
     """What a solve found, taken on by linearised steps as long as these promise anything.
 
     Sums of absolute values have their minima in corners: a few steps more tell which of two is the
-    lower.
+    lower. Where an end that is known already lies lower than `FAR` units of x at the promised rate
+    could lead, they are not taken.
 
     Args:
         evaluator: of the objective.
         found: end of the solve.
         nu: weight of the Tikhonov term, one or (n,).
         settings: misfit.
+        least: J of the lowest end that is known.
 
     Raises:
         FmuFailure: the model failed at a point inside the box.
     """
     if settings.misfit not in LAST_FINISHES:
+        return found
+    if _value(evaluator, found.x, nu, settings) - least > FAR * found.optimality:
         return found
     return _further(evaluator, found, nu, settings, LAST_FINISHES[settings.misfit])
 

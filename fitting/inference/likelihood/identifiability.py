@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
-from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
+from fitting.fit.likelihood.descent import Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.inference.likelihood.exploration import Exploration
@@ -49,104 +50,106 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
     values = np.zeros(rows.shape[0])
     values[: singular.size] = singular
     names = [p.name for p in likelihood.parameters]
-    found = []
-    for value, row in zip(values, rows, strict=True):
-        row = row * np.sign(row[int(np.argmax(np.abs(row)))])
-        share = value / float(np.max(np.abs(row) / likelihood.widths))
-        vector = dict(zip(names, map(float, row), strict=True))
-        change, largest, sentence = _unseen(evaluator, optimum, row, share)
-        found.append(
-            Direction(
-                singular=float(value),
-                share=float(share),
-                vector=vector,
-                change=change,
-                largest=largest,
-                sentence=sentence,
-            )
+    led = [row * np.sign(row[int(np.argmax(np.abs(row)))]) for row in rows]
+    shares = [
+        v / float(np.max(np.abs(row) / likelihood.widths))
+        for v, row in zip(values, led, strict=True)
+    ]
+    open_ = [k for k, share in enumerate(shares) if 0.5 * share < UNSEEN]
+    exact = _met_exactly(optimum)
+    with evaluator.of(exact):
+        changes = run_in_lockstep([_unseen(optimum, exact, led[k]) for k in open_], evaluator)
+    tried = dict(zip(open_, changes, strict=True))
+    return tuple(
+        Direction(
+            singular=float(values[k]),
+            share=float(shares[k]),
+            vector=dict(zip(names, map(float, row), strict=True)),
+            **_said(likelihood, tried.get(k)),
         )
-    return tuple(found)
+        for k, row in enumerate(led)
+    )
 
 
-def _unseen(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, row: FloatArray, share: float
-) -> tuple[dict[str, float], float, str]:
-    """A change along an unseen direction that moves nothing: (change, largest move, sentence)."""
-    nothing: tuple[dict[str, float], float, str] = ({}, math.nan, "")
-    if 0.5 * share >= UNSEEN:
-        return nothing
-    best = nothing
-    for size in SHARES:
-        for sign in (1.0, -1.0):
-            try:
-                tried = _tried(evaluator, optimum, row, sign * size)
-            except Exhausted:
-                return best
-            if tried is None:
-                continue
-            if tried[1] <= NO_CHANGE:
-                return tried
-            if not best[0] or tried[1] < best[1]:
-                best = tried
+@dataclass(frozen=True)
+class _Change:
+    """A change of parameters, (n,) in their units, and by how many sigma it moves a row at most."""
+
+    by: FloatArray
+    largest: float
+
+
+def _said(likelihood: Likelihood, change: _Change | None) -> dict[str, Any]:
+    """What is told of a change along a direction; nothing of none."""
+    if change is None:
+        return {"change": {}, "largest": math.nan, "sentence": ""}
+    named = {
+        q.name: float(value)
+        for q, value, width in zip(likelihood.parameters, change.by, likelihood.widths, strict=True)
+        if abs(value) > 1e-9 * width * q.scale
+    }
+    sentence = _change_words(likelihood, named, change.largest)
+    return {"change": named, "largest": change.largest, "sentence": sentence}
+
+
+def _met_exactly(optimum: Optimum) -> Likelihood:
+    """The likelihood of data that the model meets exactly at the optimum."""
+    likelihood = optimum.likelihood
+    left = likelihood.residuals(optimum.expansion.sample.rows[: likelihood.data_rows])
+    return replace(likelihood, shift=likelihood.shift + left)
+
+
+def _unseen(optimum: Optimum, exact: Likelihood, row: FloatArray) -> Task[_Change | None]:
+    """A change along an unseen direction that moves nothing, or least of those that were tried."""
+    best = None
+    try:
+        for size in SHARES:
+            for sign in (1.0, -1.0):
+                found = yield from _tried(optimum, exact, row, sign * size)
+                if found is None:
+                    continue
+                if found.largest <= NO_CHANGE:
+                    return found
+                if best is None or found.largest < best.largest:
+                    best = found
+    except Exhausted:
+        pass
     return best
 
 
 def _tried(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, row: FloatArray, size: float
-) -> tuple[dict[str, float], float, str] | None:
+    optimum: Optimum, exact: Likelihood, row: FloatArray, size: float
+) -> Task[_Change | None]:
     """The direction followed by a share of the box, back onto the rows, rounded, and evaluated."""
-    likelihood, x = optimum.likelihood, optimum.expansion.x
-    parameters = likelihood.parameters
-    lead = int(np.argmax(np.abs(row) / likelihood.widths))
-    there = x + size * likelihood.widths[lead] / abs(row[lead]) * row
-    if np.any(there < likelihood.lower) or np.any(there > likelihood.upper):
+    x, widths = optimum.expansion.x, exact.widths
+    lead = int(np.argmax(np.abs(row) / widths))
+    there = x + size * widths[lead] / abs(row[lead]) * row
+    if np.any(there < exact.lower) or np.any(there > exact.upper):
         return None
-    valley = _same_rows(evaluator, optimum, there)
+    begun = yield from expansion_at(exact, there, False)
+    valley = yield from descend(exact, begun, promise=1e-6)
     if valley is None:
         return None
-    p = to_model(parameters, x)
+    p = to_model(exact.parameters, x)
     for digits in (2, 3, 4):
-        shown = np.array([_rounded(v, digits) for v in to_model(parameters, valley) - p])
-        largest = _largest_move(evaluator, optimum, to_search(parameters, p + shown))
+        shown = np.array([_rounded(v, digits) for v in to_model(exact.parameters, valley.x) - p])
+        rows = yield from _rows_at(to_search(exact.parameters, p + shown))
+        largest = _largest_move(exact, rows)
         if largest <= NO_CHANGE:
             break
-    change = {
-        q.name: float(value)
-        for q, value, width in zip(parameters, shown, likelihood.widths, strict=True)
-        if abs(value) > 1e-9 * width * q.scale
-    }
-    return change, largest, _change_words(likelihood, change, largest)
+    return _Change(shown, largest)
 
 
-def _same_rows(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, begin: FloatArray
-) -> FloatArray | None:
-    """From a point beside the optimum to the nearest one whose rows are those of the optimum."""
-    expansion, likelihood = optimum.expansion, optimum.likelihood
-    m = likelihood.data_rows
-    left = likelihood.residuals(expansion.sample.rows[:m])
-    # data that the model meets exactly at the optimum
-    noiseless = replace(likelihood, shift=likelihood.shift + left)
-
-    def search() -> Task[Expansion | None]:
-        here = yield from expansion_at(noiseless, begin, False)
-        return (yield from descend(noiseless, here, promise=1e-6))
-
-    kept, evaluator.likelihood = evaluator.likelihood, noiseless
-    try:
-        found = run_in_lockstep([search()], evaluator)[0]
-    finally:
-        evaluator.likelihood = kept
-    return None if found is None else found.x
+def _rows_at(x: FloatArray) -> Task[FloatArray]:
+    [sample] = yield Request((x,), outputs=False)
+    return sample.rows
 
 
-def _largest_move(evaluator: LikelihoodEvaluator, optimum: Optimum, x: FloatArray) -> float:
-    """Largest change of any row against the optimum, in sigma of that row."""
-    sample = evaluator([Request((x,), outputs=False)])[0][0]
-    likelihood = optimum.likelihood
-    white = (sample.rows - optimum.expansion.sample.rows)[: likelihood.data_rows]
+def _largest_move(exact: Likelihood, rows: FloatArray) -> float:
+    """Largest change of any row of data that the optimum meets exactly, in sigma of that row."""
     # in the noise as it is stated, whatever errors are widened by
-    return float(np.max(np.abs(likelihood.residuals(white)) / likelihood.noise.row_sigma))
+    white = rows[: exact.data_rows]
+    return float(np.max(np.abs(exact.residuals(white)) / exact.noise.row_sigma))
 
 
 def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: float) -> str:
@@ -178,6 +181,7 @@ def without_effect(
         profiles: by name.
     """
     likelihood, x = optimum.likelihood, optimum.expansion.x
+    exact = _met_exactly(optimum)
     lower, _ = search_bounds(likelihood.parameters)
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
@@ -193,7 +197,8 @@ def without_effect(
             there = x.copy()
             there[i] = low + share * width
             try:
-                moves.append(_largest_move(evaluator, optimum, there))
+                with evaluator.of(exact):
+                    moves.append(_largest_move(exact, evaluator.one(there).rows))
             except Exhausted:
                 moves.append(math.inf)
         if max(moves) <= IDLE:
