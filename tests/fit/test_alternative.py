@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fitting.fit.alternative import Outcome, Solved, run_alternative, with_starts
-from fitting.fit.objective import Objective
+from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.solver.continuation import Course, Journal, Schedule
 from fitting.fit.solver.interior_point import SolveSettings
 from fitting.text.arrays import FloatArray
@@ -176,6 +176,26 @@ def test_what_mirrors_a_solved_alternative_takes_its_minima_over() -> None:
     assert (again.search.evaluations, again.search.runs) == (0, 0)
     assert len(again.search.minima) == len(outcome.search.minima)
     assert ends(again) == ends(outcome)
+
+
+@pytest.mark.parametrize(("start", "image"), [(3.0, True), (2.5, False)])
+def test_algorithm_2_of_a_mirror_image_is_taken_over_where_it_begins_there(
+    start: float, image: bool
+) -> None:
+    """Rows at -p: what the first ended in, from -3, is seen in the second from 3 without a run."""
+    first = course(9.0, 5.0, -3.0)
+    outcome = run_alternative(first)
+    second = replace(course(5.0, 9.0, start), alternative=1)
+    mirrored = run_alternative(second, [Solved(first.objective, outcome)])
+    own, theirs = mirrored.chains[0].steps[-1], outcome.chains[0].steps[-1]
+    assert own.x == pytest.approx([2.0], abs=1e-3)
+    assert (own.evaluations == 0) == image
+    assert own.message.startswith("the image of that of alternative 1") == image
+    assert own.j == pytest.approx(theirs.j, rel=1e-4)
+    [there] = evaluate_many(second.objective, [np.array(own.x)])
+    assert own.j_fit == pytest.approx(there.j_fit, rel=1e-9)
+    assert mirrored.best is not None
+    assert mirrored.best.steps[-1].x == pytest.approx([-2.0], abs=1e-3)
 
 
 def test_the_course_is_told_with_its_places_counted_from_one(

@@ -251,6 +251,22 @@ def test_the_last_digits_go_along_a_valley_as_far_as_it_goes() -> None:
     assert found.steps == 9
 
 
+@pytest.mark.parametrize(("lower_by", "goes_on"), [(2.9e-3, True), (3.1e-3, False)])
+def test_last_digits_are_left_where_three_units_of_their_promise_lie_above_what_is_known(
+    lower_by: float, goes_on: bool
+) -> None:
+    """J falls by 1e-3 a unit of y; the end that is known is lower by nearly or over three."""
+    evaluator = rows_evaluator(lambda p: np.array([1e-3 * (p[0] - 50.0), 1.0]), [-90.0], [90.0])
+    rough = Solve(
+        x=np.zeros(1), optimality=1e-3, status="optimal", message="", iterations=0, steps=0
+    )
+    j = total(evaluator.point(rough.x), 0.0, "slack")
+    counted = evaluator.counts.evaluations
+    found = to_the_last_digits(evaluator, rough, 0.0, SolveSettings(), j - lower_by)
+    assert (found is not rough) == goes_on
+    assert (evaluator.counts.evaluations > counted) == goes_on
+
+
 def test_last_digits_that_are_not_reached_leave_the_status() -> None:
     """A row 60,000 units away: sixty steps come to 984, the sum of nine, and 51 times 1000."""
     evaluator = rows_evaluator(lambda p: p - 6e4, [-9e4], [9e4])

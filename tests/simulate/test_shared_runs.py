@@ -106,6 +106,25 @@ def test_values_of_one_experiment_cost_one_run_each(oscillator_fmu: Path, tmp_pa
     assert all(point.runs == 7 for point in points[:6])
 
 
+def test_derived_outputs_are_read_once_at_each_place(oscillator_fmu: Path, tmp_path: Path) -> None:
+    """Three places, a run each for every vector; f1 as in the closed form."""
+    bound = campaign(tmp_path, oscillator_fmu)
+    other = P * [0.9, 1.0, 1.0]
+    with FmuWorkers(oscillator_fmu, workers=1, reuse="never") as workers:
+        response = through(workers, bound, drafted(bound), {"reflection": False})
+        counted = [workers.counts.runs]
+        for asked in ([P, other, P], [other], [P]):
+            found = response.derived_many(asked)[-1]
+            counted.append(workers.counts.runs)
+        replace(response).derived_many([P])  # another response has read nothing
+        counted.append(workers.counts.runs)
+    assert list(np.diff(counted)) == [6, 0, 0, 3]
+    c, s = np.cos(P[0]), np.sin(P[0])
+    etas = [(6940210.0, 7027550.0), (6940210.0, 7027550.0), (6940240.0, 7027580.0)]
+    f1 = [np.hypot(c * plus, s * minus) for plus, minus in etas]
+    assert found["f1"] == pytest.approx(f1, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "found"),
     [
