@@ -345,5 +345,21 @@ def canonical(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray
     return reported
 
 
+#: Columns of the latest sets of parameters, which are asked for at every evaluation; each by the
+#: tuple itself, as hashing a thousand parameters takes longer than reading them.
+_columns: dict[int, tuple[Sequence[Parameter], dict[str, FloatArray]]] = {}
+_MOST_SETS = 32
+
+
 def _column(parameters: Sequence[Parameter], field: str) -> FloatArray:
-    return np.array([getattr(p, field) for p in parameters], dtype=float)
+    """One field of all parameters, (n,), the caller's own."""
+    if not isinstance(parameters, tuple):
+        return np.array([getattr(p, field) for p in parameters], dtype=float)
+    kept = _columns.get(id(parameters))
+    if kept is None or kept[0] is not parameters:
+        if len(_columns) >= _MOST_SETS:
+            _columns.clear()
+        kept = _columns[id(parameters)] = (parameters, {})
+    if field not in kept[1]:
+        kept[1][field] = np.array([getattr(p, field) for p in parameters], dtype=float)
+    return kept[1][field].copy()

@@ -33,7 +33,7 @@ def output_means(
     if not xs:
         return {}
     answers = response.derived_many([to_model(parameters, x) for x in xs])
-    return {name: np.array([mean(answer[name]) for answer in answers]) for name in answers[0]}
+    return {name: _means([answer[name] for answer in answers]) for name in answers[0]}
 
 
 def output_means_beyond(
@@ -91,6 +91,13 @@ def answered_apart(
             return [failed(xs[0], failure)]
     half = len(xs) // 2
     return [*answered_apart(ask, xs[:half], failed), *answered_apart(ask, xs[half:], failed)]
+
+
+def _means(rows: Sequence[FloatArray]) -> FloatArray:
+    """The mean of each row; NaN of empty ones."""
+    if not rows[0].size:
+        return np.full(len(rows), np.nan)
+    return np.asarray(np.mean(np.array(rows), axis=1))
 
 
 def mean(values: FloatArray) -> float:

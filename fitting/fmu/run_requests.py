@@ -101,6 +101,7 @@ class RunRequests:
         self._numbers: dict[_Key, int] = {}
         self._defaults: dict[str, Scalar] = {}  # of every variable that any run has set
         self._beside: dict[str, Scalar] = {}  # of elements beside them in an array
+        self._fitting: set[tuple[str, tuple[Scalar, ...]]] = set()  # whole numbers, by type
 
     def take_all(self, runs: Sequence[Run]) -> list[RunRequest]:
         """The requests for a batch; raises BadInput as `take` does.
@@ -135,8 +136,10 @@ class RunRequests:
         groups = self.layouts[number].sets
         values = tuple([tuple(map(given.__getitem__, group.names)) for group in groups])
         for group, numbers in zip(groups, values, strict=True):
-            if group.fmi_type in _RANGES:
+            # nearly all runs of a fit set whole numbers alike
+            if group.fmi_type in _RANGES and (group.fmi_type, numbers) not in self._fitting:
                 self._require_range(group, numbers)
+                self._fitting.add((group.fmi_type, numbers))
         return RunRequest(
             layout=number,
             values=values,

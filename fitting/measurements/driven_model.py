@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
+from typing import NamedTuple
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
@@ -58,6 +59,14 @@ def _superposed(tones_hz: tuple[float, ...], settle_s: float, held_s: float, gri
 @lru_cache(maxsize=4096)
 def _in_unit(tone_hz: float, unit: str) -> float:
     return convert(tone_hz, "Hz", unit, where="[sweep] frequency")
+
+
+class _Roles(NamedTuple):
+    """Positions in p with the start values that they are, laws' coefficients, or are added to."""
+
+    targets: tuple[tuple[int, str], ...]
+    coefficients: tuple[tuple[int, str], ...]
+    added: tuple[tuple[int, tuple[str, ...]], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,20 +127,44 @@ class DrivenModel:
         Raises:
             FmuFailure: a law has no finite value there.
         """
-        drive = self.setup.drive
-        values: dict[str, Scalar] = {**self.setup.start_values, **self.plan.settings}
-        values.update(dict.fromkeys(drive.amplitude_names, drive.amplitude))
-        values.update(self.alternative)
-        values.update(settings)
-        acting = [(self.parameters[i], float(p[i])) for i in self.columns(label)]
-        own = [(q, value) for q, value in acting if not q.adds_to]
-        values.update({q.target: value for q, value in own if q.role == "model"})
-        coefficients = {q.target: value for q, value in own if q.role == "coefficient"}
+        numbers, roles = p.tolist(), self._roles(label)
+        values = {**self._common, **settings}
+        values.update({target: numbers[i] for i, target in roles.targets})
+        coefficients = {target: numbers[i] for i, target in roles.coefficients}
         values = self.setup.laws.applied(values, coefficients)
-        for parameter, value in acting:
-            for name in parameter.adds_to:
-                values[name] = float(values[name]) + value
+        for i, names in roles.added:
+            for name in names:
+                values[name] = float(values[name]) + numbers[i]
         return values
+
+    @cached_property
+    def _common(self) -> dict[str, Scalar]:
+        """Start values of every run: campaign's, plan's, the drive's, alternative's."""
+        drive = self.setup.drive
+        amplitudes = dict.fromkeys(drive.amplitude_names, drive.amplitude)
+        return {
+            **self.setup.start_values,
+            **self.plan.settings,
+            **amplitudes,
+            **self.alternative,
+        }
+
+    def _roles(self, label: str | None) -> _Roles:
+        """What the parameters are to an experiment, by its label; looked up at every run."""
+        found = self._known_roles.get(label)
+        if found is None:
+            acting = [(i, self.parameters[i]) for i in self.columns(label)]
+            own = [(i, q) for i, q in acting if not q.adds_to]
+            found = self._known_roles[label] = _Roles(
+                targets=tuple((i, q.target) for i, q in own if q.role == "model"),
+                coefficients=tuple((i, q.target) for i, q in own if q.role == "coefficient"),
+                added=tuple((i, q.adds_to) for i, q in acting if q.adds_to),
+            )
+        return found
+
+    @cached_property
+    def _known_roles(self) -> dict[str | None, _Roles]:
+        return {}
 
     def single_tone_values(
         self,

@@ -62,15 +62,17 @@ class _Holder:
         self._runs = self._steps = self._new_instances = 0
         self._seconds = self._processor_s = 0.0
 
-    def do(self, layouts: list[Layout], request: RunRequest) -> FloatArray:
-        self._layouts = layouts
+    def learn(self, layouts: Sequence[Layout]) -> None:
+        self._layouts += layouts
+
+    def do(self, request: RunRequest) -> FloatArray:
         if self._isolation is not None:
             allow_processor_time(self._isolation)
         if request.handled is not None:
             return self._handled(request, request.handled)
         compared = self._compared if self._limit > 1 else None
         instances = Instances(self._fresh, self._again, self._tried, compared)
-        return run_with_reuse(self.verdict, layouts, request, instances)
+        return run_with_reuse(self.verdict, self._layouts, request, instances)
 
     def take_counts(self) -> Counts:
         counts = Counts(
@@ -208,10 +210,11 @@ def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
     pulse[BEGUN] += 1
     results: list[FloatArray] = []
     used_up, failure = False, None
+    holder.learn(batch.layouts)
     for number, request in enumerate(batch.requests):
         pulse[AT_RUN] = number
         try:
-            results.append(holder.do(batch.layouts, request))
+            results.append(holder.do(request))
         except _UsedUp:
             used_up = True
             break

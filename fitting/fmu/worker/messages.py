@@ -36,7 +36,7 @@ class Task(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Runs to do, and the layouts that they refer to."""
+    """Runs to do, and the layouts that the worker does not know yet, by their numbers."""
 
     layouts: list[Layout]
     requests: list[RunRequest]

@@ -74,6 +74,7 @@ class WorkerProcess:
         self._most_memory = 0
         self._begun = -1
         self._since = 0.0
+        self._layouts = 0  # that the process knows
         try:
             # by itself: the network is left before there is a thread that reads what follows
             self._hand_over(limited)
@@ -91,11 +92,12 @@ class WorkerProcess:
         """Hand over a batch; that the process has ended is found out by `receive`.
 
         Args:
-            batch: runs, and how they are simulated.
+            batch: runs, and all layouts; the process is told of one only once.
         """
         self._begun, self._since = -1, time.monotonic()
         self._pulse.numbers[AT_RUN] = 0
-        self._hand_over(batch)
+        self._hand_over(Batch(batch.layouts[self._layouts :], batch.requests))
+        self._layouts = len(batch.layouts)
 
     def receive(self) -> Reply | None:
         """The answer to the batch; None if the process has ended without one."""
