@@ -57,6 +57,12 @@ def swift_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def swift_modes_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The like of ``CoupledModes2``."""
+    return swift_model("CoupledModes2", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
 def string_q1_run(tmp_path_factory: pytest.TempPathFactory) -> ShippedRun:
     """The first shipped series, reconstructed by the command as a user runs it."""
     return shipped_run("string_q1", tmp_path_factory)

@@ -28,8 +28,8 @@ sweeps = { controls = { V = [-1.0, 0.0, 1.0] } }
 
 
 @pytest.fixture(scope="module")
-def fmu() -> Iterator[ff.Fmu]:
-    with ff.Fmu("CoupledModes2", workers=1) as made:
+def fmu(swift_modes_fmu: Path) -> Iterator[ff.Fmu]:
+    with ff.Fmu(swift_modes_fmu, workers=1) as made:
         yield made
 
 

@@ -159,10 +159,10 @@ def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("series", ["q1", "q2"])
 def test_clean_data_give_the_width_back_through_the_fmu(
-    series: str, oscillator_fmu: Path, tmp_path: Path
+    series: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
     bench = replace(string_bench(series), noise_scale=0.0, drift_hz=0.0, curvature_hz=0.0)
-    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+    with FmuWorkers(swift_fmu, workers=2) as workers:
         result = through(workers, bench, 1, tmp_path, quick=False)
     assert result.derived[width_of(bench)].value == pytest.approx(true_width(bench), rel=1e-6)
     assert result.j_fit < 1e-6

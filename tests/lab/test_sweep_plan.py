@@ -149,12 +149,14 @@ def test_a_pump_is_set_as_planned_and_time_may_be_a_constant(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("phases", [False, True])
-def test_what_a_design_proposes_is_measured_and_fitted(tmp_path: Path, phases: bool) -> None:
+def test_what_a_design_proposes_is_measured_and_fitted(
+    tmp_path: Path, phases: bool, swift_modes_fmu: Path
+) -> None:
     """The fit of both holds the truth, as narrow as the design has said."""
     old, plan = tmp_path / "old", tmp_path / "next/campaign/campaign.toml"
     ff.synthesize_curves("crossing", seed=5, volts=2, points=21, phases=phases, out=old)
     (tmp_path / "design.toml").write_text(DESIGN.format(floor="0.04 V", relative=0.0))
-    with ff.Fmu("CoupledModes2", workers=1) as fmu:
+    with ff.Fmu(swift_modes_fmu, workers=1) as fmu:
         problem = ff.Problem.of(old / "campaign.toml", fmu)
         proposed = ff.design(problem, limits=tmp_path / "design.toml")
         proposed.write(tmp_path / "next", report=False)

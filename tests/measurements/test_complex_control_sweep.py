@@ -87,9 +87,9 @@ def written(folder: Path, fmu: Path, values: ComplexArray, *, files: bool = Fals
 
 
 @pytest.fixture(scope="module")
-def problem(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Problem:
+def problem(swift_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Problem:
     folder = tmp_path_factory.mktemp("phases")
-    return ff.Problem.of(ff.read_campaign(written(folder, oscillator_fmu, measured(NOISE))))
+    return ff.Problem.of(ff.read_campaign(written(folder, swift_fmu, measured(NOISE))))
 
 
 @pytest.fixture(scope="module")
