@@ -32,6 +32,30 @@ def held_response(
     return np.array(seen)
 
 
+def toned_response(
+    matrices: tuple[FloatArray, FloatArray, FloatArray],
+    tones: Sequence[tuple[float, float]],
+    step_s: float,
+    samples: int,
+) -> FloatArray:
+    """Samples y_k = C x_k (n,) from rest under u = sum of A cos(2 pi f t), tones (f in Hz, A)."""
+    a, b, c = matrices
+    n = len(a)
+    whole = np.zeros((n + 2 * len(tones),) * 2)
+    whole[:n, :n] = a
+    x, seen = np.zeros(len(whole)), []
+    for k, (tone_hz, level) in enumerate(tones):
+        at = n + 2 * k
+        whole[:n, at] = level * b
+        whole[at, at + 1], whole[at + 1, at] = -TWO_PI * tone_hz, TWO_PI * tone_hz
+        x[at] = 1.0
+    moved = expm(whole * step_s)
+    for _ in range(samples):
+        seen.append(float(c @ x[:n]))
+        x = moved @ x
+    return np.array(seen)
+
+
 def oscillator(mass: float, c: float, k: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """M x'' + c x' + k x = u."""
     return (
