@@ -7,6 +7,7 @@ from pathlib import Path
 
 from fitting.api.choices import ESTIMATORS, MISFITS, STYLES
 from fitting.api.written import LEVELS_FILE, RESULT_FILES
+from fitting.cli.running.laps import Laps
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import add_isolate
 from fitting.cli.words.values import (
@@ -104,7 +105,8 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, data or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
+    laps = Laps()
     # the work takes libraries along, help does not
     from fitting.cli.running.reconstruction import reconstruct
 
-    return reconstruct(args, _out(args))
+    return reconstruct(args, _out(args), laps)

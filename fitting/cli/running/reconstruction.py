@@ -18,6 +18,7 @@ from fitting.api.problem import Campaign
 from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.interrupts import to_the_end
+from fitting.cli.running.laps import Laps
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
@@ -41,12 +42,13 @@ EXIT_CODES = {"converged": 0, "does not describe the data": 4}
 PASSING = (*RESULT_FILES, "fmu/*.fmu")
 
 
-def reconstruct(args: argparse.Namespace, out: Path) -> int:
+def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
     """Reconstruct and write; 0 if converged, 4 if the data are not described, else 1.
 
     Args:
         args: of the command.
         out: folder of the results.
+        laps: of the command, which is told where its parts end.
 
     Raises:
         BadInput: campaign, data or FMU are not what they should be.
@@ -57,29 +59,31 @@ def reconstruct(args: argparse.Namespace, out: Path) -> int:
     if args.dry_run:
         return _tell_cost(args, campaigns)
     with artists_beside(not args.no_report) as artists:
-        return _reconstructed(args, campaigns, out, artists)
+        return _reconstructed(args, campaigns, out, _Course(laps, artists))
+
+
+class _Course(NamedTuple):
+    """What goes along with the work: the clock of the command, and who draws beside it."""
+
+    laps: Laps
+    artists: Artists | None
+
+
+class _Solved(NamedTuple):
+    """How it ended, the finished levels of the search, and what a drawing of it takes yet."""
+
+    ended: _Ending
+    memory: KeptLevels
+    remaining: Remaining
 
 
 def _reconstructed(
-    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, artists: Artists | None
+    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, course: _Course
 ) -> int:
-    with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
-        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
-        check_external(args.external, _units(problem))
-        memory, remaining = _memory(args, problem, out), _remaining(args, problem)
-        try:
-            with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
-                ended = _ending(args, _Reconstruction(problem, out, memory, tell, remaining))
-        except KeyboardInterrupt:
-            print(f"interrupted before there was a result{_way_on(args, memory)}")
-            return 1
-        except NoScale as refused:
-            named = ", ".join(str(path) for path in args.campaign)
-            raise ff.BadInput(f"{named}: {refused}") from None
-        except ff.FmuFailure as failure:
-            if way_on := _way_on(args, memory):
-                failure.add_note(way_on.removeprefix("; "))
-            raise
+    solved = _solved(args, campaigns, out, course.laps)
+    if solved is None:
+        return 1
+    ended, memory, remaining = solved
     result = ended.result
     files = write_result(result, out)  # before anything else that may fail
     if args.external:
@@ -101,12 +105,39 @@ def _reconstructed(
                 out,
                 args.style or STYLES[0],
                 lambda done, of: tell(remaining.drawing(done, of)),
-                artists,
+                course.artists,
             )
         print(f"report: {page}")
+        course.laps.end("for the report")
     remove_earlier(out, PASSING)
     memory.remove()  # when all is done that may be killed
+    print(course.laps.words)
     return EXIT_CODES.get(result.status, 1)
+
+
+def _solved(
+    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, laps: Laps
+) -> _Solved | None:
+    """The fit and its inference; None where it was interrupted before there was a result."""
+    with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
+        check_external(args.external, _units(problem))
+        laps.end("to begin")
+        memory, remaining = _memory(args, problem, out), _remaining(args, problem)
+        try:
+            with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
+                job = _Reconstruction(problem, out, memory, tell, remaining, laps)
+                return _Solved(_ending(args, job), memory, remaining)
+        except KeyboardInterrupt:
+            print(f"interrupted before there was a result{_way_on(args, memory)}")
+            return None
+        except NoScale as refused:
+            named = ", ".join(str(path) for path in args.campaign)
+            raise ff.BadInput(f"{named}: {refused}") from None
+        except ff.FmuFailure as failure:
+            if way_on := _way_on(args, memory):
+                failure.add_note(way_on.removeprefix("; "))
+            raise
 
 
 def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
@@ -142,13 +173,14 @@ def _units(problem: ff.Problem) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Reconstruction:
-    """What is solved, where results and finished levels go, who is told how far it is and how."""
+    """What is solved, where results and finished levels go, who is told how far it is and when."""
 
     problem: ff.Problem
     out: Path
     memory: KeptLevels
     tell: Callable[[str], None]
     remaining: Remaining
+    laps: Laps
 
 
 class _Ending(NamedTuple):
@@ -214,6 +246,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     fitted.command = _command(args)
     with to_the_end():
         result = fitted.result
+    job.laps.end("to fit")
     interrupted = fitted.status == "interrupted"
     if args.no_profiles or interrupted:
         return _Ending(found, result, not interrupted)
@@ -229,6 +262,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
         )
         with to_the_end():
             found, result, done = inferred, inferred.result, inferred.profiled
+        job.laps.end("for the profiles")
     except KeyboardInterrupt:
         pass
     return _Ending(found, result, done)
