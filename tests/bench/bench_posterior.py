@@ -51,7 +51,10 @@ def line(seed: int) -> Made:
 
 
 def exchange(seed: int) -> Made:
-    """z = (p1 + p2, (p1 - p2)^2), a Gaussian prior on p1, cut by its box, a uniform one on p2."""
+    """z = 20 + (p1 + p2, (p1 - p2)^2), a Gaussian prior on p1, cut by its box, a uniform one on p2.
+
+    20 keeps data with noise above zero, as measured peaks are; it is known, and changes nothing.
+    """
     rng = np.random.default_rng((2, seed))
     truth = np.array([5.3 + 1.5 * rng.standard_normal(), rng.uniform(0.0, 10.0)])
     while not 0.0 <= truth[0] <= 10.0:
@@ -60,7 +63,7 @@ def exchange(seed: int) -> Made:
         closed.parameter("p1", 0.0, 10.0, 8.0, (5.3, 1.5)),
         closed.parameter("p2", 0.0, 10.0, 2.0),
     ]
-    return _measured(closed.exchanged, parameters, truth, 1.0, rng)
+    return _measured(lambda p: 20.0 + closed.exchanged(p), parameters, truth, 1.0, rng)
 
 
 def _measured(
