@@ -215,7 +215,10 @@ class EnvelopeSolver:
 
     def advance(self, t: float) -> None:
         """Take steps until one of them holds ``t`` s, or what ``t`` s is a copy of."""
-        self._move(t if self._period is None else self._period.within(t))
+        if self._period is not None:
+            self._move(self._period.within(t))
+        if self._period is None:  # or no more: it took too many steps to be kept
+            self._move(t)
 
     def _move(self, t: float) -> None:
         while self._reached[0] < t:
