@@ -125,8 +125,7 @@ class WrittenDrive(Keys):
     """Lines whose peaks are compared, "2*u1 - u2" for example; without it the tones."""
     order: Count | None = None
     """Up to this order sampling keeps combinations of the tones off the lines that are read, beyond
-    9 only those within an octave of the tones; 1
-    without it, 9 if read has a combination."""
+    9 only those within a factor of 1.5 of the tones; 1 without it, 9 if read has a combination."""
 
     def __post_init__(self) -> None:
         own = "amplitudes" if self.kind == "tones" else "input"
