@@ -179,7 +179,9 @@ def test_failure_is_a_sentence_with_the_parameters(
 def test_a_run_that_fails_costs_an_instance_and_no_process(good: Path, misbehave: int) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
     with FmuWorkers(good) as workers:
-        [before] = workers.run([PULLED])
+        other = replace(PULLED, start_values={**PULLED.start_values, "force": 2.0})
+        before, _ = workers.run([PULLED, other])
+        assert workers.reused
         instances = workers.counts.instances
         for _ in range(3):
             with pytest.raises(FmuFailure):
