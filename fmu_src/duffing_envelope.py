@@ -11,8 +11,9 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .duffing_equations import Cubic, shift
-from .duffing_exponential import PROBE, Step, take_step, weights
+from .duffing_exponential import PROBE, Step, notched, take_lone_step, take_step, weights
 from .duffing_orbit import averaged_orbit, fixed_point
+from .duffing_period import Period, period_of
 from .duffing_slow import SlowModel
 from .model_error import ModelError
 from .oscillator_equations import AT_REST
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 LARGEST_SHIFT = 0.1
 #: Share of the tolerance that one step may take: the errors of a few steps are alive at a time.
 PER_STEP = 0.03
-#: A step that could be longer by less than this factor keeps its length, and so its weights.
-DEADBAND = 1.25
+#: Tolerance of the steps that settle, while what they miss has the time to be forgotten.
+SETTLING = 1e-2
 
 
 class Settings(NamedTuple):
@@ -36,6 +37,14 @@ class Settings(NamedTuple):
 
     tolerance: float
     upper: bool
+
+
+class Coefficients(NamedTuple):
+    """What a step of one length needs: weights of both components, how far the tones turn."""
+
+    weights: tuple[Weights, Weights]
+    to_probe: list[complex]
+    to_middle: list[complex]
 
 
 class EnvelopeSolver:
@@ -55,7 +64,10 @@ class EnvelopeSolver:
         self.b = 0.0
         growth = max(rate.real for rate in self.model.rates)
         self._longest = 1.0 / growth if growth > 0.0 else math.inf
-        self._weights: tuple[float, tuple[Weights, Weights]] | None = None
+        self._coefficients: dict[float, Coefficients] = {}
+        self._period: Period | None = None
+        #: Until when the motion settles, and how fast what it misses is forgotten, in 1/s.
+        self._settling = -math.inf, 0.0
 
     # -- start and state ------------------------------------------------------------------------
 
@@ -75,6 +87,7 @@ class EnvelopeSolver:
             )
         else:
             self._settle(t, None)
+            self._repeat(t)
 
     def _start_on_orbit(self, t: float) -> None:
         """Begin on the periodic orbit of one tone, on the branch that the settings name."""
@@ -92,11 +105,23 @@ class EnvelopeSolver:
 
     def _settle(self, t: float, w: Pair | None) -> None:
         """Begin at ``t`` s where the motion from ``w`` (None: rest) long before has come to."""
-        decay = min(-rate.real for rate in self.model.rates)
+        lone = self.model.lone
+        rates = self.model.rates if lone is None else (self.model.rates[lone],)
+        decay = min(-rate.real for rate in rates)
         begin = t - math.log(100.0 / self.settings.tolerance) / decay
         self._begin(begin, self.model.slow_state(AT_REST, begin) if w is None else w)
+        self._settling = t, decay
         self.advance(t)
-        self._begin(t, self._slow(t))
+        self._settling = -math.inf, 0.0
+        w1, w2 = self._slow(t)
+        if lone is not None:  # the other mode is linear: its deviation is gone in the end
+            w1, w2 = (0j, w2) if lone else (w1, 0j)
+        self._begin(t, (w1, w2))
+
+    def _repeat(self, t: float) -> None:
+        """Let every period of the settled motion from ``t`` s on be a copy of the first."""
+        self._period = period_of(self.model, t)
+        self._outset = self._reached[1], self._scale, self._next
 
     def _begin(self, t: float, w: Pair) -> None:
         """Stand at ``t`` s with ``w``, before the first step."""
@@ -107,7 +132,8 @@ class EnvelopeSolver:
         self._next = 0.1 / fastest if fastest else 10.0 / self.model.centre
 
     def _stand(self, t: float, w: Pair) -> None:
-        n1, n2, _, _ = self.model.slope(w, self.model.linear(t))
+        self._turns = self.model.turns(t)
+        n1, n2, _, _ = self.model.slope(w, self.model.turned(self._turns))
         self._step: Step | None = None
         self._reached = t, w, (n1, n2)
         self._read: tuple[float, Pair] | None = None
@@ -134,16 +160,20 @@ class EnvelopeSolver:
 
     def snapshot(self) -> dict[str, Any]:
         """Return what must be stored, beside the parameters, to continue bit for bit."""
-        step = self._step
+        step, period = self._step, self._period
         t, w = (step.t, step.y) if step else self._reached[:2]
+        scale, following = self._scale, self._next
+        if period is not None:  # its steps are taken anew
+            t, (w, scale, following) = period.begin, self._outset
         return {
             "t": t,
             "w": [w[0].real, w[0].imag, w[1].real, w[1].imag],
-            "h": step.h if step else 0.0,
-            "next": self._next,
-            "scale": list(self._scale),
+            "h": step.h if step and period is None else 0.0,
+            "next": following,
+            "scale": list(scale),
             "b": self.b,
             "offsets": list(self.offsets),
+            "reached": self._reached[0] if period is not None else None,
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
@@ -154,6 +184,9 @@ class EnvelopeSolver:
             self._accept(self._attempt(snapshot["h"]))
         self._next = snapshot["next"]
         self._scale = snapshot["scale"][0], snapshot["scale"][1]
+        if snapshot["reached"] is not None:
+            self._repeat(snapshot["t"])
+            self._move(snapshot["reached"])
 
     # -- motion ---------------------------------------------------------------------------------
 
@@ -173,13 +206,21 @@ class EnvelopeSolver:
         return self._read[1]
 
     def _slow(self, t: float) -> Pair:
-        """Return w at a time within the last step."""
+        """Return w at a time within the last step, or within what a period was taken of."""
         if self._step is None:
             return self._reached[1]
+        if self._period is not None:
+            return self._period.slow(t)
         return self._step.between(self.model.rates, t)
 
     def advance(self, t: float) -> None:
-        """Take steps until one of them holds ``t`` s."""
+        """Take steps until one of them holds ``t`` s, or what ``t`` s is a copy of."""
+        if self._period is not None:
+            self._move(self._period.within(t))
+        if self._period is None:  # or no more: it took too many steps to be kept
+            self._move(t)
+
+    def _move(self, t: float) -> None:
         while self._reached[0] < t:
             try:
                 self._take()
@@ -190,8 +231,8 @@ class EnvelopeSolver:
 
     def _take(self) -> None:
         """Take one step as long as the tolerance allows."""
-        h = min(self._next, self._longest)
-        tolerance = PER_STEP * self.settings.tolerance
+        h = notched(min(self._next, self._longest))
+        tolerance = PER_STEP * self._tolerance()
         while True:
             step = self._attempt(h)
             scale = self._scale_after(step)
@@ -200,24 +241,52 @@ class EnvelopeSolver:
             factor = min(5.0, 0.9 * worst**-0.25) if worst else 5.0
             if worst <= 1.0:
                 break
-            h *= max(0.2, factor)
-        self._next = h if 1.0 <= factor < DEADBAND else h * max(0.2, factor)
+            h = notched(h * max(0.2, factor))
+        self._next = h * max(0.2, factor)
         self._scale = scale
         self._accept(step)
 
+    def _tolerance(self) -> float:
+        """Return what a step may miss; what is missed while settling is forgotten as it decays."""
+        until, decay = self._settling
+        wanted, left = self.settings.tolerance, until - self._reached[0]
+        if left <= 0.0 or wanted >= SETTLING:
+            return wanted
+        grown = math.log(SETTLING / wanted)
+        return wanted * math.exp(min(decay * left, grown))
+
     def _attempt(self, h: float) -> Step:
-        t, w, n = self._reached
-        if self._weights is None or self._weights[0] != h:
-            rates = self.model.rates
-            self._weights = h, (weights(rates[0], h), weights(rates[1], h))
-        linear = self.model.linear
-        forced = linear(t + PROBE * h), linear(t + 0.5 * h), linear(t + h)
-        return take_step((t, w, n), h, self._weights[1], self.model.slope, forced)
+        t, model = self._reached[0], self.model
+        pair, to_probe, to_middle = self._coefficients_of(h)
+        self._turns_after = model.turns(t + h)
+        probed = model.turned([a * b for a, b in zip(self._turns, to_probe)])
+        middle = model.turned([a * b for a, b in zip(self._turns, to_middle)])
+        there, lone = model.turned(self._turns_after), model.lone
+        if lone is None:
+            return take_step(self._reached, h, pair, model.slope, (probed, middle, there))
+        forced = probed[lone], middle[lone], there[lone]
+        return take_lone_step(self._reached, h, pair, model.lone_slope, forced, lone)
+
+    def _coefficients_of(self, h: float) -> Coefficients:
+        """Return the coefficients of a step of ``h`` s, kept for the next one of this length."""
+        found = self._coefficients.get(h)
+        if found is None:
+            first, second = self.model.rates
+            onwards = self.model.onwards
+            pair = weights(first, h), weights(second, h)
+            found = Coefficients(pair, onwards(PROBE * h), onwards(0.5 * h))
+            self._coefficients[h] = found
+        return found
 
     def _accept(self, step: Step) -> None:
         self._step = step
         self._reached = step.end, step.y_end, step.n_end
+        self._turns = self._turns_after
         self._read = None
+        if self._period is not None:
+            self._period.add(step)
+            if self._period.full:
+                self._period = None
 
     def _scale_after(self, step: Step) -> tuple[float, float]:
         """Return the amplitudes that errors are relative to: the largest, as it is forgotten."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,6 +22,24 @@ if TYPE_CHECKING:
     Pair = tuple[complex, complex]
     #: n and Q from y and the linear response.
     Slope = Callable[[Pair, Pair], tuple[complex, complex, complex, complex]]
+    #: The same of one component that no other one moves.
+    LoneSlope = Callable[[complex, complex], tuple[complex, complex]]
+
+X = TypeVar("X")
+
+
+#: Terms of a series of about 1/6 below which no digit changes.
+NEGLIGIBLE = 1e-19
+#: Step sizes are powers of 2^(1/4): few different ones, whose coefficients are worth keeping.
+NOTCHES = 2.0**-0.25, 2.0**-0.5, 2.0**-0.75, 0.5
+
+
+def notched(h: float) -> float:
+    """Return the largest power of 2^(1/4) up to ``h``, the same bits wherever it is made."""
+    if not 0.0 < h < math.inf:
+        return h
+    mantissa, exponent = math.frexp(h)
+    return math.ldexp(next(notch for notch in NOTCHES if notch <= mantissa), exponent)
 
 
 def phi(z: complex) -> tuple[complex, complex, complex, complex]:
@@ -34,6 +52,8 @@ def phi(z: complex) -> tuple[complex, complex, complex, complex]:
     p3, term = 0j, complex(1.0 / 6.0)
     for k in range(4, 26):
         p3 += term
+        if abs(term) < NEGLIGIBLE:
+            break
         term *= z / k
     p2 = 0.5 + z * p3
     p1 = 1.0 + z * p2
@@ -125,7 +145,7 @@ class Step(NamedTuple):
             return self.y_end
         theta = (t - self.t) / self.h
         found = [
-            spread(rate, self.h, theta).value(y, slopes)
+            spread(rate, self.h, theta).value(y, slopes) if y or any(slopes) else 0j
             for rate, y, slopes in zip(rates, self.y, self.slopes)
         ]
         return found[0], found[1]
@@ -175,3 +195,44 @@ def take_step(
         (max(abs(q1), abs(qb1), abs(qc1)), max(abs(q2), abs(qb2), abs(qc2))),
         (missed[0], missed[1]),
     )
+
+
+def take_lone_step(
+    begin: tuple[float, Pair, Pair],
+    h: float,
+    pair: tuple[Weights, Weights],
+    slope: LoneSlope,
+    forced: tuple[complex, complex, complex],
+    lone: int,
+) -> Step:
+    """Return the step that :func:`take_step` would where only the component ``lone`` has an n.
+
+    ``slope`` and ``forced`` are of this component alone.
+    """
+    t, both, before = begin
+    y, a, w = both[lone], before[lone], pair[lone]
+    probed, middle, there = forced
+    half = w.half * y + w.half_first * a
+    b, qb = slope(half, middle)
+    c, qc = slope(half + w.half_second * (b - a), middle)
+    d, _ = slope(w.full.turn * y + w.full_first * a + w.full_second * (c - a), there)
+    slopes = a, b + c, d
+    end = w.full.value(y, slopes)
+    n, q = slope(end, there)
+    found, _ = slope(w.probe.value(y, slopes), probed)
+    parabola = PARABOLA[0] * a + PARABOLA[1] * slopes[1] + PARABOLA[2] * d
+    other = pair[1 - lone].full.turn * both[1 - lone]
+    return Step(
+        t,
+        h,
+        both,
+        _placed(slopes, (0j, 0j, 0j), lone),
+        _placed(end, other, lone),
+        _placed(n, 0j, lone),
+        _placed(max(abs(q), abs(qb), abs(qc)), 0.0, lone),
+        _placed(w.missed * abs(found - parabola), 0.0, lone),
+    )
+
+
+def _placed(own: X, other: X, lone: int) -> tuple[X, X]:
+    return (other, own) if lone else (own, other)

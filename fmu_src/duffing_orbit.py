@@ -28,6 +28,7 @@ def averaged_orbit(model: SlowModel, linear: Pair, upper: bool) -> Pair:
     drive = [complex(detuning[i], loss[i]) * linear[i] + cross * linear[1 - i] for i in (0, 1)]
     q = [0j, 0j]
     for _ in range(40):
+        before = list(q)
         for i, alpha in enumerate((cubic.alpha1, cubic.alpha2)):
             other = q[1 - i]
             lifted = detuning[i] + 0.5 * cubic.kappa * abs(other) ** 2
@@ -35,6 +36,8 @@ def averaged_orbit(model: SlowModel, linear: Pair, upper: bool) -> Pair:
             force -= 0.25 * cubic.kappa * q[i].conjugate() * other * other
             square = steady_squares(lifted, loss[i], alpha, abs(force))[upper]
             q[i] = force / complex(lifted + 0.75 * alpha * square, loss[i])
+        if q == before:
+            break
     return q[0], q[1]
 
 

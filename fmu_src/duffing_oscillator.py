@@ -120,11 +120,11 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
     def moving_outputs(self) -> Sequence[float]:
         """Return displacements, the shift by the cubic terms, and what averaging them costs."""
         solver = self.running()
-        p = solver.p
-        centre = frame_frequency(p)
+        p, envelope = solver.p, isinstance(solver, EnvelopeSolver)
+        centre = solver.model.centre if isinstance(solver, EnvelopeSolver) else frame_frequency(p)
         found = shift(solver.cubic, solver.squares(self.time), centre)
         averaging = 0.0
-        if isinstance(solver, EnvelopeSolver):
+        if envelope:
             spread = abs(p.u1 - p.u2) / centre if p.A1 and p.A2 else 0.0
             averaging = found * (3.0 * found + spread)
         return *super().moving_outputs(), found, averaging

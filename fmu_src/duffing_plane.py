@@ -10,6 +10,7 @@ of rates.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from .model_error import ModelError
@@ -52,12 +53,33 @@ class Plane(NamedTuple):
         return scale * (y1 - v12 * y2), scale * (y2 - v21 * y1)
 
 
+class Modes(NamedTuple):
+    """What a plane has whatever the drive, ``rates`` as they are without a frame, over 2 pi."""
+
+    solvent: Matrix
+    gain: tuple[float, float, float, float]
+    rates: tuple[Precise, Precise]
+    cross: Pair
+    mix: Pair
+
+
 def plane(p: Parameters, centre: float) -> Plane:
     """Return the plane seen from a frame at ``centre`` Hz; raise ModelError if overdamped."""
+    modes = _modes(
+        p._replace(u1=0.0, u2=0.0, A1=0.0, A2=0.0, phase1=0.0, phase2=0.0, g1=0.0, g2=0.0)
+    )
+    with in_precise_arithmetic():
+        frame = Precise(0.0, centre)
+        first, second = (TWO_PI * complex(rate - frame) for rate in modes.rates)
+    return Plane(modes.solvent, modes.gain, (first, second), modes.cross, modes.mix)
+
+
+@lru_cache(maxsize=16)
+def _modes(p: Parameters) -> Modes:
+    """Return the modes of the linear system, kept for runs that differ in their drive alone."""
     with in_precise_arithmetic():
         pencil = _pencil(p)
         s11, s12, s21, s22 = _solvent(p, pencil)
-        frame = Precise(0.0, centre)
         rates, cross, mix = (s11, s22), (s12, s21), (0j, 0j)
         first, second = pencil.poles
         if (second - s11).size() < (first - s11).size():
@@ -73,13 +95,8 @@ def plane(p: Parameters, centre: float) -> Plane:
             TWO_PI * complex(s21),
             TWO_PI * complex(s22),
         )
-        return Plane(
-            solvent,
-            _gain(solvent),
-            (TWO_PI * complex(rates[0] - frame), TWO_PI * complex(rates[1] - frame)),
-            (TWO_PI * complex(cross[0]), TWO_PI * complex(cross[1])),
-            mix,
-        )
+        scaled = TWO_PI * complex(cross[0]), TWO_PI * complex(cross[1])
+        return Modes(solvent, _gain(solvent), rates, scaled, mix)
 
 
 def inverse(a: complex, b: complex, c: complex, d: complex) -> Matrix:

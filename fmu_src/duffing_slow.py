@@ -80,6 +80,8 @@ class SlowModel:
         self._set_corrections(p)
         self.tones = [self._tone(u, amplitude, offset) for u, amplitude, offset in active]
         self._carrier = Frequency(self.centre)
+        #: The mode that has the only cubic term, where no mode moves another one.
+        self.lone = self._lone_mode()
 
     def _set_corrections(self, p: Parameters) -> None:
         """Make the responses of each mode to its cubic forces away from the carrier."""
@@ -121,9 +123,22 @@ class SlowModel:
 
     def linear(self, t: float) -> Pair:
         """Return the slow amplitudes of the linear periodic response at ``t`` s, in m."""
+        return self.turned(self.turns(t))
+
+    def turns(self, t: float) -> list[complex]:
+        """Return each tone's phase in the frame at ``t`` s, as a complex number of size 1."""
+        return [
+            cmath.rect(1.0, TWO_PI * (tone.detuning.cycles(t) + tone.offset)) for tone in self.tones
+        ]
+
+    def onwards(self, h: float) -> list[complex]:
+        """Return what the turns of the tones are multiplied by in ``h`` s."""
+        return [cmath.rect(1.0, TWO_PI * tone.detuning.cycles(h)) for tone in self.tones]
+
+    def turned(self, turns: list[complex]) -> Pair:
+        """Return what :meth:`linear` does, from the turns of the tones."""
         q1 = q2 = 0j
-        for tone in self.tones:
-            turn = cmath.rect(1.0, TWO_PI * (tone.detuning.cycles(t) + tone.offset))
+        for tone, turn in zip(self.tones, turns):
             q1 += tone.response[0] * turn
             q2 += tone.response[1] * turn
         return q1, q2
@@ -132,6 +147,9 @@ class SlowModel:
         """Return Q of both modes, in m: |Q| is the amplitude at the drive frequencies."""
         y1, y2 = self.plane.amplitudes(*w)
         q1, q2 = linear[0] + y1, linear[1] + y2
+        if self.lone is not None:
+            q = self.lone_amplitude((q1, q2)[self.lone])
+            return (q1, q) if self.lone else (q, q2)
         n1, n2 = self.forces(q1, q2)
         return q1 - self._behind[0] * n1, q2 - self._behind[1] * n2
 
@@ -150,6 +168,30 @@ class SlowModel:
         (h11, h12, h21, h22), (c12, c21) = self.plane.gain, self.plane.cross
         s1, s2 = self.plane.coordinates(1j * (h11 * n1 + h12 * n2), 1j * (h21 * n1 + h22 * n2))
         return s1 + c12 * w[1], s2 + c21 * w[0], q1, q2
+
+    def _lone_mode(self) -> int | None:
+        """Return the mode with the only cubic term, None where modes move each other."""
+        (_, h12, h21, _), (alpha1, alpha2, kappa) = self.plane.gain, self.cubic
+        coupled = (h12, h21, kappa, *self.plane.cross, *self.plane.mix)
+        if any(coupled) or bool(alpha1) == bool(alpha2):
+            return None
+        lone = int(not alpha1)
+        alpha, third = self.cubic[lone], self._third[lone]
+        #: N = Q |Q|^2 (first + second |Q|^2) of this mode alone: ``forces`` in one line.
+        self._first, self._second = 0.75 * alpha, -0.1875 * alpha * alpha * third
+        self._own_behind, self._own_gain = self._behind[lone], 1j * self.plane.gain[3 * lone]
+        return lone
+
+    def lone_amplitude(self, q: complex) -> complex:
+        """Return Q of the lone mode from what it is without -B N."""
+        m = q.real * q.real + q.imag * q.imag
+        return q - self._own_behind * (q * m * (self._first + self._second * m))
+
+    def lone_slope(self, w: complex, linear: complex) -> tuple[complex, complex]:
+        """Return what :meth:`slope` does, of the lone mode."""
+        q = self.lone_amplitude(linear + w)
+        m = q.real * q.real + q.imag * q.imag
+        return self._own_gain * (q * m * (self._first + self._second * m)), q
 
     def forces(self, q1: complex, q2: complex) -> Pair:
         """Return N, the cubic forces at the carrier, of both modes."""

@@ -33,6 +33,8 @@ _log = logging.getLogger(__name__)
 
 POLL_S = 0.1
 CLOSING_S = 2.0
+#: How long others may go on with a batch that has failed: about what it takes to start them anew.
+SPARED_S = 0.3
 MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
 #: More processes than that are a slip of the pen on the machines of today.
 MOST_WORKERS = 256
@@ -197,6 +199,9 @@ class FmuWorkers:
                 self._send(number, job)
             while job.todo:
                 self._wait(job)
+        except FmuFailure:
+            self._spare(job)
+            raise
         finally:
             # after a failure, the others would answer into the next batch
             for number in job.todo:
@@ -206,6 +211,36 @@ class FmuWorkers:
     def close(self) -> None:
         """End the processes and remove the unpacked FMU."""
         self._open.close()
+
+    def _spare(self, job: _Job) -> None:
+        """Let the others answer, so that they can take the next batch, where that is soon."""
+        until = time.monotonic() + SPARED_S
+        while (left := until - time.monotonic()) > 0.0:
+            busy = {n: w for n in job.todo if (w := self._open.processes[n]) is not None}
+            if not busy:
+                break
+            for number, worker in busy.items():
+                if worker.pipe in connection.wait([worker.pipe], timeout=left / len(busy)):
+                    reply = worker.receive()
+                    if reply is None:
+                        self._kill(number)
+                    else:
+                        self._account(number, reply)
+                    del job.todo[number]
+
+    def _account(self, number: int, reply: Reply) -> None:
+        """What a reply says of its worker, whatever became of the runs."""
+        self._verdicts[number] = reply.verdict
+        self.counts += reply.counts
+        self.memory_bytes = reply.memory
+        self.warnings = _added(self.warnings, reply.warnings)
+        self.latest_warnings = _added(self.latest_warnings, reply.warnings)
+        worker = self._open.processes[number]
+        if worker is not None:
+            worker.has_failed = reply.failure is not None
+        if reply.used_up:
+            _log.info("worker %d: replaced, its process wants to do no more runs", number + 1)
+            self._kill(number)
 
     def _shares(self, n: int) -> dict[int, list[int]]:
         """Runs by worker: neighbours together, as equal as can be."""
@@ -280,11 +315,7 @@ class FmuWorkers:
                 self._blame(number, worker, job, text, NoAnswer)
 
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
-        self._verdicts[number] = reply.verdict
-        self.counts += reply.counts
-        self.memory_bytes = reply.memory
-        self.warnings = _added(self.warnings, reply.warnings)
-        self.latest_warnings = _added(self.latest_warnings, reply.warnings)
+        self._account(number, reply)
         todo = job.todo[number]
         position = 0
         for i in todo[: reply.done]:
@@ -294,10 +325,8 @@ class FmuWorkers:
             position += size
         job.todo[number] = left = todo[reply.done :]
         if reply.failure is not None:
+            del job.todo[number]
             raise self._failure(reply.failure, job.runs[left[0]])
-        if reply.used_up:
-            _log.info("worker %d: replaced, its process wants to do no more runs", number + 1)
-            self._kill(number)
         if left:
             self._send(number, job)
         else:
@@ -305,6 +334,9 @@ class FmuWorkers:
 
     def _ended(self, number: int, worker: WorkerProcess, job: _Job) -> None:
         """Do again once what somebody has killed; what the FMU itself has ended, it would again."""
+        if worker.has_failed:  # the runs before have left it so: these are not to blame
+            self._replace(number, job)
+            return
         death = worker.death()
         if not death.killed_by:
             self._blame(number, worker, job, death.how, FmuFailure)
@@ -324,6 +356,9 @@ class FmuWorkers:
         self, number: int, worker: WorkerProcess, job: _Job, how: str, kind: type[FmuFailure]
     ) -> None:
         """Go on without reuse if a reset was only being tried; else fail."""
+        if worker.has_failed:
+            self._replace(number, job)
+            return
         run, in_trial = self._run_of(number, worker, job), worker.in_trial
         if worker.is_freeing:
             how = f"was to free an instance and {how}"
@@ -332,6 +367,11 @@ class FmuWorkers:
             raise self._failure(f"the FMU {how}", run, kind)
         self._verdicts[number].refuse(f"when its reset was tried the FMU {how}", ended=True)
         _log.info("worker %d: replaced, when its reset was tried the FMU %s", number + 1, how)
+        self._send(number, job)
+
+    def _replace(self, number: int, job: _Job) -> None:
+        _log.info("worker %d: replaced, it did not get over a run that failed", number + 1)
+        self._kill(number)
         self._send(number, job)
 
     def _run_of(self, number: int, worker: WorkerProcess, job: _Job) -> Run:

@@ -9,8 +9,10 @@
 
 /* Share of the tolerance that one step may take: the errors of a few are alive at a time. */
 #define PER_STEP 0.03
-/* A step that could be longer by less than this factor keeps its length, and so its weights. */
-#define DEADBAND 1.25
+/* Tolerance of the steps that settle, while what they miss has the time to be forgotten. */
+#define SETTLING 1e-2
+/* Steps in a period that are kept in Python: a motion that needs more goes on by steps. */
+#define MOST_STEPS 20000
 
 bool envelope_prepare(struct envelope_solver *solver, const struct parameters *p,
                       const struct envelope_settings *settings, const double offsets[2],
@@ -27,6 +29,7 @@ bool envelope_prepare(struct envelope_solver *solver, const struct parameters *p
         return false;
     growth = fmax(rates[0].re, rates[1].re);
     solver->longest = growth > 0.0 ? 1.0 / growth : INFINITY;
+    solver->settling = -INFINITY;
     return true;
 }
 
@@ -40,12 +43,34 @@ bool envelope_refuse_input(double b, struct report *report)
                   b);
 }
 
-/* w at a time within the last step. */
+/* The time of the first period that a time is a copy of. */
+static double within_period(const struct period *period, double t)
+{
+    const double count = floor((t - period->begin) / period->length);
+    if (!(count > 0.0))
+        return t;
+    return fmin(fmax(t - count * period->length, period->begin), period->begin + period->length);
+}
+
+/* w at a time within the last step, or at one that is a copy of it. */
 static struct pair slow_at(const struct envelope_solver *solver, double t)
 {
-    if (!solver->stepped || t == solver->t)
-        return solver->w;
-    return step_between(&solver->step, solver->model.plane.rates, t);
+    const struct slow_model *model = &solver->model;
+    const struct frequency *detuning = &model->tone[0].detuning;
+    const double first = solver->period.known ? within_period(&solver->period, t) : t;
+    struct pair w = solver->w;
+    struct complex turn;
+    if (!solver->stepped)
+        return w;
+    if (first != solver->t)
+        w = step_between(&solver->step, model->plane.rates, first);
+    if (first == t)
+        return w;
+    turn = c_rect(1.0, TWO_PI * (frequency_cycles(detuning, t, 0.0) -
+                                 frequency_cycles(detuning, first, 0.0)));
+    for (int i = 0; i < 2; ++i)
+        w.z[i] = c_multiply(w.z[i], turn);
+    return w;
 }
 
 struct pair envelope_amplitudes(const struct envelope_solver *solver, double t)
@@ -58,17 +83,24 @@ struct state envelope_state(const struct envelope_solver *solver, double t)
     return slow_full_state(&solver->model, slow_at(solver, t), t);
 }
 
-/* Stand at t with w, before the first step. */
-static void begin(struct envelope_solver *solver, double t, struct pair w)
+/* Stand at t with w, of which nothing else changes. */
+static void stand(struct envelope_solver *solver, double t, struct pair w)
 {
-    const struct complex *rates = solver->model.plane.rates;
-    const double fastest = fmax(fabs(rates[0].re), fabs(rates[1].re));
     const struct pair linear = slow_linear(&solver->model, t);
     struct pair q;
     solver->stepped = false;
     solver->t = t;
     solver->w = w;
     slow_slope(&solver->model, &w, &linear, &solver->n, &q);
+}
+
+/* Stand at t with w, before the first step. */
+static void begin(struct envelope_solver *solver, double t, struct pair w)
+{
+    const struct complex *rates = solver->model.plane.rates;
+    const double fastest = fmax(fabs(rates[0].re), fabs(rates[1].re));
+    struct pair q;
+    stand(solver, t, w);
     q = envelope_amplitudes(solver, t);
     solver->scale[0] = c_abs(q.z[0]);
     solver->scale[1] = c_abs(q.z[1]);
@@ -80,15 +112,38 @@ static bool settle(struct envelope_solver *solver, double t, const struct pair *
                    struct report *report)
 {
     const struct complex *rates = solver->model.plane.rates;
-    const double decay = fmin(-rates[0].re, -rates[1].re);
+    const int32_t lone = solver->model.lone;
+    const double decay = lone < 0 ? fmin(-rates[0].re, -rates[1].re) : -rates[lone].re;
     const double before = t - log(100.0 / solver->tolerance) / decay;
     struct state at_rest;
+    struct pair reached;
     memset(&at_rest, 0, sizeof at_rest);
     begin(solver, before, w != NULL ? *w : slow_from_state(&solver->model, &at_rest, before));
+    solver->settling = t;
+    solver->decay = decay;
     if (!envelope_advance(solver, t, report))
         return false;
-    begin(solver, t, slow_at(solver, t));
+    solver->settling = -INFINITY;
+    reached = slow_at(solver, t);
+    if (lone >= 0) /* the other mode is linear: its deviation is gone in the end */
+        reached.z[1 - lone] = complex_of(0.0, 0.0);
+    begin(solver, t, reached);
     return true;
+}
+
+/* Let every period of the settled motion from t on be a copy of the first. */
+static void repeat(struct envelope_solver *solver, double t)
+{
+    const struct slow_tone *tone = solver->model.tone;
+    struct period *period = &solver->period;
+    period->begin = t;
+    period->length = 1.0 / fabs(tone[0].detuning.high - tone[1].detuning.high);
+    period->known = isfinite(period->length) && t < t + period->length;
+    period->steps = 0;
+    period->w = solver->w;
+    period->next = solver->next;
+    for (int i = 0; i < 2; ++i)
+        period->scale[i] = solver->scale[i];
 }
 
 /* Begin on the periodic orbit of one tone, on the branch that was named. */
@@ -132,30 +187,39 @@ bool envelope_start(struct envelope_solver *solver, double t, const struct state
                       "branch = 1: the upper branch is that of one active tone (A1 = 0 or A2 = 0), "
                       "not of two, at u1 = %r Hz and u2 = %r Hz",
                       model->p.u1, model->p.u2);
+    else if (settle(solver, t, NULL, report))
+        repeat(solver, t);
     else
-        return settle(solver, t, NULL, report);
+        return false;
     return true;
 }
 
 /* --- motion ------------------------------------------------------------------------------------ */
 
+/* The linear response after a part of a step. */
+static struct pair linear_onwards(const struct envelope_solver *solver, const struct turns *by)
+{
+    struct turns turns = slow_turns(&solver->model, solver->t);
+    for (int k = 0; k < solver->model.tones; ++k)
+        turns.z[k] = c_multiply(turns.z[k], by->z[k]);
+    return slow_turned(&solver->model, &turns);
+}
+
 static struct step attempt(struct envelope_solver *solver, double h)
 {
     const struct slow_model *model = &solver->model;
-    const struct beginning from = {
-        solver->t,
-        solver->w,
-        solver->n,
-        slow_linear(model, solver->t + probe_place() * h),
-        slow_linear(model, solver->t + 0.5 * h),
-        slow_linear(model, solver->t + h),
-    };
+    struct beginning from = {.t = solver->t, .y = solver->w, .n = solver->n};
     if (!solver->weighed || solver->weighed_step != h) {
         for (int i = 0; i < 2; ++i)
             solver->weights[i] = weights_of(model->plane.rates[i], h);
+        solver->to_probe = slow_onwards(model, probe_place() * h);
+        solver->to_middle = slow_onwards(model, 0.5 * h);
         solver->weighed = true;
         solver->weighed_step = h;
     }
+    from.probed = linear_onwards(solver, &solver->to_probe);
+    from.middle = linear_onwards(solver, &solver->to_middle);
+    from.there = slow_linear(model, solver->t + h);
     return step_from(&from, h, solver->weights, slow_slope, model);
 }
 
@@ -180,6 +244,15 @@ static bool check_step(const struct envelope_solver *solver, const struct step *
     return true;
 }
 
+/* What a step may miss; what is missed while settling is forgotten as it decays. */
+static double step_tolerance(const struct envelope_solver *solver)
+{
+    const double wanted = solver->tolerance, left = solver->settling - solver->t;
+    if (!(left > 0.0) || wanted >= SETTLING)
+        return wanted;
+    return wanted * exp(fmin(solver->decay * left, log(SETTLING / wanted)));
+}
+
 /* The error of a step over its tolerance, relative to the largest amplitudes, as they are
  * forgotten. */
 static double judge(const struct envelope_solver *solver, const struct step *step,
@@ -196,13 +269,13 @@ static double judge(const struct envelope_solver *solver, const struct step *ste
         if (scale[i] != 0.0)
             worst = fmax(worst, error / scale[i]);
     }
-    return worst / (PER_STEP * solver->tolerance);
+    return worst / (PER_STEP * step_tolerance(solver));
 }
 
 /* Take one step as long as the tolerance allows. */
 static bool take(struct envelope_solver *solver, struct report *report)
 {
-    double h = fmin(solver->next, solver->longest), factor, scale[2];
+    double h = notched(fmin(solver->next, solver->longest)), factor, scale[2];
     for (;;) {
         const struct step step = attempt(solver, h);
         const double worst = judge(solver, &step, scale);
@@ -213,22 +286,47 @@ static bool take(struct envelope_solver *solver, struct report *report)
             solver->step = step;
             break;
         }
-        h *= fmax(0.2, factor);
+        h = notched(h * fmax(0.2, factor));
     }
-    solver->next = 1.0 <= factor && factor < DEADBAND ? h : h * fmax(0.2, factor);
+    solver->next = h * fmax(0.2, factor);
     solver->scale[0] = scale[0];
     solver->scale[1] = scale[1];
     solver->stepped = true;
     solver->t = solver->step.t + solver->step.h;
     solver->w = solver->step.y_end;
     solver->n = solver->step.n_end;
+    if (solver->period.known)
+        solver->period.known = ++solver->period.steps < MOST_STEPS;
     return true;
 }
 
-bool envelope_advance(struct envelope_solver *solver, double t, struct report *report)
+static bool move(struct envelope_solver *solver, double t, struct report *report)
 {
     while (solver->t < t)
         if (!take(solver, report))
             return false;
     return true;
+}
+
+/* Stand where the period begins, as when it began. */
+static void rewind_period(struct envelope_solver *solver)
+{
+    struct period *period = &solver->period;
+    stand(solver, period->begin, period->w);
+    solver->next = period->next;
+    for (int i = 0; i < 2; ++i)
+        solver->scale[i] = period->scale[i];
+    period->steps = 0;
+}
+
+bool envelope_advance(struct envelope_solver *solver, double t, struct report *report)
+{
+    if (solver->period.known) {
+        const double first = within_period(&solver->period, t);
+        if (solver->stepped && first < solver->step.t)
+            rewind_period(solver);
+        if (!move(solver, first, report))
+            return false;
+    }
+    return solver->period.known || move(solver, t, report);
 }

@@ -8,12 +8,24 @@
 /* The relative frequency shift by the cubic terms beyond which an expansion says nothing. */
 #define LARGEST_SHIFT 0.1
 
+/* One period of a settled two-tone motion, of which all later ones are copies: where it begins, and
+ * how. Its steps are taken anew where a later time asks for an earlier one's like. */
+struct period {
+    bool known;
+    int32_t steps;
+    double begin, length, next, scale[2];
+    struct pair w;
+};
+
 struct envelope_solver {
     struct slow_model model;
+    struct period period;
+    double settling, decay; /* until when it settles, and how fast what it misses is forgotten */
     double offsets[2], tolerance, longest, next, scale[2];
     bool upper, stepped, weighed;
     double weighed_step; /* the step that the weights are for */
     struct weights weights[2];
+    struct turns to_probe, to_middle; /* how far the tones turn in parts of that step */
     struct step step;      /* the last one, if stepped */
     double t;              /* what it reached: time, w and the slope there */
     struct pair w, n;

@@ -60,6 +60,20 @@ double probe_place(void)
     return 0.5 - 0.5 / sqrt(3.0);
 }
 
+double notched(double h)
+{
+    static const double notches[] = {0.8408964152537145, 0.7071067811865476, 0.5946035575013605,
+                                     0.5};
+    double mantissa;
+    int exponent, i = 0;
+    if (!(0.0 < h && h < INFINITY))
+        return h;
+    mantissa = frexp(h, &exponent);
+    while (notches[i] > mantissa)
+        ++i;
+    return ldexp(notches[i], exponent);
+}
+
 struct weights weights_of(struct complex rate, double h)
 {
     const double probe = probe_place();

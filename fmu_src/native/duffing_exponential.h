@@ -40,6 +40,8 @@ typedef void slope_function(const void *model, const struct pair *y, const struc
                             struct pair *n, struct pair *q);
 
 double probe_place(void);
+/* The largest power of 2^(1/4) up to a step size. */
+double notched(double h);
 struct weights weights_of(struct complex rate, double h);
 struct step step_from(const struct beginning *from, double h, const struct weights weights[2],
                       slope_function *slope, const void *model);

@@ -17,7 +17,8 @@ struct pair averaged_orbit(const struct slow_model *model, struct pair linear, b
     for (int i = 0; i < 2; ++i)
         drive.z[i] = c_add(c_multiply(complex_of(detuning[i], loss[i]), linear.z[i]),
                            c_multiply(cross, linear.z[1 - i]));
-    for (int round = 0; round < 40; ++round)
+    for (int round = 0; round < 40; ++round) {
+        const struct pair before = q;
         for (int i = 0; i < 2; ++i) {
             const struct complex other = q.z[1 - i];
             const double size = c_abs(other), lifted = detuning[i] + 0.5 * kappa * (size * size);
@@ -29,6 +30,10 @@ struct pair averaged_orbit(const struct slow_model *model, struct pair linear, b
             const double square = upper ? found.high : found.low;
             q.z[i] = c_divide(force, complex_of(lifted + 0.75 * alpha[i] * square, loss[i]));
         }
+        if (c_is_zero(c_subtract(q.z[0], before.z[0])) &&
+            c_is_zero(c_subtract(q.z[1], before.z[1])))
+            break;
+    }
     return q;
 }
 

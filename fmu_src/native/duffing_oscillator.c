@@ -53,7 +53,7 @@ static void set_cubic(struct rk4_solver *solver, const struct cubic *cubic)
 /* --- the periodic start of rk4 ----------------------------------------------------------------- */
 
 /* A point that a period of the drive leads back to. */
-struct period {
+struct drive_period {
     const struct rk4_solver *solver;
     double t, u;
 };
@@ -61,7 +61,7 @@ struct period {
 static bool drift(const void *context, const double x[UNKNOWNS], double value[UNKNOWNS],
                   struct report *report)
 {
-    const struct period *period = context;
+    const struct drive_period *period = context;
     const double speed = TWO_PI * period->u;
     struct rk4_solver solver = *period->solver;
     solver.t = period->t;
@@ -75,7 +75,7 @@ static bool drift(const void *context, const double x[UNKNOWNS], double value[UN
 }
 
 /* Close an orbit over one period of these very substeps, where there is one near. */
-static bool close_orbit(const struct period *period, struct state *state, struct report *report)
+static bool close_orbit(const struct drive_period *period, struct state *state, struct report *report)
 {
     struct root_problem problem = {.function = drift, .context = period};
     double x[UNKNOWNS], size[2];
@@ -97,7 +97,7 @@ static bool close_orbit(const struct period *period, struct state *state, struct
 static bool start_rk4_on_orbit(struct rk4_solver *solver, const struct envelope_settings *settings,
                                double t, double b, struct report *report)
 {
-    struct period period = {solver, t, solver->tone[0].frequency.high};
+    struct drive_period period = {solver, t, solver->tone[0].frequency.high};
     const bool one = solver->tones == 1 ||
                      (solver->tones == 2 && period.u == solver->tone[1].frequency.high);
     struct envelope_solver envelope;

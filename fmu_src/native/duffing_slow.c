@@ -85,6 +85,18 @@ static void set_corrections(struct slow_model *model)
     }
 }
 
+static int32_t lone_mode(const struct slow_model *model)
+{
+    const struct plane *plane = &model->plane;
+    const struct cubic *cubic = &model->cubic;
+    bool coupled = plane->gain[1] != 0.0 || plane->gain[2] != 0.0 || cubic->kappa != 0.0;
+    for (int i = 0; i < 2; ++i)
+        coupled = coupled || !c_is_zero(plane->cross[i]) || !c_is_zero(plane->mix[i]);
+    if (coupled || (cubic->alpha1 != 0.0) == (cubic->alpha2 != 0.0))
+        return -1;
+    return cubic->alpha1 == 0.0;
+}
+
 static bool prepare_tone(struct slow_model *model, double u, struct complex amplitude,
                          double offset, struct report *report)
 {
@@ -122,6 +134,7 @@ bool slow_prepare(struct slow_model *model, const struct parameters *p, const st
     if (!plane_of(p, model->centre, &model->plane, report))
         return false;
     set_corrections(model);
+    model->lone = lone_mode(model);
     for (int i = 0; i < 2; ++i)
         if (size[i] != 0.0 &&
             !prepare_tone(model, u[i], c_rect(size[i], phase[i]), offsets[i], report))
@@ -136,15 +149,35 @@ static struct complex detuned_turn(const struct slow_tone *tone, double t)
     return c_rect(1.0, TWO_PI * (frequency_cycles(&tone->detuning, t, 0.0) + tone->offset));
 }
 
-struct pair slow_linear(const struct slow_model *model, double t)
+struct turns slow_turns(const struct slow_model *model, double t)
+{
+    struct turns turns = {{{0.0, 0.0}, {0.0, 0.0}}};
+    for (int k = 0; k < model->tones; ++k)
+        turns.z[k] = detuned_turn(&model->tone[k], t);
+    return turns;
+}
+
+struct turns slow_onwards(const struct slow_model *model, double h)
+{
+    struct turns turns = {{{0.0, 0.0}, {0.0, 0.0}}};
+    for (int k = 0; k < model->tones; ++k)
+        turns.z[k] = c_rect(1.0, TWO_PI * frequency_cycles(&model->tone[k].detuning, h, 0.0));
+    return turns;
+}
+
+struct pair slow_turned(const struct slow_model *model, const struct turns *turns)
 {
     struct pair q = {{{0.0, 0.0}, {0.0, 0.0}}};
-    for (int k = 0; k < model->tones; ++k) {
-        const struct complex turn = detuned_turn(&model->tone[k], t);
+    for (int k = 0; k < model->tones; ++k)
         for (int i = 0; i < 2; ++i)
-            q.z[i] = c_add(q.z[i], c_multiply(model->tone[k].response.z[i], turn));
-    }
+            q.z[i] = c_add(q.z[i], c_multiply(model->tone[k].response.z[i], turns->z[k]));
     return q;
+}
+
+struct pair slow_linear(const struct slow_model *model, double t)
+{
+    const struct turns turns = slow_turns(model, t);
+    return slow_turned(model, &turns);
 }
 
 /* What the other mode adds to a mode's cubic force, beside kappa/4. */

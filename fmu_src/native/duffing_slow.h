@@ -15,6 +15,11 @@ struct slow_tone {
     struct pair response, mirror;
 };
 
+/* The tones' phases in the frame, as complex numbers of size 1. */
+struct turns {
+    struct complex z[2];
+};
+
 struct slow_model {
     struct parameters p;
     struct cubic cubic;
@@ -23,6 +28,7 @@ struct slow_model {
     struct slow_tone tone[2];
     struct frequency carrier;
     struct plane plane;
+    int32_t lone; /* the mode with the only cubic term, -1 where modes move each other */
     struct pair behind, behind3, third; /* responses to cubic forces away from the carrier */
 };
 
@@ -30,6 +36,10 @@ struct slow_model {
 double frame_frequency(const struct parameters *p);
 bool slow_prepare(struct slow_model *model, const struct parameters *p, const struct cubic *cubic,
                   const double offsets[2], struct report *report);
+struct turns slow_turns(const struct slow_model *model, double t);
+/* What turns are multiplied by in a time. */
+struct turns slow_onwards(const struct slow_model *model, double h);
+struct pair slow_turned(const struct slow_model *model, const struct turns *turns);
 /* Slow amplitudes of the linear periodic response. */
 struct pair slow_linear(const struct slow_model *model, double t);
 /* Q from w, and back. */

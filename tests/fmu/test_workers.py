@@ -175,6 +175,37 @@ def test_failure_is_a_sentence_with_the_parameters(
     np.testing.assert_allclose(after[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
 
 
+@pytest.mark.parametrize("misbehave", [FAILS_AT_START, FAILS_IN_STEP, NAN])
+def test_a_run_that_fails_costs_an_instance_and_no_process(good: Path, misbehave: int) -> None:
+    bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
+    with FmuWorkers(good) as workers:
+        other = replace(PULLED, start_values={**PULLED.start_values, "force": 2.0})
+        before, _ = workers.run([PULLED, other])
+        assert workers.reused
+        instances = workers.counts.instances
+        for _ in range(3):
+            with pytest.raises(FmuFailure):
+                workers.run([bad, PULLED])
+            [after] = workers.run([PULLED])
+            assert after.tobytes() == before.tobytes()
+        assert workers.counts.processes == 1
+        assert workers.counts.instances == instances + 6
+
+
+def test_a_run_is_not_blamed_for_a_failure_before_it(good: Path) -> None:
+    """A process that ends after a failure is replaced; one that ends again is told."""
+    fails, crashes = (
+        replace(PULLED, start_values={**PULLED.start_values, "misbehave": how})
+        for how in (FAILS_AT_START, CRASHES)
+    )
+    with FmuWorkers(good) as workers:
+        with pytest.raises(FmuFailure, match="told to fail"):
+            workers.run([fails])
+        with pytest.raises(FmuFailure, match="SIGSEGV"):
+            workers.run([PULLED, crashes])
+        assert workers.counts.processes == 2
+
+
 def in_second_run(workers: FmuWorkers) -> bool:
     """Whether the second run of a batch is under way in the first process."""
     process = workers._open.processes[0]

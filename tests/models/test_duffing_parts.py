@@ -456,3 +456,115 @@ def test_each_cubic_term_by_itself_wants_tones_that_one_frame_holds(name: str) -
     with pytest.raises(ModelError, match="too far apart for one rotating frame"):
         EnvelopeSolver(p, one, Settings(1e-6, False))
     EnvelopeSolver(p, Cubic(*[0.0] * 3), Settings(1e-6, False))  # a linear motion wants none
+
+
+# --- what settles, and what a period repeats -----------------------------------------------------
+
+
+@pytest.mark.parametrize("lone", [0, 1])
+def test_a_mode_that_no_other_moves_goes_as_the_full_equations(lone: int) -> None:
+    """By scipy's DOP853, beside a mode that is linear and rings off."""
+    p = small(theta=0.0)
+    cubic = Cubic(*(SMALL[k] if k == lone else 0.0 for k in range(3)))
+    solver = EnvelopeSolver(p, cubic, Settings(1e-8, False))
+    assert solver.model.lone == lone
+    q1, q2, v1, v2 = PULLED
+    solver.start(0.0, (complex(q1), complex(q2), complex(v1), complex(v2)), 0.0)
+    times = np.linspace(0.0, 0.03, 30)[1:]
+    found = []
+    for t in times.tolist():
+        solver.advance(t)
+        found.append(solver.displacement(t))
+    start = (q1, q2, 2.0 * math.pi * v1, 2.0 * math.pi * v2)
+    full = SimpleNamespace(**p._asdict(), **cubic._asdict())
+    truth = duffing_reference.motion(full, times, start, rtol=1e-9).q
+    errors = np.abs(np.array(found) - truth).max(axis=0) / np.abs(truth).max(axis=0)
+    assert errors.max() < 5e-5
+    assert errors[1 - lone] < 1e-7
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Lengths of all steps that are tried from now on, in s."""
+    lengths: list[float] = []
+    attempt = EnvelopeSolver._attempt
+
+    def counting(self: EnvelopeSolver, h: float) -> exponential.Step:
+        lengths.append(h)
+        return attempt(self, h)
+
+    monkeypatch.setattr(EnvelopeSolver, "_attempt", counting)
+    return lengths
+
+
+@pytest.mark.parametrize("theta", [0.0, 1.9])
+def test_two_tones_settle_coarsely_and_take_the_steps_of_one_period(
+    monkeypatch: pytest.MonkeyPatch, theta: float
+) -> None:
+    """The lines of a long run are those of a fine one from rest that has settled by itself."""
+    p = small(theta=theta, u1=1000.0, u2=1010.0)
+    cubic = SMALL if theta else Cubic(SMALL.alpha1, 0.0, 0.0)
+    lengths = counted(monkeypatch)
+    solver = EnvelopeSolver(p, cubic, Settings(1e-6, False))
+    solver.start(0.0, None, 0.0)
+    settling = len(lengths)
+    times = np.linspace(0.0, 0.1, 400)
+    solver.advance(0.1 - 1e-9)
+    period = len(lengths) - settling
+    assert period > 10
+    begin, rows = 1.0, []
+    for t in (begin + times).tolist():
+        solver.advance(t)
+        rows.append(solver.displacement(t))
+    assert len(lengths) == settling + period
+    lengths.clear()
+    from_rest = EnvelopeSolver(p, cubic, Settings(1e-8, False))
+    from_rest.start(0.0, (0j, 0j, 0j, 0j), 0.0)
+    truth = []
+    for t in (begin + times).tolist():
+        from_rest.advance(t)
+        truth.append(from_rest.displacement(t))
+    errors = np.abs(np.array(rows) - truth).max(axis=0) / np.abs(truth).max(axis=0)
+    assert errors.max() < 1e-6
+    lengths.clear()
+    evenly = EnvelopeSolver(p, cubic, Settings(1e-6, False))
+    evenly.start(0.0, (0j, 0j, 0j, 0j), 0.0)
+    decay = min(-rate.real for rate in solver.model.rates)
+    evenly.advance(math.log(100.0 / 1e-6) / decay)
+    assert settling < 0.5 * len(lengths)
+
+
+def test_a_period_of_too_many_steps_goes_on_by_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    p, settings = small(u1=1000.0, u2=1010.0), Settings(1e-6, False)
+    kept = EnvelopeSolver(p, SMALL, settings)
+    kept.start(0.0, None, 0.0)
+    monkeypatch.setattr("fmu_src.duffing_period.MOST_STEPS", 7)
+    solver = EnvelopeSolver(p, SMALL, settings)
+    solver.start(0.0, None, 0.0)
+    for t in (0.03, 0.25, 0.3):
+        for each in (kept, solver):
+            each.advance(t)
+        size = max(abs(q) for q in solver.model.linear(t))
+        assert solver.displacement(t) == pytest.approx(kept.displacement(t), abs=1e-6 * size)
+
+
+def test_a_motion_that_repeats_is_restored_to_the_last_bit() -> None:
+    p, settings = small(u1=1000.0, u2=1010.0), Settings(1e-4, False)
+    solver = EnvelopeSolver(p, SMALL, settings)
+    solver.start(0.0, None, 0.0)
+    for stored in (0.0, 0.03, 0.47):
+        solver.advance(stored)
+        again = EnvelopeSolver(p, SMALL, settings)
+        again.restore(solver.snapshot())
+        for t in (stored, stored + 0.02, stored + 0.3):
+            for each in (solver, again):
+                each.advance(t)
+            assert again.displacement(t) == solver.displacement(t)
+            assert again.full_state(t) == solver.full_state(t)
+
+
+@given(h=st.floats(1e-300, 1e300))
+def test_steps_are_powers_of_the_fourth_root_of_two(h: float) -> None:
+    found = exponential.notched(h)
+    assert found <= h < found * 2.0**0.25 * (1.0 + 1e-15)
+    assert exponential.notched(found) == found
+    assert (4.0 * math.log2(found)) == pytest.approx(round(4.0 * math.log2(found)), abs=1e-9)

@@ -19,6 +19,7 @@ SCENES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
     "upper branch": (ONE | ORBIT | {"branch": 1, "u1": 6.9404e6}, {}),
     "coupled by kappa": ({"kappa": 2e31, "A1": 0.1, "A2": 0.1}, {"kappa": -1e31}),
     "two tones on their orbit": (BOTH | ORBIT, {"theta": 1.2}),
+    "two tones on one mode": (BOTH | ORBIT | {"theta": 0.0, "alpha2": 0.0}, {"d1": 200.0}),
     "softening": (ONE | ORBIT | {"alpha1": -1e32}, {"d1": 200.0}),
     "linear": (LINEAR | ORBIT, {"alpha1": 1e32}),
     "no drive": ({"A1": 0.0, "A2": 0.0}, {"A1": 0.1}),

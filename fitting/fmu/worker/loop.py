@@ -57,6 +57,7 @@ class _Holder:
         self._pulse = pulse
         self._fmu: FmuInstance | None = None
         self._instances = 0
+        self._failed = False
         self._bindings: dict[int, Binding] = {}
         self._layouts: list[Layout] = []
         self._runs = self._steps = self._new_instances = 0
@@ -68,6 +69,9 @@ class _Holder:
     def do(self, request: RunRequest) -> FloatArray:
         if self._isolation is not None:
             allow_processor_time(self._isolation)
+        if self._failed:  # no reset was proven after a failure: the next run has a new instance
+            self._failed = False
+            self._forget()
         if request.handled is not None:
             return self._handled(request, request.handled)
         compared = self._compared if self._limit > 1 else None
@@ -87,6 +91,13 @@ class _Holder:
         return counts
 
     def close(self) -> None:
+        self._forget()
+
+    def give_up(self) -> None:
+        """A run has failed: its instance does no other."""
+        self._failed = True
+
+    def _forget(self) -> None:
         if self._fmu is not None:
             self._free(self._fmu)
 
@@ -220,9 +231,11 @@ def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
             break
         except CallFailed as error:
             failure = str(error)
+            holder.give_up()
             break
         except Exception:  # a fault of ours must reach the caller as well, not a dead pipe
             failure = "fault in the worker process:\n" + traceback.format_exc()
+            holder.give_up()
             break
     return Reply(
         results=_joined(results),

@@ -71,6 +71,8 @@ class WorkerProcess:
             raise
         self._printed = Printed(cast("IO[bytes]", self._process.stdout))
         self._ended = False
+        #: Whether the last run that it answered for failed, which may have left anything behind.
+        self.has_failed = False
         self._most_memory = 0
         self._begun = -1
         self._since = 0.0
