@@ -569,13 +569,13 @@ def profile(
         fit: A solved problem.
         names: Parameters and derived outputs that are profiled; None: all. The rest keeps
             linearised errors.
-        budget: Evaluations of the model at most.
+        budget: Runs of the FMU at most; values whose search they cut say so.
         bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
         progress: Called when a stage begins and before every batch, with the stage in words and
             the evaluations in it and before it.
 
     Raises:
-        BadInput: a name that the fit has not.
+        BadInput: a name that the fit has not, or a budget that was spent before there was any.
         FmuFailure: the FMU failed at the solution.
 
     Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87.

@@ -57,7 +57,7 @@ def identify(
         at: A fit to set out from; None: the problem's start and reference values.
         expected: Not the measured data, but those that the model expects there, with their noise.
         seed: Of further starts and of synthetic data sets, at least 0.
-        budget: Evaluations of the model at most.
+        budget: Runs of the FMU at most; values whose search they cut say so.
         bootstrap: Synthetic data sets that are fitted anew; 0: none.
 
     Returns:

@@ -14,6 +14,7 @@ Computation 19 (1965) 577.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
@@ -27,7 +28,7 @@ from fitting.signal.chi_square import tail
 from fitting.signal.least_squares import damped_step
 from fitting.signal.student import normal_square
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import OutOfBudget
 
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3
@@ -511,7 +512,7 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         starts: search vectors, the end of Algorithm 2 first.
 
     Raises:
-        BadInput: the evaluator's limit does not let it begin.
+        OutOfBudget: the evaluator's limit does not let it begin.
         FmuFailure: the model failed at the first start.
     """
     stated = evaluator.likelihood
@@ -521,7 +522,9 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
             break
         evaluator.likelihood = stated
         found = _judged(evaluator, [found.expansion.x])
-    [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, found.expansion.x)], evaluator)
+    with evaluator.beyond_limit():  # what is said of outputs rests on it
+        asked = expansion_at(evaluator.likelihood, found.expansion.x)
+        [whole] = run_in_lockstep([asked], evaluator)
     return found if whole is None else replace(found, expansion=whole)
 
 
@@ -665,17 +668,17 @@ def _best_of(
     evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]
 ) -> tuple[Expansion, bool]:
     likelihood = evaluator.likelihood
-    begun = [
-        expansion
-        for expansion in run_in_lockstep(
+    # whatever begins later begins where something was found, which is not to be lost
+    with evaluator.beyond_limit() if evaluator.evaluations else nullcontext():
+        expansions = run_in_lockstep(
             [expansion_at(likelihood, x, False) for x in starts], evaluator
         )
-        if expansion is not None
-    ]
+    begun = [expansion for expansion in expansions if expansion is not None]
     if not begun:
-        raise BadInput(
+        least = len(starts) * (len(likelihood.parameters) + 1)
+        raise OutOfBudget(
             f"budget: found {evaluator.limit}, wanted more: the first linearisation alone takes "
-            f"{len(likelihood.parameters) + 1} evaluations"
+            f"{least} evaluations"
         )
     ended = run_in_lockstep([descend(likelihood, expansion) for expansion in begun], evaluator)
     best, converged = begun[0], False
