@@ -16,6 +16,7 @@ from pathlib import Path
 
 from fitting.api.choices import BUDGET, ESTIMATORS, MISFITS
 from fitting.api.problem import Problem
+from fitting.engine.threads import one_thread
 from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
@@ -449,6 +450,7 @@ class Inference(Valued):
         return self.record.knowledge
 
 
+@one_thread()
 def fit(
     problem: Problem,
     method: Tikhonov | None = None,
@@ -550,6 +552,7 @@ def identity_of(problem: Problem, command: str) -> Identity:
     return identify_fmu(problem.fmu.description, command)
 
 
+@one_thread()
 def profile(
     fit: Fit,
     names: Sequence[str] | None = None,

@@ -15,6 +15,7 @@ from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.local import LocalProcesses
+from fitting.engine.threads import one_thread
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
@@ -72,6 +73,7 @@ def identify(
     return identified(problem, at, asked)
 
 
+@one_thread()
 def identified(
     problem: Problem, at: Valued | Result | None, asked: IdentificationOptions
 ) -> Identification:

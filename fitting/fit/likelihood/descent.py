@@ -47,6 +47,8 @@ ASTRAY = 20.0
 #: Steps at most over which slopes are carried on; share of the promise of a step that it must gain,
 #: and chi square beyond what it foresees that it may end at, for them to be good enough.
 CARRIED, KEPT_SHARE, KEPT_EXCESS = 3, 0.7, 1.0
+#: Parameters of single experiments up to which slopes are not carried.
+FEW_OWN = 12
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
 #: Chi square by which the data may be described better with wider noise, and times that a descent
@@ -249,9 +251,11 @@ class _Walker:
         self.steps = self.age = 0
         self.damping, self.hope, self.pace = LEAST_DAMPING, np.inf, _Pace(wanted)
         # free descents are few, and which of several minima is the lowest hangs on their last step;
-        # nodes of what belongs to single experiments share most runs with their point's own
-        shared = any(p.experiments for p in likelihood.parameters)
-        self._oldest = 0 if shared or constraint == UNCONSTRAINED else CARRIED
+        # nodes of what belongs to single experiments share most runs with their point's own: of few
+        # of them slopes are as good as carried ones; of many all of a walk's cost is in its slopes
+        own = sum(bool(p.experiments) for p in likelihood.parameters)
+        taken = constraint == UNCONSTRAINED or 0 < own <= FEW_OWN
+        self._oldest = 0 if taken else CARRIED
         self._led_by_carried = False
         self._sound = here, self.moved  # where slopes were taken last
 
