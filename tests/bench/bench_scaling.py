@@ -6,12 +6,14 @@ Synthetic data of the virtual laboratories, which share no code with the FMU; ev
 of its own with one worker. Processor time is that of caller and worker, memory the most that each
 of them held. The exponent is log(times as much processor time)/log(times as large) between
 neighbouring sizes. TABLE is experiments,
-parameters, points, pairs or memory. Prints Markdown tables. Without --quick it takes hours.
+parameters, points, pairs, memory or laboratories. Prints Markdown tables. Without --quick it takes
+hours.
 """
 
 from __future__ import annotations
 
 import argparse
+import heapq
 import json
 import math
 import resource
@@ -39,6 +41,10 @@ SIZES = {
     "points": ((41, 401, 4001, 40001, 100001), (41, 401, 4001)),
     "pairs": ((50, 200, 1000), (20,)),
 }
+#: Processor time of an item in its worker, of a worker before its first one, and of the caller for
+#: each item, s, as `tests.bench.bench_thousand` measured them; items differ by half of it each way.
+ITEM_S, START_S, CALLER_S = 0.40, 3.0, 0.0054
+LABORATORIES, WORKERS = (1, 10, 100, 1000, 10_000, 100_000), (1, 2, 16, 256)
 #: Evaluations after which memory is looked at, and those of --quick.
 MEMORY = (tuple(range(10_000, 100_001, 10_000)), (500, 1000, 1500, 2000))
 BATCH = 50
@@ -182,11 +188,36 @@ def memory(counts: Sequence[int], fmu: Path, folder: Path) -> None:
             )
 
 
+def makespan_s(count: int, workers: int) -> float:
+    """When the last of many items ends, s, by simulation of the schedule.
+
+    The caller hands out one item after the other, each to the worker that is free first, and takes
+    CALLER_S of its own for each; a worker takes START_S before its first one.
+    """
+    rng = np.random.default_rng(SEED)
+    free = [START_S] * min(workers, count)
+    heapq.heapify(free)
+    handed = 0.0
+    for item in ITEM_S * rng.uniform(0.5, 1.5, count):
+        handed = max(handed, free[0]) + CALLER_S
+        heapq.heapreplace(free, handed + float(item))
+    return max(free)
+
+
+def laboratories() -> None:
+    """Print when an ensemble ends, computed."""
+    print(f"\n| laboratories | {' | '.join(f'{w} workers, s' for w in WORKERS)} |")
+    print("|---" * (len(WORKERS) + 1) + "|")
+    for count in LABORATORIES:
+        cells = " | ".join(f"{makespan_s(count, workers):,.1f}" for workers in WORKERS)
+        print(f"| {count:,} | {cells} |", flush=True)
+
+
 def main() -> int:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--only", choices=[*SIZES, "memory"])
+    parser.add_argument("--only", choices=[*SIZES, "memory", "laboratories"])
     parser.add_argument("--size", type=int, action="append", help="other sizes; with --only")
     parser.add_argument("--job", nargs=3, help=argparse.SUPPRESS)
     args = parser.parse_args()
@@ -202,6 +233,8 @@ def main() -> int:
                 table(kind, args.size or (quick if args.quick else whole), fmu, Path(name))
         if args.only in (None, "memory"):
             memory(args.size or MEMORY[args.quick], fmu, Path(name))
+        if args.only in (None, "laboratories"):
+            laboratories()
     return 0
 
 

@@ -11,7 +11,6 @@ bit. The share of the caller holds its start, the laboratories' list and the tab
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import resource
 import signal
@@ -22,8 +21,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 #: Share of the items after which the run is disturbed.
 MIDDLE = 0.4
@@ -98,18 +95,11 @@ def kill_a_worker(pid: int) -> None:
     os.kill(children(pid)[0], signal.SIGKILL)
 
 
-def item_seconds(out: Path) -> float:
-    """Mean time of an item in its worker, s."""
-    told = [json.loads(line) for line in (out / "items.jsonl").read_text("utf-8").splitlines()]
-    found = [line["seconds"] for line in told if "seconds" in line]
-    return float(np.mean(found))
-
-
 def row(what: str, out: Path, ran: list[Run], same: str) -> str:
     """A row of the table."""
     count = items(out)
     caller, workers = sum(r.caller_s for r in ran), sum(r.workers_s for r in ran)
-    item = item_seconds(out)
+    item = workers / count
     return (
         f"| {what} | {', '.join(str(r.code) for r in ran)} | {count} | "
         f"{sum(r.wall_s for r in ran):.0f} | {caller:.1f} | {workers:.0f} | {1e3 * item:.0f} | "

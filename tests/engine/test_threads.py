@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+import fitting as ff
+from fitting.api import fitted
 from fitting.engine.threads import one_thread
 
 OWN = 2
@@ -43,18 +44,22 @@ def test_the_callers_own_come_back_after_an_error() -> None:
 
 def test_of_two_that_overlap_the_last_gives_them_back() -> None:
     """The first to begin ends first: what the second found is not what is given back."""
-    begun, go_on = threading.Event(), threading.Event()
+    first, second = one_thread(), one_thread()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert threads() == {1}
+    second.__exit__(None, None, None)
+    assert threads() == {OWN}
 
-    def first() -> None:
-        with one_thread():
-            begun.set()
-            go_on.wait()
 
-    other = threading.Thread(target=first)
-    other.start()
-    begun.wait()
-    with one_thread():
-        go_on.set()
-        other.join()
-        assert threads() == {1}
+def test_a_fit_is_solved_on_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the door calls sees one thread; the complaint of a wrong argument is all it takes."""
+    seen: list[set[int]] = []
+    monkeypatch.setattr(fitted, "isinstance", lambda *_: seen.append(threads()), raising=False)
+    verbs: tuple[Callable[..., object], ...] = (ff.fit, ff.profile)
+    for verb in verbs:
+        with pytest.raises(ff.BadInput):
+            verb(None)
+    assert seen == [{1}, {1}]
     assert threads() == {OWN}
