@@ -13,6 +13,7 @@ from fitting.api.fitted import Tikhonov, search_options
 from fitting.api.problem import Problem
 from fitting.campaign.parameters import starts as starts_of
 from fitting.campaign.parameters import to_search
+from fitting.engine.threads import one_thread
 from fitting.fit.objective import evaluate_many, stencil
 from fitting.inference.cost import Expected, Range, added, expected, times
 from fitting.text.errors import BadInput
@@ -43,6 +44,7 @@ class Cost:
     seconds: Range
 
 
+@one_thread()
 def cost(
     problem: Problem,
     method: Tikhonov | None = None,

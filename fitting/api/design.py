@@ -39,6 +39,7 @@ from fitting.design.ways import (
     write_ways,
 )
 from fitting.design.weighing import DesignGoal, weigh, weigh_ways
+from fitting.engine.threads import one_thread
 from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
@@ -164,6 +165,7 @@ def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
     return found
 
 
+@one_thread()
 def design(
     problem: Problem,
     goal: Goal | str = "",
@@ -250,6 +252,7 @@ class WaysToMeasure:
         return [path, *campaigns]
 
 
+@one_thread()
 def ways(
     problem: Problem,
     goal: Goal | str = "",

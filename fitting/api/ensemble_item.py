@@ -67,7 +67,7 @@ class EnsembleOptions:
         profiles: Whether profiles are walked; else errors are those of the linearised problem.
         starts: How many starts are followed; None: as each campaign says.
         quick: Looser tolerances, and one start where ``starts`` is not said.
-        budget: Evaluations of the model by the profiles of an item, at most.
+        budget: Runs of the FMU by the profiles of an item, at most.
         resume: Whether finished items in ``out`` count.
 
     Raises:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from fitting.api.choices import BUDGET, ESTIMATORS, MISFITS
 from fitting.api.problem import Problem
+from fitting.engine.threads import one_thread
 from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
@@ -449,6 +450,7 @@ class Inference(Valued):
         return self.record.knowledge
 
 
+@one_thread()
 def fit(
     problem: Problem,
     method: Tikhonov | None = None,
@@ -550,6 +552,7 @@ def identity_of(problem: Problem, command: str) -> Identity:
     return identify_fmu(problem.fmu.description, command)
 
 
+@one_thread()
 def profile(
     fit: Fit,
     names: Sequence[str] | None = None,
@@ -569,13 +572,13 @@ def profile(
         fit: A solved problem.
         names: Parameters and derived outputs that are profiled; None: all. The rest keeps
             linearised errors.
-        budget: Evaluations of the model at most.
+        budget: Runs of the FMU at most; values whose search they cut say so.
         bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
         progress: Called when a stage begins and before every batch, with the stage in words and
             the evaluations in it and before it.
 
     Raises:
-        BadInput: a name that the fit has not.
+        BadInput: a name that the fit has not, or a budget that was spent before there was any.
         FmuFailure: the FMU failed at the solution.
 
     Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87.

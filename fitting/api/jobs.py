@@ -15,6 +15,7 @@ from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.local import LocalProcesses
+from fitting.engine.threads import one_thread
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
@@ -57,7 +58,7 @@ def identify(
         at: A fit to set out from; None: the problem's start and reference values.
         expected: Not the measured data, but those that the model expects there, with their noise.
         seed: Of further starts and of synthetic data sets, at least 0.
-        budget: Evaluations of the model at most.
+        budget: Runs of the FMU at most; values whose search they cut say so.
         bootstrap: Synthetic data sets that are fitted anew; 0: none.
 
     Returns:
@@ -72,6 +73,7 @@ def identify(
     return identified(problem, at, asked)
 
 
+@one_thread()
 def identified(
     problem: Problem, at: Valued | Result | None, asked: IdentificationOptions
 ) -> Identification:

@@ -23,6 +23,7 @@ from fitting.api.known_fit import KnownFit
 from fitting.api.problem import Problem
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
 from fitting.campaign.parameters import scales
+from fitting.engine.threads import one_thread
 from fitting.fit.noise import fitted_noise
 from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import curve_structure
@@ -184,6 +185,7 @@ class PosteriorCost:
         return least * self.seconds_each, most * self.seconds_each
 
 
+@one_thread()
 def posterior(
     problem: Problem,
     at: Valued | Result,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitting.api.choices import ESTIMATORS, MISFITS, STYLES
+from fitting.api.choices import BUDGET, ESTIMATORS, MISFITS, STYLES
 from fitting.api.written import LEVELS_FILE, RESULT_FILES
 from fitting.cli.running.laps import Laps
 from fitting.cli.running.results import writes
@@ -71,6 +71,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument(
         "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
+    )
+    parser.add_argument(
+        "--budget",
+        type=whole_number(1),
+        default=BUDGET,
+        metavar="N",
+        help="runs of the FMU for profiles at most; values whose search they cut say so "
+        f"({BUDGET})",
     )
     parser.add_argument(
         "--bootstrap",

@@ -71,6 +71,7 @@ from fitting.inference.verdicts import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
 from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
+from fitting.text.errors import OutOfBudget
 from fitting.text.notation import span
 
 _log = logging.getLogger(__name__)
@@ -136,6 +137,7 @@ def determine(
         options: units, seed, limits.
 
     Raises:
+        OutOfBudget: it was spent before the best fit was found.
         FmuFailure: the model failed at more points of the box than can be left out.
     """
     options = options or InferenceOptions()
@@ -148,6 +150,11 @@ def determine(
     evaluator = LikelihoodEvaluator(likelihood, options.budget, options.progress)
     evaluator.begin(Stage.MINIMA)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
+    if evaluator.was_cut and not optimum.converged and not _adequacy(optimum, options).describes:
+        raise OutOfBudget(
+            f"budget: found {options.budget}, wanted more: it was spent before the best fit was "
+            "found"
+        )
     _log.info(
         "profiles: most likely point at χ² = %.6g on %.6g degrees of freedom",
         optimum.chi_square,

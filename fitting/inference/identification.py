@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fitting.campaign.parameters import references, search_bounds, starts, to_search
-from fitting.fit.likelihood.descent import most_likely
+from fitting.fit.likelihood.descent import FEW_OWN, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, Spent, likelihood_with
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
@@ -88,8 +88,24 @@ def identify(
         data=not request.expected,
         bootstrap=request.bootstrap,
         progress=request.progress,
+        only=_asked(problem),
     )
-    return determine(objective, begins[0], noise, options)
+    knowledge = determine(objective, begins[0], noise, options)
+    own = sum(bool(p.experiments) for p in problem.parameters)
+    if own <= FEW_OWN:
+        return knowledge
+    left_out = (
+        f"The {own} values of single experiments have no profile: so many would take most of the "
+        f"time, and profiles are walked of {FEW_OWN} at most."
+    )
+    return replace(knowledge, sentences=(*knowledge.sentences, left_out))
+
+
+def _asked(problem: Problem) -> tuple[str, ...]:
+    """Names of what is profiled; none: everything."""
+    if sum(bool(p.experiments) for p in problem.parameters) <= FEW_OWN:
+        return ()
+    return (*(p.name for p in problem.parameters if not p.experiments), *problem.outputs)
 
 
 def _beginnings(problem: Problem, values: Mapping[str, float] | None) -> list[FloatArray]:

@@ -124,6 +124,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         request: units, and how much is asked.
 
     Raises:
+        OutOfBudget: it was spent before the best fit was found.
         FmuFailure: the model failed at the solution.
     """
     request = request or InferenceRequest()

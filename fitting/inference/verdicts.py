@@ -46,7 +46,7 @@ ENDS_IN_WORDS = {
     "bound": "the end of its range fits",
     "round": "it goes round",
     "lost": "the search lost its way",
-    "cost": "the search was cut for its cost",
+    "cost": "the search was cut for its cost: a larger --budget would tell",
 }
 #: Ends of branches that say nothing of what lies beyond.
 CUT = ("lost", "cost")
@@ -471,7 +471,9 @@ def _end_words(end: str, held: Sequence[str]) -> str:
 
 def _both(said: Sequence[str]) -> str:
     low, high = said
-    return f"on both sides {low}" if low == high else f"below it {low}, above it {high}"
+    if low == high:
+        return f"on both sides {low}"
+    return f"below it {low}; above it {high}" if ":" in low else f"below it {low}, above it {high}"
 
 
 def _elsewhere_words(subject: _Subject, found: _Found) -> str:

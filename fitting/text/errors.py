@@ -85,6 +85,10 @@ class NoScale(BadInput, ValueError):
     """Simulated and measured amplitudes that have no finite ratio; says which."""
 
 
+class OutOfBudget(BadInput):
+    """A budget that was spent before there was anything to say."""
+
+
 class FmuFailure(Exception):
     """An FMU failed; says so in the FMU's own words.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import fitting as ff
-from fitting.api.choices import STYLES
+from fitting.api.choices import BUDGET, STYLES
 from fitting.api.cost import expected_of
 from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
 from fitting.api.jobs import Artists, artists_beside, draw_report
@@ -26,7 +26,7 @@ from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
-from fitting.text.errors import NoScale
+from fitting.text.errors import NoScale, OutOfBudget
 from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
 
@@ -35,6 +35,11 @@ NAME = "reconstruct"
 NO_PROFILES = (
     "The command ended before the profiles were done: errors are those of the linearised "
     "problem, and no verdict is given."
+)
+#: The same of a budget that was spent before there was any.
+CUT_SHORT = (
+    "The profiles were cut for their cost before there was any: a larger --budget would tell. "
+    "Errors are those of the linearised problem, and no verdict is given."
 )
 #: Exit code by how the fit ended; any other ending is 1.
 EXIT_CODES = {"converged": 0, "does not describe the data": 4}
@@ -257,14 +262,18 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
             write_result(result, job.out)
         inferred = ff.profile(
             fitted,
+            budget=args.budget,
             bootstrap=args.bootstrap or 0,
             progress=lambda spent: job.tell(job.remaining.walking(spent)),
         )
         with to_the_end():
             found, result, done = inferred, inferred.result, inferred.profiled
-        job.laps.end("for the profiles")
+    except OutOfBudget:  # all there is to it: to go on would take as much again
+        done = True
+        result = replace(fitted.result, warnings=(*fitted.result.warnings, CUT_SHORT))
     except KeyboardInterrupt:
         pass
+    job.laps.end("for the profiles")
     return _Ending(found, result, done)
 
 
@@ -284,6 +293,8 @@ def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", str(value)]
+    if args.budget != BUDGET:
+        words += ["--budget", str(args.budget)]
     for text in args.external:
         words += ["--external", text]
     flags = [name for name in ("quick", "no_profiles", "no_report") if getattr(args, name)]

@@ -14,6 +14,7 @@ Computation 19 (1965) 577.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
@@ -27,7 +28,7 @@ from fitting.signal.chi_square import tail
 from fitting.signal.least_squares import damped_step
 from fitting.signal.student import normal_square
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import OutOfBudget
 
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3
@@ -46,6 +47,8 @@ ASTRAY = 20.0
 #: Steps at most over which slopes are carried on; share of the promise of a step that it must gain,
 #: and chi square beyond what it foresees that it may end at, for them to be good enough.
 CARRIED, KEPT_SHARE, KEPT_EXCESS = 3, 0.7, 1.0
+#: Parameters of single experiments up to which slopes are not carried.
+FEW_OWN = 12
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
 #: Chi square by which the data may be described better with wider noise, and times that a descent
@@ -248,9 +251,11 @@ class _Walker:
         self.steps = self.age = 0
         self.damping, self.hope, self.pace = LEAST_DAMPING, np.inf, _Pace(wanted)
         # free descents are few, and which of several minima is the lowest hangs on their last step;
-        # nodes of what belongs to single experiments share most runs with their point's own
-        shared = any(p.experiments for p in likelihood.parameters)
-        self._oldest = 0 if shared or constraint == UNCONSTRAINED else CARRIED
+        # nodes of what belongs to single experiments share most runs with their point's own: of few
+        # of them slopes are as good as carried ones; of many all of a walk's cost is in its slopes
+        own = sum(bool(p.experiments) for p in likelihood.parameters)
+        taken = constraint == UNCONSTRAINED or 0 < own <= FEW_OWN
+        self._oldest = 0 if taken else CARRIED
         self._led_by_carried = False
         self._sound = here, self.moved  # where slopes were taken last
 
@@ -511,7 +516,7 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         starts: search vectors, the end of Algorithm 2 first.
 
     Raises:
-        BadInput: the evaluator's limit does not let it begin.
+        OutOfBudget: the evaluator's limit does not let it begin.
         FmuFailure: the model failed at the first start.
     """
     stated = evaluator.likelihood
@@ -521,7 +526,9 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
             break
         evaluator.likelihood = stated
         found = _judged(evaluator, [found.expansion.x])
-    [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, found.expansion.x)], evaluator)
+    with evaluator.beyond_limit():  # what is said of outputs rests on it
+        asked = expansion_at(evaluator.likelihood, found.expansion.x)
+        [whole] = run_in_lockstep([asked], evaluator)
     return found if whole is None else replace(found, expansion=whole)
 
 
@@ -665,17 +672,17 @@ def _best_of(
     evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]
 ) -> tuple[Expansion, bool]:
     likelihood = evaluator.likelihood
-    begun = [
-        expansion
-        for expansion in run_in_lockstep(
+    # whatever begins later begins where something was found, which is not to be lost
+    with evaluator.beyond_limit() if evaluator.evaluations else nullcontext():
+        expansions = run_in_lockstep(
             [expansion_at(likelihood, x, False) for x in starts], evaluator
         )
-        if expansion is not None
-    ]
+    begun = [expansion for expansion in expansions if expansion is not None]
     if not begun:
-        raise BadInput(
+        least = len(starts) * (len(likelihood.parameters) + 1)
+        raise OutOfBudget(
             f"budget: found {evaluator.limit}, wanted more: the first linearisation alone takes "
-            f"{len(likelihood.parameters) + 1} evaluations"
+            f"{least} evaluations"
         )
     ended = run_in_lockstep([descend(likelihood, expansion) for expansion in begun], evaluator)
     best, converged = begun[0], False

@@ -265,7 +265,8 @@ class LikelihoodEvaluator:
     """Evaluates a likelihood in batches and counts; at most about `limit` simulation runs.
 
     Runs that points of a batch share count once; a model that counts none counts evaluations.
-    `progress` is told what was spent when a stage begins and before every batch.
+    `progress` is told what was spent when a stage begins and before every batch; `was_cut`: whether
+    the limit was ever met.
     """
 
     def __init__(
@@ -279,6 +280,7 @@ class LikelihoodEvaluator:
         self._progress = progress
         self._stage, self._before = "", 0
         self.evaluations = self.derived = self.runs = self.failures = 0
+        self.was_cut = False
 
     def begin(self, stage: str) -> None:
         """What is evaluated from here on belongs to another stage.
@@ -302,6 +304,7 @@ class LikelihoodEvaluator:
         """
         wanted = sum(len(request.xs) for request in requests if request.rows)
         if wanted and self.spent + wanted * self._each > self.limit:
+            self.was_cut = True
             raise Exhausted
         fold = self.likelihood.folded
         rows = iter(self._rows([fold(x) for r in requests if r.rows for x in r.xs]))
@@ -328,6 +331,15 @@ class LikelihoodEvaluator:
         """
         limit = self.limit
         self.limit = self.spent + int(share * max(0, limit - self.spent))
+        try:
+            yield
+        finally:
+            self.limit = limit
+
+    @contextmanager
+    def beyond_limit(self) -> Iterator[None]:
+        """Without the limit, for as long as the context lasts: for what a result rests on."""
+        limit, self.limit = self.limit, 10**18
         try:
             yield
         finally:

@@ -12,6 +12,7 @@ from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds, to_model
 from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.likelihood.descent import (
     AT_LIMIT,
+    FEW_OWN,
     Expansion,
     Optimum,
     expansion_at,
@@ -142,7 +143,9 @@ def explore(
         for q in chosen
         if not q.round and q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)
     ]
-    branches = _walked(evaluator, optimum, [q for q in chosen if q not in wide], {})
+    branches: dict[str, Branches] = {}
+    for part in _in_turn(optimum, [q for q in chosen if q not in wide]):
+        branches |= _walked(evaluator, optimum, part, {})
     explored = Exploration(
         optimum=optimum,
         quantities=chosen,
@@ -174,6 +177,14 @@ def explore(
         around=told_twice(explored.around, twice),
         range_ends={**ends, **{i.quantity.name: i.range_ends(ends[i.of]) for i in twice}},
     )
+
+
+def _in_turn(optimum: Optimum, chosen: Sequence[Quantity]) -> list[list[Quantity]]:
+    """All side by side; where walks are dear outputs first, which are what is asked for."""
+    own = sum(bool(p.experiments) for p in optimum.likelihood.parameters)
+    if own <= FEW_OWN:
+        return [list(chosen)]
+    return [[q for q in chosen if (q.output >= 0) is output] for output in (True, False)]
 
 
 def _both_ends(chosen: Sequence[Quantity]) -> list[tuple[Quantity, int]]:

@@ -318,11 +318,14 @@ def sentences(
         for name in idle
     ]
     said += [f"Another minimum: {other.sentence}." for other in others]
-    for end, why in (("cost", "were cut for their cost"), ("lost", "lost their way")):
+    for end, why, more in (
+        ("cost", "were cut for their cost", ": a larger --budget would tell"),
+        ("lost", "lost their way", ""),
+    ):
         names = [n for n, p in profiles.items() if end in p.ends and p.verdict is not Verdict.OPEN]
         if names:
             said.append(
                 f"The profiles of {', '.join(names)} {why}; their intervals go to the ends of the "
-                "box there, and nothing is said of what the data determine."
+                f"box there, and nothing is said of what the data determine{more}."
             )
     return tuple(said)

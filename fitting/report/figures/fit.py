@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, new_figure, panels
 from fitting.report.plot.fit import ends_elsewhere
@@ -50,13 +52,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         for name, p in result.parameters.items()
     ]
     every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
-    unsure = [name for name, p in every.items() if not p.identifiable.has_value]
-    warning = ""
-    if unsure:
-        warning = (
-            f" A curve that settles is no sign that the data determine the value: {listed(unsure)} "
-            f"{'is' if len(unsure) == 1 else 'are'} not determined by these data."
-        )
+    warning = _warning({name: p.identifiable for name, p in every.items()})
     levels, end = len(result.history) - 1, ""
     if ends_elsewhere(result):
         levels, end = levels - 1, " “end” is the reported end, found elsewhere, at the last ν."
@@ -135,3 +131,17 @@ def _in_words(derived: DerivedResult) -> str:
         words = f"{derived.identifiable} by these data ({box_words(derived)} within"
         return f"{words} the box of the parameters)"
     return f"{derived.identifiable}, {reported_words(derived)}"
+
+
+def _warning(verdicts: Mapping[str, Verdict]) -> str:
+    """That curves settle all the same where values are open, or where nothing is known of them."""
+    unknown = [name for name, verdict in verdicts.items() if verdict is Verdict.UNKNOWN]
+    left = [n for n, verdict in verdicts.items() if not verdict.has_value and n not in unknown]
+    said = [
+        f"{listed(names)} {'is' if len(names) == 1 else 'are'} {words}"
+        for names, words in ((left, "not determined by these data"), (unknown, "not known"))
+        if names
+    ]
+    if not said:
+        return ""
+    return f" A curve that settles is no sign that the data determine the value: {'; '.join(said)}."

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
+from fitting.inference.budget import BUDGET
 from fitting.inference.conditions import is_condition, resting_of, taken_of
 from fitting.inference.ending import CONTRADICTED
 from fitting.inference.likelihood.knowledge import UNDESCRIBED
@@ -41,6 +42,8 @@ WIDE, WIDEST = 1e-3, 1e-4
 SAME = 0.99
 #: Columns before what is known.
 LEAD = len("not known: ")
+#: Times as large a budget is asked for where one cut a search.
+MORE = 10
 #: Length from which what is known of a value may be broken over lines.
 LONGEST = 60
 
@@ -369,6 +372,8 @@ def _measurement(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     if not target:
         return "", ""
     left = {target: left[target]} if target in left else {}
+    if left and "cost" in result.knowledge.profiles[target].ends:
+        return _more_budget(result)
     head = "" if left else f"{target} is known least; for a better value"
     if not (left or result.peaks) and TOGETHER in result.ending.ground:
         return (
@@ -397,11 +402,33 @@ def _mistake(result: Result) -> str:
 
 def _profiles(result: Result) -> tuple[str, str]:
     """That profiles come next: by the same command with them, from Python by their function."""
-    words = shlex.split(result.provenance.command)
-    if words[:2] != ["fmu-fit", "reconstruct"]:
+    words, _ = _without_budget(result)
+    if not words:
         return "profiles, which say what the data determine: ff.profile", ""
-    kept = [word for word in words if word not in ("--no-profiles", "--resume")]
+    kept = [word for word in words if word != "--no-profiles"]
     return "profiles, which say what the data determine:", shlex.join(kept)
+
+
+def _more_budget(result: Result) -> tuple[str, str]:
+    """That what was cut for its cost comes next: by the same command with ten times the budget."""
+    words, budget = _without_budget(result)
+    if not words:
+        return "the rest of the search, which was cut for its cost: ff.profile, a larger budget", ""
+    more = [*words, "--budget", str(MORE * budget)]
+    return "the rest of the search, which was cut for its cost:", shlex.join(more)
+
+
+def _without_budget(result: Result) -> tuple[list[str], int]:
+    """The command to be typed again, but for its budget, and that; none where there was none."""
+    words, budget = shlex.split(result.provenance.command), BUDGET
+    if words[:2] != ["fmu-fit", "reconstruct"]:
+        return [], budget
+    kept = [word for word in words if word != "--resume"]
+    if "--budget" in kept:
+        at = kept.index("--budget")
+        budget = int(kept[at + 1])
+        del kept[at : at + 2]
+    return kept, budget
 
 
 def _target(result: Result, left: dict[str, Found]) -> str:

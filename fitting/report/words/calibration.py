@@ -24,7 +24,7 @@ def calibration_lines(found: Calibration) -> list[str]:
         else "handed on: no parameter, because the data determine none; --all hands on the best fit"
     ]
     if asked:
-        lines.append(f"handed on as asked, though not determined: {_listed(asked)}")
+        lines.append(f"handed on as asked, though not called determined: {_listed(asked)}")
     if found.campaign_values:
         lines.append(f"with the campaign's own: {settings_words(found.campaign_values)}")
     if found.settings:

@@ -57,6 +57,9 @@ def measured_lines(
         )
     return [
         *lines,
+        "how it grows: evaluations go with 2 n + 1, n the number of parameters, and the runs of "
+        "an evaluation with the number of experiments; points that differ by what one experiment "
+        "has of its own share the runs of the others",
         "why a range: how many iterations a level and how many steps a profile takes depends on "
         "the data; the ranges are those seen on the shipped campaigns that the model describes, "
         "others take up to twice as long. Figures and report take some seconds besides.",

@@ -157,12 +157,15 @@ def end_words(end: str) -> str:
 
 
 def open_values_sentence(knowledge: Knowledge) -> str:
-    """What the data leave open.
+    """What the data leave open, and apart from it what nobody knows.
 
     Args:
         knowledge: what the data determine: profiles, directions, verdicts.
     """
-    names = [n for n, p in knowledge.profiles.items() if p.verdict is not Verdict.DETERMINED]
-    if not names:
-        return "These data determine every value."
-    return f"Not determined, or not wholly: {', '.join(names)}."
+    profiles = knowledge.profiles
+    unknown = [n for n, p in profiles.items() if p.verdict is Verdict.UNKNOWN]
+    sure = (Verdict.DETERMINED, Verdict.UNKNOWN)
+    names = [n for n, p in profiles.items() if p.verdict not in sure]
+    said = [f"Not determined, or not wholly: {', '.join(names)}."] if names else []
+    said += [f"Not known: {', '.join(unknown)}."] if unknown else []
+    return " ".join(said) or "These data determine every value."

@@ -1,0 +1,111 @@
+"""A budget of runs: what it cuts is called that, and more of it extends what was cut."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.cli.main import main
+from fitting.inference.verdict import Verdict
+from fitting.report.words.inference import open_values_sentence
+from fitting.result.result import Result, read_result
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import OutOfBudget
+from tests.support.small_campaign import STRING, small_campaign
+from tests.support.whitened import Z95, learnt, parameter, whitened
+
+CUT = "the search was cut for its cost: a larger --budget would tell"
+ALONG = np.linspace(-1.0, 1.0, 9)
+
+
+def decays(x: FloatArray) -> FloatArray:
+    """a e^(k t) against 5 e^(0.7 t), and s, which begins in a valley that is worse by a little."""
+    own = x[0] * np.exp(x[1] * ALONG) - 5.0 * np.exp(0.7 * ALONG)
+    return np.asarray(np.append(own / 0.2, 1.5 * np.tanh(4.0 * (x[2] - 0.4)) * (x[2] + 0.4)))
+
+
+def test_whatever_a_budget_cuts_is_known_or_called_cut() -> None:
+    """The product a k is 3.5: by any budget it is that, or cut; never open, and never a fault."""
+    own = (
+        parameter("a", 1.0, 20.0, start=6.0),
+        parameter("k", 0.1, 3.0, start=1.0),
+        parameter("s", -2.0, 2.0, start=1.5),
+    )
+    objective = whitened(decays, *own, both=lambda x: float(x[0] * x[1]))
+    seen = set()
+    for budget in [*range(4, 60, 5), 80, 120, 180, 270, 400, 600, 900, 1400, 5000]:
+        try:
+            both = learnt(objective, budget=budget).derived["both"]
+        except OutOfBudget:
+            assert budget < 60
+            continue
+        seen.add(both.verdict)
+        if both.verdict is Verdict.UNKNOWN:
+            assert CUT in both.reason
+        else:
+            assert both.verdict is Verdict.DETERMINED
+            assert both.interval95[0] < 3.5 < both.interval95[1]
+    assert seen == {Verdict.UNKNOWN, Verdict.DETERMINED}
+
+
+def test_a_budget_without_a_best_fit_says_so_and_does_not_blame_the_model() -> None:
+    """Far off the start chi square is no word on the model, which describes these data exactly."""
+    objective = whitened(decays, *(parameter(n, 0.1, 20.0, start=19.0) for n in "aks"))
+    with pytest.raises(OutOfBudget, match="spent before the best fit was found"):
+        learnt(objective, budget=6)
+
+
+def test_what_is_not_known_is_not_told_with_what_is_not_determined() -> None:
+    own = parameter("a", 1.0, 20.0, start=6.0)
+    found = learnt(whitened(lambda x: np.full(3, (x[0] - 5.0) / (0.3 * math.sqrt(3.0))), own))
+    assert found.parameters["a"].interval95 == pytest.approx(
+        (5.0 - 0.3 * Z95, 5.0 + 0.3 * Z95), rel=1e-3
+    )
+    assert open_values_sentence(found) == "These data determine every value."
+    cut = {"a": replace(found.parameters["a"], verdict=Verdict.UNKNOWN)}
+    assert open_values_sentence(replace(found, parameters=cut)) == "Not known: a."
+
+
+def reconstructed(words: list[str], out: Path, text: pytest.CaptureFixture[str]) -> Result:
+    """The result of the command, which has ended well."""
+    assert main(words) == 0, text.readouterr().err
+    return read_result(out / "result.json")
+
+
+def test_the_command_says_what_was_cut_and_which_budget_tells(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command that stands under "next" is typed: the laboratory's width is in its interval."""
+    campaign, out = small_campaign(tmp_path / "small", oscillator_fmu), tmp_path / "out"
+    words = ["reconstruct", str(campaign), "--out", str(out), "--workers", "1", "--no-report"]
+    little = reconstructed([*words, "--budget", "30"], out, capsys)
+    said = " ".join(capsys.readouterr().out.split())
+    assert little.derived["width_plus"].identifiable is Verdict.UNKNOWN
+    assert CUT in said
+    assert "not determined" not in said.lower()
+    next_words = shlex.split(said.partition("next: ")[2].partition("fmu-fit ")[2])
+    command = next_words[: next_words.index("300") + 1]
+    assert command == ["reconstruct", *words[1:], "--budget", "300"]
+    more = reconstructed(command, out, capsys)
+    width = more.derived["width_plus"]
+    assert width.identifiable is Verdict.DETERMINED
+    low, high = width.ci95
+    truth = tomllib.loads((STRING / "truth.toml").read_text("utf-8"))
+    assert low < truth["outcome"]["width_plus_hz"] < high
+
+
+def test_a_budget_that_ends_before_any_profile_leaves_the_fit(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    campaign, out = small_campaign(tmp_path / "small", oscillator_fmu), tmp_path / "out"
+    words = ["reconstruct", str(campaign), "--out", str(out), "--workers", "1", "--no-report"]
+    result = reconstructed([*words, "--budget", "3"], out, capsys)
+    assert any("a larger --budget would tell" in said for said in result.warnings)
+    assert result.derived["width_plus"].identifiable is Verdict.LINEARISED
+    assert "--budget" not in capsys.readouterr().out.partition("next: ")[2].partition("\n\n")[0]

@@ -1,0 +1,242 @@
+"""What a fit costs as it grows: processor time, runs of the FMU, memory, and the exponents.
+
+    python -m tests.bench.bench_scaling [--quick] [--only TABLE [--size N ...]]
+
+Synthetic data of the virtual laboratories, which share no code with the FMU; every job is a process
+of its own with one worker. Processor time is that of caller and worker, memory the most that each
+of them held. The exponent is log(times as much processor time)/log(times as large) between
+neighbouring sizes. TABLE is experiments,
+parameters, points, pairs, memory or laboratories. Prints Markdown tables. Without --quick it takes
+hours.
+"""
+
+from __future__ import annotations
+
+import argparse
+import heapq
+import json
+import math
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import build_fmu
+import fitting as ff
+from fitting.campaign.parameters import starts, to_search
+from fitting.fit.objective import evaluate_many
+from fitting.lab.bench import Bench
+from fitting.lab.synthesis import bench_of, synthesize
+from tests.support.extreme_scenes import Scene, write
+
+#: Sizes of each table, and those of --quick.
+SIZES = {
+    "experiments": ((5, 50, 500, 5000, 10000), (5, 50, 500)),
+    "parameters": ((3, 10, 30, 100, 300, 1000), (3, 10, 30)),
+    "points": ((41, 401, 4001, 40001, 100001), (41, 401, 4001)),
+    "pairs": ((50, 200, 1000), (20,)),
+}
+#: Processor time of an item in its worker, of a worker before its first one, and of the caller for
+#: each item, s, as `tests.bench.bench_thousand` measured them; items differ by half of it each way.
+ITEM_S, START_S, CALLER_S = 0.40, 3.0, 0.0054
+LABORATORIES, WORKERS = (1, 10, 100, 1000, 10_000, 100_000), (1, 2, 16, 256)
+#: Evaluations after which memory is looked at, and those of --quick.
+MEMORY = (tuple(range(10_000, 100_001, 10_000)), (500, 1000, 1500, 2000))
+BATCH = 50
+#: Half of the distance of the tones of a pair from the line, first and last pair, Hz.
+FARTHEST_HZ, NEAREST_HZ = 100.0, 10.0
+CENTRE_HZ = 6940260.0
+SEED = 3
+
+
+@dataclass(frozen=True)
+class Job:
+    """What one process has done: its cost, and a word on what came of it."""
+
+    seconds: float
+    runs: int
+    caller_mb: float
+    worker_mb: float
+    word: str
+
+
+def pairs_of(count: int) -> tuple[tuple[float, float], ...]:
+    """Drive pairs about the line, their distance falling from pair to pair, Hz."""
+    half = np.linspace(FARTHEST_HZ, NEAREST_HZ, count)
+    return tuple((CENTRE_HZ - float(h), CENTRE_HZ + float(h)) for h in half)
+
+
+def offsets_campaign(folder: Path, count: int) -> Path:
+    """The string with that many drive pairs, each with an offset of the drift of its own."""
+    bench = bench_of("q1")
+    assert isinstance(bench, Bench)
+    bench = replace(bench, pairs_hz=pairs_of(count))
+    synthesize(bench, seed=SEED, out=folder)
+    return folder / "campaign.toml"
+
+
+def known_drift(count: int) -> Scene:
+    """One parameter, that many experiments, the drift told by the campaign."""
+    tones = tuple((-0.5 - 0.6 * k / count, 0.4 + 1.2 * k / count) for k in range(count))
+    return Scene(tones=tones, drift=20.0, noise=1e-3)
+
+
+def swept(count: int) -> Scene:
+    """One parameter, one sweep of that many points."""
+    return Scene(tones=(), use="fit", scale="fit", points=count, noise=1e-3)
+
+
+def prepared(kind: str, size: int, fmu: Path, folder: Path) -> Path:
+    """The campaign of a size."""
+    if kind == "experiments":
+        return write(known_drift(size), fmu, folder)
+    if kind == "points":
+        return write(swept(size), fmu, folder)
+    # three values of the sample, and an offset for each pair
+    return offsets_campaign(folder, size if kind == "pairs" else max(size - 3, 1))
+
+
+def fitted(problem: ff.Problem) -> str:
+    """A fit without profiles; what it says of the width."""
+    fit = ff.fit(problem, starts=1)
+    width = fit["width_plus"]
+    return f"{fit.status}, width {width.value:.4g} ± {width.std:.2g} Hz"
+
+
+def identified(problem: ff.Problem) -> str:
+    """What the data determine; what is said of the width."""
+    width = ff.identify(problem).knowledge.profiles["width_plus"]
+    low, high = width.interval95
+    return f"width {width.verdict}, {low:.4g} to {high:.4g} Hz"
+
+
+def peak_mb(pid: int | str) -> float:
+    """The most that a process has held, MB."""
+    text = Path(f"/proc/{pid}/status").read_text("ascii")
+    [line] = [line for line in text.splitlines() if line.startswith("VmHWM:")]
+    return 1024e-6 * int(line.split()[1])
+
+
+def resident_mb(pid: int | str) -> float:
+    """What a process holds, MB."""
+    text = Path(f"/proc/{pid}/status").read_text("ascii")
+    [line] = [line for line in text.splitlines() if line.startswith("VmRSS:")]
+    return 1024e-6 * int(line.split()[1])
+
+
+def at_work(path: Path, fmu: Path, work: Callable[[ff.Problem], str]) -> Job:
+    """A job in this process, which does nothing else."""
+    with ff.Fmu(fmu, workers=1) as opened:
+        word = work(ff.Problem.of([ff.read_campaign(path)], opened))
+        runs = opened.workers.counts.runs
+        worker_mb = max(map(peak_mb, opened.workers.pids))
+    used = [resource.getrusage(of) for of in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return Job(sum(u.ru_utime + u.ru_stime for u in used), runs, peak_mb("self"), worker_mb, word)
+
+
+def measured(kind: str, path: Path, fmu: Path) -> Job:
+    """The same in a process of its own."""
+    words = [sys.executable, "-m", "tests.bench.bench_scaling", "--job", kind, str(path), str(fmu)]
+    done = subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True)
+    return Job(**json.loads(done.stdout.splitlines()[-1]))
+
+
+def table(kind: str, sizes: Sequence[int], fmu: Path, folder: Path) -> None:
+    """Print a table."""
+    print(
+        f"\n| {kind} | processor time, s | exponent | runs of the FMU | exponent | caller, MB | "
+        "worker, MB | outcome |\n|---|---|---|---|---|---|---|---|",
+        flush=True,
+    )
+    before: tuple[int, Job] | None = None
+    for size in sizes:
+        job = measured(kind, prepared(kind, size, fmu, folder / f"{kind}{size}"), fmu)
+        time_word = runs_word = "-"
+        if before is not None:
+            larger = math.log(size / before[0])
+            time_word = f"{math.log(job.seconds / before[1].seconds) / larger:.2f}"
+            runs_word = f"{math.log(job.runs / before[1].runs) / larger:.2f}"
+        print(
+            f"| {size:,} | {job.seconds:.1f} | {time_word} | {job.runs:,} | {runs_word} | "
+            f"{job.caller_mb:.0f} | {job.worker_mb:.0f} | {job.word} |",
+            flush=True,
+        )
+        before = size, job
+
+
+def memory(counts: Sequence[int], fmu: Path, folder: Path) -> None:
+    """Print what caller and worker hold while a likelihood is evaluated, again and again."""
+    path = offsets_campaign(folder / "memory", 5)
+    print("\n| evaluations | caller, MB | worker, MB |\n|---|---|---|", flush=True)
+    with ff.Fmu(fmu, workers=1) as opened:
+        problem = ff.Problem.of([ff.read_campaign(path)], opened)
+        parameters = problem.record.parameters
+        x, rng, done = to_search(parameters, starts(parameters)), np.random.default_rng(SEED), 0
+        for count in counts:
+            while done < count:
+                points = [x + 1e-3 * rng.standard_normal(x.size) for _ in range(BATCH)]
+                evaluate_many(problem.objective, points)
+                done += BATCH
+            [worker] = opened.workers.pids
+            print(
+                f"| {done:,} | {resident_mb('self'):.1f} | {resident_mb(worker):.1f} |", flush=True
+            )
+
+
+def makespan_s(count: int, workers: int) -> float:
+    """When the last of many items ends, s, by simulation of the schedule.
+
+    The caller hands out one item after the other, each to the worker that is free first, and takes
+    CALLER_S of its own for each; a worker takes START_S before its first one.
+    """
+    rng = np.random.default_rng(SEED)
+    free = [START_S] * min(workers, count)
+    heapq.heapify(free)
+    handed = 0.0
+    for item in ITEM_S * rng.uniform(0.5, 1.5, count):
+        handed = max(handed, free[0]) + CALLER_S
+        heapq.heapreplace(free, handed + float(item))
+    return max(free)
+
+
+def laboratories() -> None:
+    """Print when an ensemble ends, computed."""
+    print(f"\n| laboratories | {' | '.join(f'{w} workers, s' for w in WORKERS)} |")
+    print("|---" * (len(WORKERS) + 1) + "|")
+    for count in LABORATORIES:
+        cells = " | ".join(f"{makespan_s(count, workers):,.1f}" for workers in WORKERS)
+        print(f"| {count:,} | {cells} |", flush=True)
+
+
+def main() -> int:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--only", choices=[*SIZES, "memory", "laboratories"])
+    parser.add_argument("--size", type=int, action="append", help="other sizes; with --only")
+    parser.add_argument("--job", nargs=3, help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.job:
+        kind, path, fmu = args.job
+        work = identified if kind == "pairs" else fitted
+        print(json.dumps(vars(at_work(Path(path), Path(fmu), work))))
+        return 0
+    with tempfile.TemporaryDirectory() as name:
+        fmu = build_fmu.build("CoupledOscillator", Path(name))
+        for kind, (whole, quick) in SIZES.items():
+            if args.only in (None, kind):
+                table(kind, args.size or (quick if args.quick else whole), fmu, Path(name))
+        if args.only in (None, "memory"):
+            memory(args.size or MEMORY[args.quick], fmu, Path(name))
+        if args.only in (None, "laboratories"):
+            laboratories()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
