@@ -67,6 +67,15 @@ def output_means_beyond(
     return {name: np.array([row[name] for row in rows]) for name in names}
 
 
+def runs_of_outputs(response: Response) -> int:
+    """Runs in which a response has read derived outputs so far; 0 where it counts none.
+
+    Args:
+        response: the model.
+    """
+    return int(getattr(response, "output_runs", 0))
+
+
 def answered_apart(
     ask: Callable[[Sequence[FloatArray]], list[Answer]],
     xs: Sequence[FloatArray],

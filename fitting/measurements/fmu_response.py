@@ -137,6 +137,15 @@ class FmuResponse:
         """
         return {}
 
+    @property
+    def output_runs(self) -> int:
+        """Runs in which derived outputs were read so far."""
+        return self._output_runs[0]
+
+    @cached_property
+    def _output_runs(self) -> list[int]:
+        return [0]
+
     def _derived(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         table = np.array([np.asarray(p, dtype=float) for p in ps])
         answers: list[dict[str, list[FloatArray]]] = [{} for _ in ps]
@@ -176,6 +185,7 @@ class FmuResponse:
             for k in first
         ]
         answers = iter(self.workers.run(runs))
+        self._output_runs[0] += len(runs)
         columns = [np.array([next(answers)[0] for _ in first])[group] for first, group in groups]
         return np.stack(columns, axis=1)
 

@@ -30,7 +30,7 @@ from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many
-from fitting.fit.outputs import answered_apart, output_means_beyond
+from fitting.fit.outputs import answered_apart, output_means_beyond, runs_of_outputs
 from fitting.text.arrays import FloatArray
 
 #: Points of the box at which a model may fail before the failure is passed on.
@@ -264,7 +264,8 @@ class Spent:
 class LikelihoodEvaluator:
     """Evaluates a likelihood in batches and counts; at most about `limit` simulation runs.
 
-    Runs that points of a batch share count once; a model that counts none counts evaluations.
+    Those in which derived outputs are read count as well. Runs that points of a batch share count
+    once; a model that counts none counts evaluations.
     `progress` is told what was spent when a stage begins and before every batch; `was_cut`: whether
     the limit was ever met.
     """
@@ -390,8 +391,10 @@ class LikelihoodEvaluator:
         if not xs or not names:
             return [np.empty(0) for _ in xs]
         self.derived += len(xs)
-        objective = self.likelihood.objective
-        means = output_means_beyond(objective.response, objective.parameters, xs, names)
+        response = self.likelihood.objective.response
+        before = runs_of_outputs(response)
+        means = output_means_beyond(response, self.likelihood.parameters, xs, names)
+        self.runs += runs_of_outputs(response) - before
         return list(np.stack([means[name] for name in names], axis=1))
 
     def one(self, x: FloatArray) -> Sample:
