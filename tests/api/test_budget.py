@@ -84,14 +84,14 @@ def test_the_command_says_what_was_cut_and_which_budget_tells(
     """The command that stands under "next" is typed: the laboratory's width is in its interval."""
     campaign, out = small_campaign(tmp_path / "small", oscillator_fmu), tmp_path / "out"
     words = ["reconstruct", str(campaign), "--out", str(out), "--workers", "1", "--no-report"]
-    little = reconstructed([*words, "--budget", "30"], out, capsys)
+    little = reconstructed([*words, "--budget", "60"], out, capsys)
     said = " ".join(capsys.readouterr().out.split())
     assert little.derived["width_plus"].identifiable is Verdict.UNKNOWN
     assert CUT in said
     assert "not determined" not in said.lower()
     next_words = shlex.split(said.partition("next: ")[2].partition("fmu-fit ")[2])
-    command = next_words[: next_words.index("300") + 1]
-    assert command == ["reconstruct", *words[1:], "--budget", "300"]
+    command = next_words[: next_words.index("600") + 1]
+    assert command == ["reconstruct", *words[1:], "--budget", "600"]
     more = reconstructed(command, out, capsys)
     width = more.derived["width_plus"]
     assert width.identifiable is Verdict.DETERMINED
