@@ -124,8 +124,8 @@ class WrittenDrive(Keys):
     read: Texts | None = None
     """Lines whose peaks are compared, "2*u1 - u2" for example; without it the tones."""
     order: Count | None = None
-    """Up to this order sampling keeps combinations of the tones off the lines that are read, beyond
-    9 only those within a factor of 1.5 of the tones; 1 without it, 9 if read has a combination."""
+    """Up to this order sampling keeps combinations of the tones off the lines that are read; 1
+    without it, 9 if read has a combination."""
 
     def __post_init__(self) -> None:
         own = "amplitudes" if self.kind == "tones" else "input"

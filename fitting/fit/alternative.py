@@ -23,6 +23,7 @@ from fitting.fit.search.minima import SAME, Minimum, Search, search_box
 from fitting.fit.search.twins import Twin, find_twins
 from fitting.fit.solver.continuation import (
     Chain,
+    ContinuationStep,
     Course,
     distance,
     has_crept,
@@ -228,21 +229,33 @@ def _image(course: Course, own: Chain, mirrored: Mirrored) -> Chain:
         pull = weights(course.objective, step.nu, course.settings.misfit)
         if abs(j_reg(x, pull) - step.j_reg) > ROUNDING * (1.0 + step.j):
             return own
-        steps.append(
-            replace(
-                step,
-                alternative=course.alternative,
-                x=tuple(map(float, x)),
-                parameters=tuple(map(float, to_model(parameters, x))),
-                message=f"the image of that of alternative {step.alternative + 1}",
-                iterations=0,
-                evaluations=0,
-                jacobians=0,
-                runs=0,
-                seconds=0.0,
-            )
-        )
+        steps.append(_kept(course, _image_of_step(course, step, x)))
     return replace(own, steps=tuple(steps), ended=chain.ended)
+
+
+def _image_of_step(course: Course, step: ContinuationStep, x: FloatArray) -> ContinuationStep:
+    """A level of another alternative as it is at its image x, which cost nothing."""
+    return replace(
+        step,
+        alternative=course.alternative,
+        x=tuple(map(float, x)),
+        parameters=tuple(map(float, to_model(course.objective.parameters, x))),
+        message=f"the image of that of alternative {step.alternative + 1}",
+        iterations=0,
+        evaluations=0,
+        jacobians=0,
+        runs=0,
+        seconds=0.0,
+    )
+
+
+def _kept(course: Course, step: ContinuationStep) -> ContinuationStep:
+    """A level that was not solved here, told and recorded like any other."""
+    key = (step.alternative, step.start, step.level)
+    course.journal.entering(*key)
+    if course.journal.recall(*key) is None:
+        course.journal.record(step)
+    return step
 
 
 def _searched(course: Course, outcome: Outcome, mirrored: Mirrored | None) -> Outcome:

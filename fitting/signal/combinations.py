@@ -16,9 +16,6 @@ TERM = re.compile(r"([+-]?)\s*(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)\s*")
 #: Highest order of lines of a nonlinear response that sampling keeps off those that are read.
 USUAL_ORDER = 9
 MOST_DIGITS = 3
-#: Beyond the usual order a resonator shows lines within this factor of its tones alone: those far
-#: from them, at 0 or at twice the tones, it answers without resonance.
-NEAR = 1.5
 #: Lines beside those that are read: more cannot be kept off them in any time.
 MOST_MIXED = 10**6
 
@@ -127,9 +124,7 @@ def mixed_lines(tones: int, order: int) -> tuple[tuple[int, ...], ...]:
 
 
 def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
-    """Positive frequencies of lines with 2 <= sum |k_i| <= ``order``, beyond 9 near the tones.
-
-    Beyond the usual order only lines within a factor of 1.5 of the tones count.
+    """Positive frequencies of all lines with 2 <= sum |k_i| <= ``order``.
 
     Args:
         tones_hz: frequencies of the tones, Hz.
@@ -138,14 +133,9 @@ def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
     if order < 2:
         return ()
     tones = [exact(f) for f in tones_hz]
-    low, high = float(min(tones, default=0)) / NEAR, float(max(tones, default=0)) * NEAR
-    found: set[float] = set()
-    for factors in mixed_lines(len(tones), order):
-        line = abs(sum((k * f for k, f in zip(factors, tones, strict=True)), exact(0.0)))
-        reached = sum(map(abs, factors))
-        if line and reached > 1 and (reached <= USUAL_ORDER or low < line < high):
-            found.add(float(line))
-    return tuple(sorted(found))
+    mixed = [factors for factors in mixed_lines(len(tones), order) if sum(map(abs, factors)) > 1]
+    lines = [sum(k * f for k, f in zip(factors, tones, strict=True)) for factors in mixed]
+    return tuple(sorted({float(abs(f)) for f in lines if f}))
 
 
 def combination_name(factors: Sequence[int], names: Sequence[str]) -> str:

@@ -200,7 +200,7 @@ def test_what_is_not_determined_is_handed_on_where_it_is_asked_for(
     assert main([*words]) == 0
     assert "left at the start value of the FMU: d1 (not determined: 24" in capsys.readouterr().out
     assert main([*words, "--all"]) == 0
-    assert "though not determined: d1 (= 24.8" in capsys.readouterr().out
+    assert "though not called determined: d1 (= 24.8" in capsys.readouterr().out
     assert 'verdict="not determined"' in (tmp_path / "all" / f"{NAME}.ssv").read_text("utf-8")
 
 
