@@ -5,9 +5,8 @@
 Synthetic data of the virtual laboratories, which share no code with the FMU; every job is a process
 of its own with one worker. Processor time is that of caller and worker, memory the most that each
 of them held. The exponent is log(times as much processor time)/log(times as large) between
-neighbouring sizes. TABLE is experiments,
-parameters, points, pairs, memory or laboratories. Prints Markdown tables. Without --quick it takes
-hours.
+neighbouring sizes. TABLE is experiments, parameters, points, pairs, memory or laboratories. Prints
+Markdown tables. Without --quick it takes hours.
 """
 
 from __future__ import annotations
@@ -41,9 +40,10 @@ SIZES = {
     "points": ((41, 401, 4001, 40001, 100001), (41, 401, 4001)),
     "pairs": ((50, 200, 1000), (20,)),
 }
-#: Processor time of an item in its worker, of a worker before its first one, and of the caller for
-#: each item, s, as `tests.bench.bench_thousand` measured them; items differ by half of it each way.
-ITEM_S, START_S, CALLER_S = 0.40, 3.0, 0.0054
+#: Processor time of an item in its worker and of the caller for each, s, as
+#: `tests.bench.bench_thousand` measured them; items differ by half of it each way. What a worker
+#: needs before its first one is assumed.
+ITEM_S, START_S, CALLER_S = 0.33, 3.0, 0.0054
 LABORATORIES, WORKERS = (1, 10, 100, 1000, 10_000, 100_000), (1, 2, 16, 256)
 #: Evaluations after which memory is looked at, and those of --quick.
 MEMORY = (tuple(range(10_000, 100_001, 10_000)), (500, 1000, 1500, 2000))
