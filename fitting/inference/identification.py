@@ -79,6 +79,7 @@ def identify(
             if (equal := equal_fit((objective_of(a), begins), (objective, begins), a, noise))
         )
     )
+    own = sum(bool(p.experiments) for p in problem.parameters)
     options = InferenceOptions(
         units=units,
         seed=request.seed,
@@ -88,10 +89,9 @@ def identify(
         data=not request.expected,
         bootstrap=request.bootstrap,
         progress=request.progress,
-        only=_asked(problem),
+        only=_shared(problem) if own > FEW_OWN else (),
     )
     knowledge = determine(objective, begins[0], noise, options)
-    own = sum(bool(p.experiments) for p in problem.parameters)
     if own <= FEW_OWN:
         return knowledge
     left_out = (
@@ -101,10 +101,8 @@ def identify(
     return replace(knowledge, sentences=(*knowledge.sentences, left_out))
 
 
-def _asked(problem: Problem) -> tuple[str, ...]:
-    """Names of what is profiled; none: everything."""
-    if sum(bool(p.experiments) for p in problem.parameters) <= FEW_OWN:
-        return ()
+def _shared(problem: Problem) -> tuple[str, ...]:
+    """Names of the values that no single experiment has of its own."""
     return (*(p.name for p in problem.parameters if not p.experiments), *problem.outputs)
 
 

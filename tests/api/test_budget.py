@@ -72,6 +72,13 @@ def test_what_is_not_known_is_not_told_with_what_is_not_determined() -> None:
     assert open_values_sentence(replace(found, parameters=cut)) == "Not known: a."
 
 
+def small(folder: Path, fmu: Path) -> tuple[list[str], Path]:
+    """The command on a small campaign, and where its results go."""
+    campaign, out = small_campaign(folder / "small", fmu), folder / "out"
+    words = ["reconstruct", str(campaign), "--out", str(out), "--workers", "1", "--no-report"]
+    return words, out
+
+
 def reconstructed(words: list[str], out: Path, text: pytest.CaptureFixture[str]) -> Result:
     """The result of the command, which has ended well."""
     assert main(words) == 0, text.readouterr().err
@@ -82,8 +89,7 @@ def test_the_command_says_what_was_cut_and_which_budget_tells(
     oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The command that stands under "next" is typed: the laboratory's width is in its interval."""
-    campaign, out = small_campaign(tmp_path / "small", oscillator_fmu), tmp_path / "out"
-    words = ["reconstruct", str(campaign), "--out", str(out), "--workers", "1", "--no-report"]
+    words, out = small(tmp_path, oscillator_fmu)
     little = reconstructed([*words, "--budget", "60"], out, capsys)
     said = " ".join(capsys.readouterr().out.split())
     assert little.derived["width_plus"].identifiable is Verdict.UNKNOWN
@@ -103,8 +109,7 @@ def test_the_command_says_what_was_cut_and_which_budget_tells(
 def test_a_budget_that_ends_before_any_profile_leaves_the_fit(
     oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    campaign, out = small_campaign(tmp_path / "small", oscillator_fmu), tmp_path / "out"
-    words = ["reconstruct", str(campaign), "--out", str(out), "--workers", "1", "--no-report"]
+    words, out = small(tmp_path, oscillator_fmu)
     result = reconstructed([*words, "--budget", "3"], out, capsys)
     assert any("a larger --budget would tell" in said for said in result.warnings)
     assert result.derived["width_plus"].identifiable is Verdict.LINEARISED

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -31,6 +30,7 @@ import numpy as np
 
 import fitting as ff
 from tests.bench.records import Records
+from tests.support.processes import spent_s
 from tests.support.virtual.crossing import CrossingLaboratory, laboratory
 
 METHOD = ff.Tikhonov(nu=1e-6, beta=0.01, levels=2, misfit="squares")
@@ -115,12 +115,6 @@ def by_fmu(wanted: Wanted) -> Told:
     with ff.Fmu(FMU_FILES.get(modes, f"CoupledModes{modes}"), workers=1) as fmu:
         couplings = told(lab, lab.through(fmu))
     return Told(couplings=couplings, seconds=spent_s() - begun)
-
-
-def spent_s() -> float:
-    """Processor time of this process and of those that have ended, s."""
-    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(used.ru_utime + used.ru_stime for used in both)
 
 
 def all_told(wanted: Sequence[Wanted], records: Records, workers: int) -> list[Told]:

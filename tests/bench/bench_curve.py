@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import resource
 import sys
 import tempfile
 from collections import Counter
@@ -34,6 +33,7 @@ from fitting.simulate.batch import Batch
 from fitting.text.arrays import Scalar
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.modal_workers import ModalWorkers, modal_model, phasors, random_scene
+from tests.support.processes import spent_s
 
 WHOLE = 1001
 #: The string's first mode as its sweep sees it; theta = 0 leaves d1 to it.
@@ -85,12 +85,6 @@ def scenes(count: int, noise: float) -> bool:
     print(f"  runs of a plan: {np.mean(planned):.0f} on average, at most {max(planned)}")
     print(f"  largest error over the promised one: {worst:.2g}; broken promises: {broken}")
     return broken == 0
-
-
-def spent_s() -> float:
-    """Processor time of this process and of the workers that have ended, s."""
-    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(u.ru_utime + u.ru_stime for u in used)
 
 
 def fitted(path: Path, misfit: str) -> str:

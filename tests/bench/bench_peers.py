@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import tempfile
 from pathlib import Path
@@ -27,6 +26,7 @@ import numpy as np
 import build_fmu
 import fitting as ff
 from tests.support.linear_traces import string, toned_response
+from tests.support.processes import spent_s
 
 TRUTH = {"theta": 1.95, "d1": 3.0, "d2": 1.2}
 START = {"theta": 1.8, "d1": 4.0, "d2": 2.0}
@@ -61,18 +61,12 @@ def problem(fmu: ff.Fmu) -> ff.Problem:
     return ff.Problem(fmu, parameters, ff.Trace(t, y, setup=setup, unit="m"))
 
 
-def processor_s() -> float:
-    """Processor time of this process and of those of its children that have ended, s."""
-    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(each.ru_utime + each.ru_stime for each in both)
-
-
 def solved(path: Path, starts: int) -> tuple[float, float]:
     """Largest relative error, and processor time of the fit with its worker, s."""
-    begun = processor_s()
+    begun = spent_s()
     with ff.Fmu(path, workers=1) as fmu:
         fit = ff.fit(problem(fmu), method=METHOD, starts=starts)
-    spent = processor_s() - begun
+    spent = spent_s() - begun
     errors = [abs(fit[name].value / true - 1.0) for name, true in TRUTH.items()]
     return max(errors), spent
 

@@ -15,7 +15,6 @@ import argparse
 import heapq
 import json
 import math
-import resource
 import subprocess
 import sys
 import tempfile
@@ -32,6 +31,7 @@ from fitting.fit.objective import evaluate_many
 from fitting.lab.bench import Bench
 from fitting.lab.synthesis import bench_of, synthesize
 from tests.support.extreme_scenes import Scene, write
+from tests.support.processes import spent_s
 
 #: Sizes of each table, and those of --quick.
 SIZES = {
@@ -115,17 +115,10 @@ def identified(problem: ff.Problem) -> str:
     return f"width {width.verdict}, {low:.4g} to {high:.4g} Hz"
 
 
-def peak_mb(pid: int | str) -> float:
-    """The most that a process has held, MB."""
+def memory_mb(pid: int | str, field: str) -> float:
+    """What a process holds (VmRSS), or the most that it has held (VmHWM), MB."""
     text = Path(f"/proc/{pid}/status").read_text("ascii")
-    [line] = [line for line in text.splitlines() if line.startswith("VmHWM:")]
-    return 1024e-6 * int(line.split()[1])
-
-
-def resident_mb(pid: int | str) -> float:
-    """What a process holds, MB."""
-    text = Path(f"/proc/{pid}/status").read_text("ascii")
-    [line] = [line for line in text.splitlines() if line.startswith("VmRSS:")]
+    [line] = [line for line in text.splitlines() if line.startswith(f"{field}:")]
     return 1024e-6 * int(line.split()[1])
 
 
@@ -134,9 +127,8 @@ def at_work(path: Path, fmu: Path, work: Callable[[ff.Problem], str]) -> Job:
     with ff.Fmu(fmu, workers=1) as opened:
         word = work(ff.Problem.of([ff.read_campaign(path)], opened))
         runs = opened.workers.counts.runs
-        worker_mb = max(map(peak_mb, opened.workers.pids))
-    used = [resource.getrusage(of) for of in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return Job(sum(u.ru_utime + u.ru_stime for u in used), runs, peak_mb("self"), worker_mb, word)
+        worker_mb = max(memory_mb(pid, "VmHWM") for pid in opened.workers.pids)
+    return Job(spent_s(), runs, memory_mb("self", "VmHWM"), worker_mb, word)
 
 
 def measured(kind: str, path: Path, fmu: Path) -> Job:
@@ -183,9 +175,8 @@ def memory(counts: Sequence[int], fmu: Path, folder: Path) -> None:
                 evaluate_many(problem.objective, points)
                 done += BATCH
             [worker] = opened.workers.pids
-            print(
-                f"| {done:,} | {resident_mb('self'):.1f} | {resident_mb(worker):.1f} |", flush=True
-            )
+            caller_mb, worker_mb = (memory_mb(pid, "VmRSS") for pid in ("self", worker))
+            print(f"| {done:,} | {caller_mb:.1f} | {worker_mb:.1f} |", flush=True)
 
 
 def makespan_s(count: int, workers: int) -> float:

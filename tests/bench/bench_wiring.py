@@ -21,8 +21,8 @@ import fitting as ff
 from fitting.api.fmu import Fmu
 from fitting.campaign import Setup
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
-from tests.bench.bench_crossing import spent_s
 from tests.support.complex_data import notch, with_noise
+from tests.support.processes import spent_s
 
 ETA = 5e6
 START: dict[str, Scalar] = {
