@@ -229,7 +229,9 @@ def _image(course: Course, own: Chain, mirrored: Mirrored) -> Chain:
         pull = weights(course.objective, step.nu, course.settings.misfit)
         if abs(j_reg(x, pull) - step.j_reg) > ROUNDING * (1.0 + step.j):
             return own
-        steps.append(_kept(course, _image_of_step(course, step, x)))
+        steps.append(_image_of_step(course, step, x))
+    for step in steps:
+        _keep(course, step)
     return replace(own, steps=tuple(steps), ended=chain.ended)
 
 
@@ -249,13 +251,12 @@ def _image_of_step(course: Course, step: ContinuationStep, x: FloatArray) -> Con
     )
 
 
-def _kept(course: Course, step: ContinuationStep) -> ContinuationStep:
-    """A level that was not solved here, told and recorded like any other."""
+def _keep(course: Course, step: ContinuationStep) -> None:
+    """Tell and record a level that was not solved here like any other."""
     key = (step.alternative, step.start, step.level)
     course.journal.entering(*key)
     if course.journal.recall(*key) is None:
         course.journal.record(step)
-    return step
 
 
 def _searched(course: Course, outcome: Outcome, mirrored: Mirrored | None) -> Outcome:
