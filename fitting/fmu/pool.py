@@ -15,8 +15,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Literal
 
-import numpy as np
-
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.isolation import Isolation
@@ -76,7 +74,7 @@ class _Job:
 
     runs: Sequence[Run]
     requests: list[RunRequest]
-    results: list[FloatArray]
+    results: dict[int, FloatArray]
     todo: dict[int, list[int]]  # by worker: numbers of the runs that it has still to do
     repeated: set[int] = field(default_factory=set)  # workers that were killed and replaced
 
@@ -190,7 +188,7 @@ class FmuWorkers:
         job = _Job(
             runs=runs,
             requests=requests,
-            results=[np.empty(0)] * len(requests),
+            results={},
             todo=self._shares(len(requests)),
         )
         try:
@@ -199,14 +197,15 @@ class FmuWorkers:
                 self._send(number, job)
             while job.todo:
                 self._wait(job)
-        except FmuFailure:
+        except FmuFailure as failure:
             self._spare(job)
+            failure.answers = job.results
             raise
         finally:
             # after a failure, the others would answer into the next batch
             for number in job.todo:
                 self._kill(number)
-        return job.results
+        return [job.results[i] for i in range(len(requests))]
 
     def close(self) -> None:
         """End the processes and remove the unpacked FMU."""
@@ -226,6 +225,7 @@ class FmuWorkers:
                         self._kill(number)
                     else:
                         self._account(number, reply)
+                        _keep(number, reply, job)
                     del job.todo[number]
 
     def _account(self, number: int, reply: Reply) -> None:
@@ -316,17 +316,10 @@ class FmuWorkers:
 
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
         self._account(number, reply)
-        todo = job.todo[number]
-        position = 0
-        for i in todo[: reply.done]:
-            shape = (job.requests[i].rows, len(job.runs[i].outputs))
-            size = shape[0] * shape[1]
-            job.results[i] = reply.results[position : position + size].reshape(shape)
-            position += size
-        job.todo[number] = left = todo[reply.done :]
+        left = _keep(number, reply, job)
         if reply.failure is not None:
             del job.todo[number]
-            raise self._failure(reply.failure, job.runs[left[0]])
+            raise self._failure(reply.failure, job, left[0])
         if left:
             self._send(number, job)
         else:
@@ -345,7 +338,8 @@ class FmuWorkers:
                 f"had its process killed ({death.killed_by}) twice in the same runs, by somebody "
             )
             text += "or by the system for want of memory"
-            raise self._failure(f"the FMU {text}", self._run_of(number, worker, job), NoAnswer)
+            at = _run_of(number, worker, job)
+            raise self._failure(f"the FMU {text}", job, at, NoAnswer)
         else:
             job.repeated.add(number)
             _log.info("worker %d: killed (%s), replaced", number + 1, death.killed_by)
@@ -359,12 +353,12 @@ class FmuWorkers:
         if worker.has_failed:
             self._replace(number, job)
             return
-        run, in_trial = self._run_of(number, worker, job), worker.in_trial
+        at, in_trial = _run_of(number, worker, job), worker.in_trial
         if worker.is_freeing:
             how = f"was to free an instance and {how}"
         self._kill(number)
         if not in_trial:
-            raise self._failure(f"the FMU {how}", run, kind)
+            raise self._failure(f"the FMU {how}", job, at, kind)
         self._verdicts[number].refuse(f"when its reset was tried the FMU {how}", ended=True)
         _log.info("worker %d: replaced, when its reset was tried the FMU %s", number + 1, how)
         self._send(number, job)
@@ -374,13 +368,31 @@ class FmuWorkers:
         self._kill(number)
         self._send(number, job)
 
-    def _run_of(self, number: int, worker: WorkerProcess, job: _Job) -> Run:
-        """The run that the process was at."""
-        left = job.todo[number]
-        return job.runs[left[min(worker.at_run, len(left) - 1)]]
+    def _failure(
+        self, message: str, job: _Job, at: int, kind: type[FmuFailure] = FmuFailure
+    ) -> FmuFailure:
+        failure = kind(message, job.runs[at].start_values, self.description.path)
+        failure.at = at
+        return failure
 
-    def _failure(self, message: str, run: Run, kind: type[FmuFailure] = FmuFailure) -> FmuFailure:
-        return kind(message, run.start_values, self.description.path)
+
+def _run_of(number: int, worker: WorkerProcess, job: _Job) -> int:
+    """Number of the run that the process was at."""
+    left = job.todo[number]
+    return left[min(worker.at_run, len(left) - 1)]
+
+
+def _keep(number: int, reply: Reply, job: _Job) -> list[int]:
+    """Take the results of a reply; numbers of the runs that its worker has still to do."""
+    todo = job.todo[number]
+    position = 0
+    for i in todo[: reply.done]:
+        shape = (job.requests[i].rows, len(job.runs[i].outputs))
+        size = shape[0] * shape[1]
+        job.results[i] = reply.results[position : position + size].reshape(shape)
+        position += size
+    job.todo[number] = left = todo[reply.done :]
+    return left
 
 
 def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation, Measurement, Predicting, Prediction
 from fitting.signal.window import tone_misfit
 from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.known_answers import KnownAnswers
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
 
@@ -85,7 +86,8 @@ class FmuResponse:
     ) -> list[Evaluation]:
         batch = Batch()
         tasks = [m.predict(models[m.series], table, batch, whole=whole) for m in self.measurements]
-        columns = self._answered(tasks, batch)
+        with self._known.evaluation():
+            columns = self._answered(tasks, batch)
         runs = batch.count(len(table))
         return [
             Evaluation(tuple(column[k] for column in columns), int(runs[k]), self._promised)
@@ -98,6 +100,10 @@ class FmuResponse:
         found = (self.models[m.series].plan.promised for m in self.measurements)
         return tuple(0.0 if np.isnan(promised) else promised for promised in found)
 
+    @cached_property
+    def _known(self) -> KnownAnswers:
+        return KnownAnswers(self.workers)
+
     def _answered(self, tasks: Sequence[Predicting], batch: Batch) -> list[list[Prediction]]:
         """Predictions of every measurement; in each round all simulate what they asked for."""
         found: dict[int, list[Prediction]] = {}
@@ -109,7 +115,7 @@ class FmuResponse:
                     except StopIteration as ended:
                         found[k] = ended.value
             if len(found) < len(tasks):
-                batch.simulate(self.workers)
+                batch.simulate(self._known)
         return [found[k] for k in range(len(tasks))]
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:  # the types of arrays take numpy along, which a command's help does not need
-    from fitting.text.arrays import Scalar
+    from fitting.text.arrays import FloatArray, Scalar
 
 Made = TypeVar("Made")
 
@@ -93,7 +93,8 @@ class FmuFailure(Exception):
     """An FMU failed; says so in the FMU's own words.
 
     ``message`` what happened, with the sentences that the FMU logged; ``parameters`` the start
-    values of the run that did it; ``fmu`` the file.
+    values of the run that did it; ``fmu`` the file. Of a batch of runs ``at`` is the number of that
+    run, None where it is not known, and ``answers`` are the results of others, by their numbers.
     """
 
     def __init__(self, message: str, parameters: Mapping[str, Scalar], fmu: Path) -> None:
@@ -101,6 +102,8 @@ class FmuFailure(Exception):
         self.message = message
         self.parameters = dict(parameters)
         self.fmu = Path(fmu)
+        self.at: int | None = None
+        self.answers: dict[int, FloatArray] = {}
 
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {value!r}" for name, value in self.parameters.items())

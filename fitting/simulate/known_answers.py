@@ -1,0 +1,103 @@
+"""Answers of evaluations that failed: what their runs did give is not simulated again.
+
+Who evaluates several points at once, one of which cannot be simulated, evaluates the others again.
+A run of an FMU depends on nothing but what it is asked with, and so does its failure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from fitting.fmu import Run
+from fitting.simulate.batch import Workers
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import FmuFailure, NoAnswer
+
+#: Numbers that are kept, 8 bytes each; and failures.
+MOST_KEPT, MOST_FAILURES = 2_000_000, 1_000
+
+_Key: TypeAlias = tuple[object, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownAnswers:
+    """Workers that know what the runs of evaluations gave that came to no end.
+
+    ``workers`` simulate everything else.
+    """
+
+    workers: Workers
+    _latest: list[tuple[Run, FloatArray]] = field(default_factory=list)
+    _results: dict[_Key, FloatArray] = field(default_factory=dict)
+    _failures: dict[_Key, FmuFailure] = field(default_factory=dict)
+
+    @contextmanager
+    def evaluation(self) -> Iterator[None]:
+        """What is run in this context is kept if the context ends in an error."""
+        self._latest.clear()
+        try:
+            yield
+        except NoAnswer:  # nobody asks again
+            raise
+        except Exception:
+            self._keep()
+            raise
+        finally:
+            self._latest.clear()
+
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        """Outputs of each run, shape (samples, outputs).
+
+        Args:
+            runs: to be simulated, or known.
+
+        Raises:
+            FmuFailure: one of them failed, now or before.
+        """
+        if not self._results and not self._failures:
+            return self._simulated(runs)
+        keys = [_key(run) for run in runs]
+        for key in keys:
+            if key in self._failures:
+                raise _again(self._failures[key])
+        missing = [run for run, key in zip(runs, keys, strict=True) if key not in self._results]
+        new = iter(self._simulated(missing) if missing else ())
+        return [self._results[key] if key in self._results else next(new) for key in keys]
+
+    def _simulated(self, runs: Sequence[Run]) -> list[FloatArray]:
+        try:
+            answers = self.workers.run(runs)
+        except NoAnswer:
+            raise
+        except FmuFailure as failure:
+            if failure.at is not None:
+                self._failures[_key(runs[failure.at])] = _again(failure)
+            self._latest.extend((runs[k], answer) for k, answer in failure.answers.items())
+            failure.answers = {}
+            raise
+        self._latest.extend(zip(runs, answers, strict=True))
+        return answers
+
+    def _keep(self) -> None:
+        """Keep the latest answers, in place of the oldest where that is too much."""
+        self._results.update((_key(run), answer) for run, answer in self._latest)
+        size = sum(answer.size for answer in self._results.values())
+        while size > MOST_KEPT:
+            size -= self._results.pop(next(iter(self._results))).size
+        while len(self._failures) > MOST_FAILURES:
+            self._failures.pop(next(iter(self._failures)))
+
+
+def _again(failure: FmuFailure) -> FmuFailure:
+    """The same words, without the calls that a failure came through."""
+    return FmuFailure(failure.message, failure.parameters, failure.fmu)
+
+
+def _key(run: Run) -> _Key:
+    """What tells a run from others."""
+    times = (run.start_time_s, run.settle_s, run.sample_step_s, run.samples, run.longest_step_s)
+    rest = (run.outputs, run.input_signal, run.allow_nan, run.moved, run.segments)
+    return frozenset(run.start_values.items()), times, rest
