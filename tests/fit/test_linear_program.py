@@ -55,6 +55,19 @@ def test_the_step_is_the_best_vertex(seed: int, size: float) -> None:
     assert merit(rows, matrix, slope, step) == pytest.approx(least, rel=1e-9)
 
 
+@pytest.mark.parametrize("count", [501, 30_001])
+def test_the_step_of_a_long_series_is_a_weighted_median(count: int) -> None:
+    """Sum |r_i + j_i d| is least at the median of -r_i/j_i, each weighing |j_i|."""
+    generator = np.random.default_rng(7)
+    slopes, centres = generator.uniform(-2.0, 2.0, count), generator.normal(0.1, 0.3, count)
+    order = np.argsort(centres)
+    weight = np.cumsum(np.abs(slopes[order]))
+    median = centres[order][np.searchsorted(weight, 0.5 * weight[-1])]
+    room = (np.array([-5.0]), np.array([5.0]))
+    step = linear_step(-slopes * centres, slopes[:, np.newaxis], np.zeros(1), room, 1.0)
+    assert step[0] == pytest.approx(median, abs=1e-9)
+
+
 @pytest.mark.parametrize("rows", [3, 99, 100, 101])
 def test_the_bands_of_the_slacks(rows: int) -> None:
     """-s <= J x <= s in whichever form; sparse from a hundred rows on."""

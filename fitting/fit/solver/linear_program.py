@@ -29,6 +29,8 @@ CORRECTIONS = 3
 SMALLEST_RADIUS = 1e-9
 #: Share of the promise of a unit below which a step creeps.
 CREEP = 0.01
+#: From so many rows on the simplex takes longer than an interior point with its crossover.
+SIMPLEX_ROWS = 10_000
 #: From so many rows on the bands of the slacks are sparse.
 MANY_ROWS = 100
 
@@ -69,21 +71,30 @@ def _scaled_step(
     radius: float,
     size: float,
 ) -> FloatArray | None:
-    """`linear_step` with rows over `size` and d over `radius`: its tolerances are absolute."""
+    """`linear_step` with rows over `size` and d over `radius`: its tolerances are absolute.
+
+    Solved is the dual, of which the multipliers of the equations are d:
+    max_y,p,q  r.y + l.p - u.q  with  J^T y + slope = p - q,  |y_i| <= 1,  p, q >= 0.
+    It has n equations where the primal has 2 m inequalities.
+    """
     m, n = jacobian.shape
-    a = jacobian * (radius / size)
-    box = [(max(-1.0, lo / radius), min(1.0, hi / radius)) for lo, hi in zip(*room, strict=True)]
+    lower, upper = np.maximum(-1.0, room[0] / radius), np.minimum(1.0, room[1] / radius)
+    signs, rest = np.tile([-1.0, 1.0], (m, 1)), np.tile([0.0, np.inf], (2 * n, 1))
     answer = linprog(
-        np.concatenate([slope * (radius / size), np.ones(m)]),
-        with_slacks(a),
-        np.concatenate([-rows, rows]) / size,
-        bounds=[*box, *((0.0, None) for _ in range(m))],
-        method="highs-ds",
-        options={"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9},
+        np.concatenate([-rows / size, -lower, upper]),
+        A_eq=np.hstack([jacobian.T * (radius / size), -np.eye(n), np.eye(n)]),
+        b_eq=-slope * (radius / size),
+        bounds=np.concatenate([signs, rest]),
+        method="highs-ds" if m < SIMPLEX_ROWS else "highs-ipm",
+        options={
+            "presolve": False,  # looks for what a program like this does not have, for minutes
+            "primal_feasibility_tolerance": 1e-9,
+            "dual_feasibility_tolerance": 1e-9,
+        },
     )
-    if answer.x is None or not np.all(np.isfinite(answer.x)):
+    if answer.x is None or not np.all(np.isfinite(answer.eqlin.marginals)):
         return None
-    step: FloatArray = np.clip(radius * answer.x[:n], *room)
+    step: FloatArray = np.clip(radius * answer.eqlin.marginals, *room)
     return step
 
 
