@@ -34,6 +34,8 @@ CLOSING_S = 2.0
 #: How long others may go on with a batch that has failed: about what it takes to start them anew.
 SPARED_S = 0.3
 MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
+#: Runs that a worker is sent at once: it holds all of them, and what they gave.
+MOST_SENT = 2_000
 #: More processes than that are a slip of the pen on the machines of today.
 MOST_WORKERS = 256
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
@@ -289,7 +291,7 @@ class FmuWorkers:
 
     def _send(self, number: int, job: _Job) -> None:
         worker = self._open.processes[number] or self._start(number)
-        requests = [job.requests[i] for i in job.todo[number]]
+        requests = [job.requests[i] for i in job.todo[number][:MOST_SENT]]
         worker.send(Batch(self._requests.layouts, requests))
 
     def _wait(self, job: _Job) -> None:

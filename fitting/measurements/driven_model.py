@@ -21,9 +21,11 @@ from fitting.text.units import convert
 
 #: Longest common period of tones that share a run, as a part of the time to settle.
 COMMON = 0.1
+#: Windows that are kept: more than experiments of a campaign have, as all come back in their order.
+MOST_WINDOWS = 2**16
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=MOST_WINDOWS)
 def _window(
     read_hz: tuple[float, ...],
     tones_hz: tuple[float, ...],
@@ -39,7 +41,7 @@ def _window(
     return replace(found, longest_s=grid.longest_s)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=MOST_WINDOWS)
 def _superposed(tones_hz: tuple[float, ...], settle_s: float, held_s: float, grid: Grid) -> Window:
     """Likewise, for tones of which no mixtures are kept off, in a window that is short.
 
@@ -56,7 +58,7 @@ def _superposed(tones_hz: tuple[float, ...], settle_s: float, held_s: float, gri
     return replace(found, longest_s=grid.longest_s)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=MOST_WINDOWS)
 def _in_unit(tone_hz: float, unit: str) -> float:
     return convert(tone_hz, "Hz", unit, where="[sweep] frequency")
 
