@@ -206,6 +206,25 @@ def test_a_run_is_not_blamed_for_a_failure_before_it(good: Path) -> None:
         assert workers.counts.processes == 2
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_batch_of_many_messages_is_one_batch(good: Path, workers: int) -> None:
+    """Displacements go with the force, in the order of the runs; the run that fails is named."""
+    forces = np.arange(1.0, 4_502.0)
+    runs = [replace(PULLED, start_values={**START, "force": force}) for force in forces.tolist()]
+    at = 2_300
+    bad = replace(runs[at], start_values={**runs[at].start_values, "misbehave": FAILS_AT_START})
+    with FmuWorkers(good, workers=workers) as pool:
+        found = np.stack([result[:, 0] for result in pool.run(runs)])
+        expected = forces[:, np.newaxis] * step_response(np.arange(6) * 1e-3)
+        np.testing.assert_allclose(found, expected, rtol=1e-11)
+        with pytest.raises(FmuFailure, match="told to fail") as failure:
+            pool.run([*runs[:at], bad, *runs[at + 1 :]])
+        assert failure.value.parameters["force"] == forces[at]
+        assert failure.value.at == at
+        assert at - 1 in failure.value.answers or workers == 2
+        assert at not in failure.value.answers
+
+
 def in_second_run(workers: FmuWorkers) -> bool:
     """Whether the second run of a batch is under way in the first process."""
     process = workers._open.processes[0]
