@@ -27,6 +27,8 @@ LONGEST_WINDOW_S = 100.0
 SPARE_SAMPLES = 2
 #: Numbers of samples tried from the least on, until one keeps the tones apart.
 TRIED_SAMPLES = 1000
+#: Sampling steps that are tried for tones without a common period.
+TRIED_STEPS = 400
 #: Largest condition number of a tone fit without a coherent window.
 LARGEST_CONDITION = 3.0
 #: Bits of a binary grain within the length of a run: times on it, and their differences, are
@@ -251,8 +253,19 @@ def _incoherent(
 
 @lru_cache(maxsize=1024)
 def _best_step(tones: tuple[float, ...], samples: int, span_s: float) -> tuple[float, float]:
-    """Least condition number of a tone fit over windows of about a span, and its sampling step."""
-    steps = np.linspace(0.8, 2.5, 400) * span_s / samples
+    """Least condition number of a tone fit over windows of about a span, and its sampling step.
+
+    Steps at equal distances see a tone all alike, where it makes whole periods in that distance:
+    then they are tried at growing ones.
+    """
+    shortest, longest = 0.8 * span_s / samples, 2.5 * span_s / samples
+    even = _best_of(tones, samples, np.linspace(shortest, longest, TRIED_STEPS))
+    if even[0] <= LARGEST_CONDITION:
+        return even
+    return min(even, _best_of(tones, samples, np.geomspace(shortest, longest, TRIED_STEPS)))
+
+
+def _best_of(tones: tuple[float, ...], samples: int, steps: FloatArray) -> tuple[float, float]:
     times = np.arange(samples, dtype=float) * steps[:, np.newaxis]
     # all at once: step by step a thousand experiments would be planned for minutes
     conditions = np.linalg.cond(tone_design(tones, times.ravel()).reshape(steps.size, samples, -1))

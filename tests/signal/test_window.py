@@ -84,6 +84,17 @@ def test_amplitudes_of_any_tones(tones: list[int], grain: int, settle: float) ->
     assert found == pytest.approx([a for _, a, _ in rows], rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    "pair", [(6939923.98561339, 6940082.1069115), (6940519.2576513, 6940855.3217625)]
+)
+def test_tones_that_even_steps_see_all_alike_are_told_apart(pair: tuple[float, float]) -> None:
+    """They make all but whole periods in what divides the steps that are tried first."""
+    window = plan_window(pair, 0.1)
+    assert not window.coherent
+    values = sampled(window, [(pair[0], 3.0, 0.4), (pair[1], 0.02, -2.0)], 0.7)
+    assert window.read(values).amplitudes == pytest.approx([3.0, 0.02], rel=1e-6)
+
+
 def test_a_harmonic_or_a_transient_shows_as_misfit() -> None:
     window = plan_window((1000.0,), 0.0)
     clean = sampled(window, [(1000.0, 1.0, 0.0)], 0.0)
