@@ -177,16 +177,18 @@ def test_failure_is_a_sentence_with_the_parameters(
 
 @pytest.mark.parametrize("misbehave", [FAILS_AT_START, FAILS_IN_STEP, NAN])
 def test_a_run_that_fails_costs_an_instance_and_no_process(good: Path, misbehave: int) -> None:
-    bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
+    """Neither it nor the run behind it is made on an instance that another run was made on."""
+    calm = replace(PULLED, start_values={**PULLED.start_values, "misbehave": 0})
+    bad = replace(calm, start_values={**calm.start_values, "misbehave": misbehave})
     with FmuWorkers(good) as workers:
-        other = replace(PULLED, start_values={**PULLED.start_values, "force": 2.0})
-        before, _ = workers.run([PULLED, other])
+        other = replace(calm, start_values={**calm.start_values, "force": 2.0})
+        before, _, _ = workers.run([calm, other, calm])
         assert workers.reused
         instances = workers.counts.instances
         for _ in range(3):
             with pytest.raises(FmuFailure):
-                workers.run([bad, PULLED])
-            [after] = workers.run([PULLED])
+                workers.run([bad, calm])
+            [after] = workers.run([calm])
             assert after.tobytes() == before.tobytes()
         assert workers.counts.processes == 1
         assert workers.counts.instances == instances + 6
