@@ -234,7 +234,7 @@ def _one_step(
             point = evaluator.point(trial)
             if here - total(point, nu, "slack") > gain:
                 best, gain = trial, here - total(point, nu, "slack")
-            if gain > 0.5 * promise:
+            if gain > 0.5 * promise or corrections == CORRECTIONS:
                 break
             step = linear_step(point.residuals - matrix @ step, matrix, slope, room, radius)
         if gain > 0.1 * promise:
