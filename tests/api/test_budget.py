@@ -86,10 +86,10 @@ def reconstructed(words: list[str], out: Path, text: pytest.CaptureFixture[str])
 
 
 def test_the_command_says_what_was_cut_and_which_budget_tells(
-    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The command that stands under "next" is typed: the laboratory's width is in its interval."""
-    words, out = small(tmp_path, swift_fmu)
+    words, out = small(tmp_path, oscillator_fmu)
     little = reconstructed([*words, "--budget", "60"], out, capsys)
     said = " ".join(capsys.readouterr().out.split())
     assert little.derived["width_plus"].identifiable is Verdict.UNKNOWN
@@ -107,9 +107,9 @@ def test_the_command_says_what_was_cut_and_which_budget_tells(
 
 
 def test_a_budget_that_ends_before_any_profile_leaves_the_fit(
-    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words, out = small(tmp_path, swift_fmu)
+    words, out = small(tmp_path, oscillator_fmu)
     result = reconstructed([*words, "--budget", "3"], out, capsys)
     assert any("a larger --budget would tell" in said for said in result.warnings)
     assert result.derived["width_plus"].identifiable is Verdict.LINEARISED
