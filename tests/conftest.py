@@ -17,7 +17,7 @@ from tests.support.c_hosts import compile_program
 from tests.support.fmus import Instance, Unpacked, unpack
 from tests.support.processes import Clock
 from tests.support.shipped_runs import ShippedRun, shipped_run
-from tests.support.twins import swift_model, twin_of
+from tests.support.twins import swift_model, swiftly_built, twin_of
 
 # no claim about time: a busy machine is no fault of the code
 hypothesis.settings.register_profile(
@@ -60,6 +60,13 @@ def swift_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def swift_modes_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The like of ``CoupledModes2``."""
     return swift_model("CoupledModes2", tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def swift_models(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Models that campaigns name are their twins: for modules that ask what is made of answers."""
+    with swiftly_built(tmp_path_factory):
+        yield
 
 
 @pytest.fixture(scope="session")

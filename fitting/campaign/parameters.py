@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -235,8 +235,17 @@ def search_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArr
     Args:
         parameters: the fitted parameters.
     """
-    lower, upper = bounds(parameters)
-    return to_search(parameters, lower), to_search(parameters, upper)
+    return _kept(parameters, "search lower", _search_lower), _kept(
+        parameters, "search upper", _search_upper
+    )
+
+
+def _search_lower(parameters: Sequence[Parameter]) -> FloatArray:
+    return to_search(parameters, _column(parameters, "lower"))
+
+
+def _search_upper(parameters: Sequence[Parameter]) -> FloatArray:
+    return to_search(parameters, _column(parameters, "upper"))
 
 
 def in_box(parameters: Sequence[Parameter], search: FloatArray) -> bool:
@@ -353,13 +362,22 @@ _MOST_SETS = 32
 
 def _column(parameters: Sequence[Parameter], field: str) -> FloatArray:
     """One field of all parameters, (n,), the caller's own."""
+    return _kept(
+        parameters, field, lambda ps: np.array([getattr(p, field) for p in ps], dtype=float)
+    )
+
+
+def _kept(
+    parameters: Sequence[Parameter], name: str, make: Callable[[Sequence[Parameter]], FloatArray]
+) -> FloatArray:
+    """What is made of all parameters, (n,), once for each set of them; the caller's own."""
     if not isinstance(parameters, tuple):
-        return np.array([getattr(p, field) for p in parameters], dtype=float)
+        return make(parameters)
     kept = _columns.get(id(parameters))
     if kept is None or kept[0] is not parameters:
         if len(_columns) >= _MOST_SETS:
             _columns.clear()
         kept = _columns[id(parameters)] = (parameters, {})
-    if field not in kept[1]:
-        kept[1][field] = np.array([getattr(p, field) for p in parameters], dtype=float)
-    return kept[1][field].copy()
+    if name not in kept[1]:
+        kept[1][name] = make(parameters)
+    return kept[1][name].copy()

@@ -10,6 +10,8 @@ import pytest
 import fitting as ff
 from fitting.lab.modes import CoupledModes, Pump
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 VALUES: dict[str, float | str] = {
     "f1": 1000.0,
     "f2": 1300.0,

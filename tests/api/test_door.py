@@ -213,8 +213,8 @@ def test_nonsense_is_refused_where_it_is_made(make: Callable[[], object], words:
 
 
 @pytest.fixture(scope="module")
-def fmu(oscillator_fmu: Path) -> ff.Fmu:
-    return ff.Fmu(oscillator_fmu)
+def fmu(swift_fmu: Path) -> ff.Fmu:
+    return ff.Fmu(swift_fmu)
 
 
 def problem(fmu: ff.Fmu, *sweeps: ff.Sweep | ff.Tones, **changes: Any) -> ff.Problem:

@@ -82,18 +82,18 @@ def true_offsets(series: Series) -> np.ndarray:
     return eta - np.linspace(eta[0], eta[-1], eta.size)
 
 
-def test_offsets_take_up_a_drift_that_is_not_linear(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_offsets_take_up_a_drift_that_is_not_linear(swift_fmu: Path, tmp_path: Path) -> None:
     """At half the bench's noise, where its peaks give the line width to 0.4 % (one sigma)."""
     away, widths = [], []
-    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+    with FmuWorkers(swift_fmu, workers=2) as workers:
         for seed, curvature in ((1, -20.0), (2, 30.0), (3, 40.0)):
             series = series_of(curvature, seed)
             path = written(tmp_path / str(seed), campaign_files(series, "test"))
             if seed == 3:
-                straight = fitted(workers, bound_to(oscillator_fmu, path))
+                straight = fitted(workers, bound_to(swift_fmu, path))
                 assert straight.deviations.final.mean > 0.12  # what linear interpolation leaves
             path = written(tmp_path / str(seed), {}, ("eta_plus = {", OFFSETS + "eta_plus = {"))
-            bound = bound_to(oscillator_fmu, path)
+            bound = bound_to(swift_fmu, path)
             result = fitted(workers, bound)
             assert result.status == "converged", result.message
             noise = float(np.mean(problem_of([bound]).data.sigma))
@@ -108,17 +108,17 @@ def test_offsets_take_up_a_drift_that_is_not_linear(oscillator_fmu: Path, tmp_pa
     assert 0.4 < np.sqrt(np.mean(np.square(away))) < 1.6  # neither too proud nor too modest
 
 
-def test_a_walk_is_reported_as_offsets(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_a_walk_is_reported_as_offsets(swift_fmu: Path, tmp_path: Path) -> None:
     """Steps are fitted, what they add up to is told: the same as independent offsets here."""
     series = series_of(30.0, 5)
     walk = OFFSETS.replace("offsets", "walk")
     path = written(
         tmp_path, campaign_files(series, "test"), ("eta_plus = {", walk + "eta_plus = {")
     )
-    bound = bound_to(oscillator_fmu, path)
+    bound = bound_to(swift_fmu, path)
     assert [p.name for p in bound.parameters[3:]] == [f"step[pair{m}]" for m in range(1, 6)]
     assert bound.parameters[4].experiments == ("pair2", "pair3", "pair4", "pair5")
-    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+    with FmuWorkers(swift_fmu, workers=2) as workers:
         result = fitted(workers, bound)
     assert [o.experiments for o in result.offsets] == [(f"pair{m}",) for m in range(1, 6)]
     for o, truth in zip(result.offsets, true_offsets(series), strict=True):
@@ -160,21 +160,21 @@ def with_times(folder: Path, fmu: Path, drift: str, times: list[str]) -> BoundCa
     ],
 )
 def test_drift_follows_the_clock(
-    oscillator_fmu: Path, tmp_path: Path, drift: str, times: list[str], shares: tuple[float, ...]
+    swift_fmu: Path, tmp_path: Path, drift: str, times: list[str], shares: tuple[float, ...]
 ) -> None:
-    bound = with_times(tmp_path, oscillator_fmu, f'time = "time"\n{drift}', times)
+    bound = with_times(tmp_path, swift_fmu, f'time = "time"\n{drift}', times)
     before, after = bound.drift.ends["eta_plus"]
     for e, share in zip(bound.experiments, shares, strict=True):
         assert e.settings["eta_plus"] == pytest.approx(before + share * (after - before), abs=1e-6)
 
 
-def test_experiments_of_one_time_share_their_offset(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_experiments_of_one_time_share_their_offset(swift_fmu: Path, tmp_path: Path) -> None:
     times = ["time (s)", "0", "3", "3", "7", "12"]
-    bound = with_times(tmp_path, oscillator_fmu, OFFSETS + 'time = "time"\n', times)
+    bound = with_times(tmp_path, swift_fmu, OFFSETS + 'time = "time"\n', times)
     names = [p.experiments for p in bound.parameters[3:]]
     assert names == [("pair1",), ("pair2", "pair3"), ("pair4",), ("pair5",)]
     walk = OFFSETS.replace("offsets", "walk") + 'time = "time"\n'
-    bound = with_times(tmp_path / "walk", oscillator_fmu, walk, times)
+    bound = with_times(tmp_path / "walk", swift_fmu, walk, times)
     sigmas = [p.prior_sigma for p in bound.parameters[3:]]  # mean step: 4 s
     assert sigmas == pytest.approx([30.0, *(30.0 * np.sqrt(np.array([3, 4, 5]) / 4))])
     apart = OFFSETS + "share = false\n"
@@ -183,7 +183,7 @@ def test_experiments_of_one_time_share_their_offset(oscillator_fmu: Path, tmp_pa
         campaign_files(series_of(5.0, 1), "test"),
         ("eta_plus = {", apart + "eta_plus = {"),
     )
-    added = [p.adds_to for p in bound_to(oscillator_fmu, path).parameters[3:]]
+    added = [p.adds_to for p in bound_to(swift_fmu, path).parameters[3:]]
     assert added == [("eta_plus",)] * 5 + [("eta_minus",)] * 5
 
 
@@ -201,18 +201,18 @@ def test_experiments_of_one_time_share_their_offset(oscillator_fmu: Path, tmp_pa
     ],
 )
 def test_a_drift_that_makes_no_sense_is_refused(
-    oscillator_fmu: Path, tmp_path: Path, drift: str, found: str
+    swift_fmu: Path, tmp_path: Path, drift: str, found: str
 ) -> None:
     files = campaign_files(series_of(5.0, 1), "test")
     path = written(tmp_path, files, ("eta_plus = {", f"{drift}\neta_plus = {{"))
     with pytest.raises(BadInput, match=found) as caught:
-        bound_to(oscillator_fmu, path)
+        bound_to(swift_fmu, path)
     assert "\n" not in str(caught.value)
 
 
-def test_drift_beyond_the_line_width_is_told(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_drift_beyond_the_line_width_is_told(swift_fmu: Path, tmp_path: Path) -> None:
     path = written(tmp_path, campaign_files(series_of(5.0, 1), "test"))
-    bound = bound_to(oscillator_fmu, path)
+    bound = bound_to(swift_fmu, path)
     assert drift_warnings(bound, (), 200.0) == []
     [said] = drift_warnings(bound, (), 94.0)
     assert "eta_plus drifts by 100" in said
@@ -220,10 +220,10 @@ def test_drift_beyond_the_line_width_is_told(oscillator_fmu: Path, tmp_path: Pat
 
 
 def test_a_smaller_drift_is_told_where_the_model_does_not_describe_the_data(
-    oscillator_fmu: Path, tmp_path: Path
+    swift_fmu: Path, tmp_path: Path
 ) -> None:
     path = written(tmp_path, campaign_files(series_of(5.0, 1), "test"))
-    bound = bound_to(oscillator_fmu, path)
+    bound = bound_to(swift_fmu, path)
     [said] = drift_warnings(bound, (), 200.0, describes=False)
     assert "eta_plus drifts by 100" in said
     assert "a straight line is assumed between" in said
@@ -289,9 +289,7 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
         assert evaluator.point(found.x).parameters == pytest.approx(truth, abs=1e-5)
 
 
-def test_what_two_outputs_read_of_one_drive_is_one_state(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
+def test_what_two_outputs_read_of_one_drive_is_one_state(swift_fmu: Path, tmp_path: Path) -> None:
     """Three drives, two of them read at both outputs; a drive that comes again later is another."""
     measured = [
         MeasuredExperiment(
@@ -313,6 +311,6 @@ def test_what_two_outputs_read_of_one_drive_is_one_state(
     changes = ("eta_plus = {", OFFSETS + "eta_plus = {")
     campaign = read_campaign(written(tmp_path, files, changes))
     campaign = replace(campaign, experiments=tuple(measured))
-    drift = bind_drift(campaign, Binder(read_description(oscillator_fmu).variables))
+    drift = bind_drift(campaign, Binder(read_description(swift_fmu).variables))
     assert drift.positions == (0.0, 0.0, 0.5, 1.0, 1.0)
     assert [p.experiments for p in drift.parameters] == [("a1", "a2"), ("b1",), ("c1", "c2")]

@@ -28,6 +28,8 @@ from tests.support.cfmu_build import build_c_fmu
 from tests.support.in_process import told
 from tests.support.report_records import result_for
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 DATA = Path(__file__).parents[2] / "data"
 Q1 = DATA / "string_q1"
 LIMITS = """\

@@ -22,6 +22,8 @@ from fitting.text.records import read_json
 from tests.support import single_line
 from tests.support.string_part import string_part
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 DATA = Path(__file__).parents[2] / "data"
 SIGMA, SPAN = 0.02, 4.0
 

@@ -11,6 +11,8 @@ from fitting.cli.main import main
 from fitting.cli.running.laps import Laps
 from tests.support.string_part import string_part
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 
 def test_each_part_is_told_from_the_end_of_the_one_before() -> None:
     times = iter([10.0, 12.25, 20.25, 20.5])

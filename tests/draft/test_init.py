@@ -28,6 +28,8 @@ from tests.support.cfmu_build import (
 from tests.support.lines import mode, noise, write_csv
 from tests.support.own_step import phasor
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 ETA, WIDTH = 30_000.0, 25.0
 F = ETA + np.linspace(-80.0, 80.0, 41)
 MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3

@@ -32,6 +32,8 @@ from tests.support.crossing_spectra import (
 )
 from tests.support.lines import mode, noise, write_csv
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 F = np.tile(SWEPT_HZ, VOLTS.size)
 V = np.repeat(VOLTS, SWEPT_HZ.size)
 SEEN = "5 spectra over V (V), 41 frequencies each"

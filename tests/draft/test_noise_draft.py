@@ -21,6 +21,8 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.lines import mode, noise, write_csv
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 ETA, WIDTH = 30_000.0, 25.0
 F_ONE = ETA + np.linspace(-150.0, 150.0, 241)
 F_TWO = ETA + np.linspace(-200.0, 500.0, 301)

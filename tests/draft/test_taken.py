@@ -15,6 +15,8 @@ from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from tests.support.lines import noise, write_csv
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 #: A sample of which the drive and the detector reach 0.4 of mode 2: f1, f2, d1, d2, lambda.
 TRUTH = {"f1": 20_003.0, "f2": 19_991.0, "d1": 10.0, "d2": 3.0, "lambda12": 600_000.0**0.5}
 BOTH = 0.4

@@ -13,6 +13,8 @@ from fitting.api.init import init
 from fitting.text.arrays import Scalar
 from tests.support.lines import mode, write_csv
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 ETA, WIDTH = 7e6, 60.0
 F = ETA + np.linspace(-500.0, 500.0, 101)
 

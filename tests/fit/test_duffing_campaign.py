@@ -31,6 +31,8 @@ from tests.support.datasets import drafted, planned_with, through
 from tests.support.reconstruction import ReconstructionOptions, reconstruct
 from tests.support.twins import swift_model
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 SHIPPED = Path(__file__).parents[2] / "data" / "duffing_string"
 
 

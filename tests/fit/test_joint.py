@@ -52,6 +52,8 @@ from tests.support.closed_form import (
 from tests.support.datasets import drafted, linear
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 DATA = Path(__file__).parents[2] / "data"
 TRUTH = (1.9498, 120.0, 90.0)
 Campaigns = tuple[BoundCampaign, BoundCampaign]

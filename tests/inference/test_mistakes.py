@@ -28,6 +28,8 @@ from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
 from tests.support.virtual.laboratory import Laboratory
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 #: Kinds of warnings that name a mistake.
 MISTAKES = {Kind.SWEEP, Kind.SCALE_FACTOR, Kind.SWAPPED, Kind.LINES}
 

@@ -12,6 +12,8 @@ from fitting.signal.presence import SURELY, chance
 from tests.bench.bench_crossing import METHOD
 from tests.support.virtual.crossing import laboratory
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 
 @pytest.fixture(scope="module")
 def fmu() -> ff.Fmu:

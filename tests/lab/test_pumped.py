@@ -18,6 +18,8 @@ from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 BENCH = PumpedBench()
 TONES = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
 

@@ -18,6 +18,8 @@ from tests.support.virtual.judge import Judged, Likelihood, Statement, by_closed
 from tests.support.virtual.kinds import KINDS
 from tests.support.virtual.modes import derived, phasors, response
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 
 @pytest.mark.parametrize("reflection", [False, True])
 def test_modes_agree_with_fifty_digits(reflection: bool) -> None:

@@ -21,6 +21,8 @@ from fitting.report.words.identification import identification_lines
 from fitting.text.errors import BadInput
 from tests.support.pumped_line import SidebandLine
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 #: Unpumped before and after, pumped on either side of the distance of the lines.
 BENCH = PumpedBench(settings=((0.0, 0.0), (3e-4, -80.0), (3e-4, 80.0), (0.0, 0.0)), points=31)
 UNPUMPED = (0, 3)

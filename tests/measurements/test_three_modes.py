@@ -10,6 +10,8 @@ from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.figure import Axis
 from fitting.text.arrays import FloatArray
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 #: f1 follows the voltage, f2 and f3 do not; couplings and width, all Hz.
 A0, A1, F2, F3, WIDTH = 1000.0, 8.0, 1000.0, 1012.0, 2.0
 COUPLINGS = {"lambda12": 90.0, "lambda23": 110.0}

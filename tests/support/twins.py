@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +50,21 @@ def swift_model(model: str, factory: pytest.TempPathFactory) -> Path:
     if shutil.which("cc") is None:
         return build_fmu.build(model, factory.mktemp("model"))
     return twin_of(model, factory)
+
+
+@contextmanager
+def swiftly_built(factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A model that is named, not given as a file, is its twin for as long as the context lasts.
+
+    In this process: a command that is started beside it builds the Python FMU.
+    """
+
+    def build(model: str, folder: Path) -> Path:
+        return Path(shutil.copy(swift_model(model, factory), folder))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fitting.fmu.models._build", build)
+        yield
 
 
 def checked_binary(folder: Path, fmu: Path, *options: str) -> Path:

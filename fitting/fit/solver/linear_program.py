@@ -240,12 +240,12 @@ def _one_step(
         step = linear_step(rows, matrix, slope, room, radius)
         promise = _promise(rows, matrix, slope, step)
         best, gain = x, 0.0
-        for corrections in range(CORRECTIONS + 1):  # noqa: B007 - used after the loop
+        for corrections in range(CORRECTIONS + 1):
             trial = np.clip(x + step, evaluator.lower, evaluator.upper)
             point = evaluator.point(trial)
             if here - total(point, nu, "slack") > gain:
                 best, gain = trial, here - total(point, nu, "slack")
-            if gain > 0.5 * promise:
+            if gain > 0.5 * promise or corrections == CORRECTIONS:
                 break
             step = linear_step(point.residuals - matrix @ step, matrix, slope, room, radius)
         if gain > 0.1 * promise:
