@@ -81,8 +81,9 @@ def tradeoff(
 ) -> Study:
     """Measure how accurate and how expensive every way of setting a simulation is.
 
-    Errors do not depend on where settings are measured. Costs are those of the machine that did:
-    processor time of the one thread that measures a setting and of its FMU's process.
+    Errors of what is run do not depend on where settings are measured. Costs are those of the
+    machine that did: processor time of the one thread that measures a setting and of its FMU's
+    process.
 
     Args:
         subject: Name of a built-in scene ("string", "low-q", "duffing", "duffing-string"), or a
@@ -111,7 +112,8 @@ def tradeoff(
                 subject, own, options=asked, memory=memory, progress=progress, executor=executor
             )
     with TemporaryDirectory(prefix="fmu-fit-tradeoff-") as folder, one_thread():
-        kept = memory or memory_of(Path(folder), subject, fmu, asked)
+        # an empty memory counts as false
+        kept = memory_of(Path(folder), subject, fmu, asked) if memory is None else memory
         study = run_study(_scene(subject, fmu), fmu.workers, asked, kept, progress, executor)
     return replace(study, provenance=_provenance(fmu, study, executor))
 

@@ -111,7 +111,7 @@ def run_study(
 
     Settings are taken in an order drawn from the seed, so that a machine that slows down does not
     spoil one kind of them, and an interrupted study has some of each. Ctrl-C ends it as
-    "interrupted" with all that is finished. Errors do not depend on where settings are measured.
+    "interrupted" with all that is finished. Errors of what is run do not depend on where it is.
 
     Args:
         scene: an FMU with start values, tones and truth.
