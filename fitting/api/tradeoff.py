@@ -178,4 +178,4 @@ def _place_in_words(where: Where) -> str:
         return f"the workers of {where}; {here}"
     if isinstance(where, int):
         return f"{where} process{'es' if where > 1 else ''} of this machine; {here}"
-    return f"the workers of a {type(where).__name__}; {here}"
+    return f"the workers of an executor, {type(where).__name__}; {here}"

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers",
         type=worker_count(),
         default=1,
-        help="processes of this machine, a setting at a time in each (1: the fairest times)",
+        help="processes of this machine, a setting at a time in each (1: fair wall times, too)",
     )
     place.add_argument(
         "--scheduler",

@@ -19,12 +19,13 @@ import pytest
 
 import fitting as ff
 from fitting.api.tradeoff import memory_of
+from fitting.engine import run
 from fitting.engine.local import LocalProcesses, LostProcess
 from fitting.fmu import FmuWorkers
 from fitting.lab.names import AMPLITUDES
 from fitting.lab.tradeoff import item, study
 from fitting.lab.tradeoff.bench import Bench, Patience
-from fitting.lab.tradeoff.records import Measurement
+from fitting.lab.tradeoff.records import Measurement, Study
 from fitting.lab.tradeoff.scenes import scene_named
 from tests.support.clusters import cluster_of_two
 
@@ -39,7 +40,7 @@ def row(m: Measurement) -> tuple[Any, ...]:
     return replace(m, cost=replace(m.cost, seconds=0.0, cpu_s=0.0, repeats=0)), m.cost.repeats > 0
 
 
-def table(found: ff.Study) -> list[tuple[Any, ...]]:
+def table(found: Study) -> list[tuple[Any, ...]]:
     """Its rows in their order."""
     assert (found.status, found.notes) == ("finished", ())
     return [row(m) for m in found.measurements]
@@ -118,11 +119,10 @@ def test_a_cluster_makes_the_same_table(
     """The workers have the FMU as it was sent: where it was, there is nothing when they begin."""
     path = tmp_path / swift_fmu.name
     copyfile(swift_fmu, path)
-    run = item.run
 
     def run_without_it(*given: Any) -> Any:
         path.unlink()
-        return run(*given)
+        return run.run(*given)
 
     monkeypatch.setattr(item, "run", run_without_it)
     with cluster_of_two() as cluster, ff.Fmu(path, workers=1) as fmu:
