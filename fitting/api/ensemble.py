@@ -268,7 +268,7 @@ class _Done:
         try:
             self._tell()
             for ended in results(self.waiting):
-                kept = ended.result or _lost(ended.item, ended.lost)
+                kept = ended.result or _lost(ended.item, ended.how_lost)
                 if self._journal is not None:
                     self._journal.record(kept)
                 self._rows[ended.item.label] = kept.row
@@ -316,8 +316,7 @@ class _Done:
 
 
 def _lost(item: Item, how: str) -> Kept:
-    message = f"its worker was lost, again when it was repeated: {how}"
-    return Kept(row=EnsembleRow(index=item.index, label=item.label, status=FAILED, message=message))
+    return Kept(row=EnsembleRow(index=item.index, label=item.label, status=FAILED, message=how))
 
 
 def _job(

@@ -19,6 +19,8 @@ from fitting.api.fmu import Fmu
 from fitting.api.problem import named_fmu, one_fmu
 from fitting.api.written import STUDY_FILES
 from fitting.campaign import Campaign, bind
+from fitting.engine.place import Where
+from fitting.engine.threads import one_thread
 from fitting.lab.tradeoff.campaign import scene_of_campaign
 from fitting.lab.tradeoff.records import Study
 from fitting.lab.tradeoff.scenes import Scene, scene_named
@@ -75,8 +77,13 @@ def tradeoff(
     options: StudyOptions | None = None,
     memory: Memory | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    executor: Where | None = None,
 ) -> Study:
     """Measure how accurate and how expensive every way of setting a simulation is.
+
+    Errors of what is run do not depend on where settings are measured. Costs are those of the
+    machine that did: processor time of the one thread that measures a setting and of its FMU's
+    process.
 
     Args:
         subject: Name of a built-in scene ("string", "low-q", "duffing", "duffing-string"), or a
@@ -85,22 +92,30 @@ def tradeoff(
         options: Accuracies, quantities, how coarse; None: all of them, the fine grid.
         memory: Finished settings of an interrupted study; None: none, and none are kept.
         progress: Is called with a line of what is under way.
+        executor: Where settings are measured: a number of processes of this machine, the address
+            of a dask scheduler as "tcp://10.0.0.1:8786", which gets the FMU to its workers, or an
+            executor, whose workers find the FMU by its path; None: one after the other, by ``fmu``.
+            References, plans and the second timing of the cheapest are always done here.
 
     Returns:
-        A measurement per setting, with its error and its cost.
+        A measurement per setting, in the same order wherever it was measured, with its error and
+        its cost.
 
     Raises:
-        BadInput: no such scene, or names and values that do not fit the FMU.
+        BadInput: no such scene or scheduler, or names and values that do not fit the FMU.
         FmuFailure: the FMU failed for the reference.
     """
     asked = options or StudyOptions()
     if fmu is None:
         with fmu_of(subject) as own:
-            return tradeoff(subject, own, options=asked, memory=memory, progress=progress)
-    with TemporaryDirectory(prefix="fmu-fit-tradeoff-") as folder:
-        kept = memory or memory_of(Path(folder), subject, fmu, asked)
-        study = run_study(_scene(subject, fmu), fmu.workers, asked, kept, progress)
-    return replace(study, provenance=_provenance(fmu, study))
+            return tradeoff(
+                subject, own, options=asked, memory=memory, progress=progress, executor=executor
+            )
+    with TemporaryDirectory(prefix="fmu-fit-tradeoff-") as folder, one_thread():
+        # an empty memory counts as false
+        kept = memory_of(Path(folder), subject, fmu, asked) if memory is None else memory
+        study = run_study(_scene(subject, fmu), fmu.workers, asked, kept, progress, executor)
+    return replace(study, provenance=_provenance(fmu, study, executor))
 
 
 def write_tradeoff(study: Study, out: str | Path) -> list[Path]:
@@ -139,10 +154,10 @@ def _scene(subject: str | Campaign, fmu: Fmu) -> Scene:
     return scene_of_campaign(bound, subject.file.fmu, fmu.variables)
 
 
-def _provenance(fmu: Fmu, study: Study) -> dict[str, str]:
+def _provenance(fmu: Fmu, study: Study, where: Where | None) -> dict[str, str]:
     d = fmu.description
     cost = (
-        "processor time of this process and the FMU's; medians"
+        "processor time of the thread that asks and of the FMU's process; medians"
         if study.cost_kind == "processor"
         else f"wall time, {len(fmu.workers.pids)} worker processes; medians"
     )
@@ -153,4 +168,14 @@ def _provenance(fmu: Fmu, study: Study) -> dict[str, str]:
         "versions": f"fmu-fit {fitting.__version__}, Python {platform.python_version()}",
         "instances": fmu.workers.reuse_note,
         "cost": cost,
+        **({} if where is None else {"settings": f"measured by {_place_in_words(where)}"}),
     }
+
+
+def _place_in_words(where: Where) -> str:
+    here = "the cheapest and the plan's once more by this machine alone"
+    if isinstance(where, str):
+        return f"the workers of {where}; {here}"
+    if isinstance(where, int):
+        return f"{where} process{'es' if where > 1 else ''} of this machine; {here}"
+    return f"the workers of an executor, {type(where).__name__}; {here}"

@@ -33,8 +33,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for results")
     parser.add_argument("--quick", action="store_true", help="a coarse grid, under a minute")
     parser.add_argument("--resume", action="store_true", help="go on from the finished settings")
-    parser.add_argument(
-        "--workers", type=worker_count(), default=1, help="worker processes (1: fair timings)"
+    place = parser.add_mutually_exclusive_group()
+    place.add_argument(
+        "--workers",
+        type=worker_count(),
+        default=1,
+        help="processes of this machine, a setting at a time in each (1: fair wall times, too)",
+    )
+    place.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="a dask scheduler whose workers measure the settings, as tcp://10.0.0.1:8786; costs "
+        "are those of its machines",
     )
     parser.add_argument(
         "--accuracies",
@@ -51,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     """Measure and write; returns 0, or 1 if interrupted with something to show.
 
     Raises:
-        BadInput: scene, campaign or FMU are not what they should be.
+        BadInput: scene, campaign, FMU or scheduler are not what they should be.
         FmuFailure: the FMU failed.
     """
     from fitting.api.tradeoff import fmu_of, memory_of
@@ -66,15 +76,20 @@ def run(args: argparse.Namespace) -> int:
     scene = args.scene or SCENES[0]
     campaign = ff.read_campaign(args.campaign) if args.campaign else None
     subject = campaign or scene
-    with (
-        fmu_for([campaign], args.out, args.workers) if campaign else fmu_of(scene, args.workers)
-    ) as fmu:
+    with fmu_for([campaign], args.out, 1) if campaign else fmu_of(scene) as fmu:
         memory = memory_of(args.out, subject, fmu, options)
         if args.resume:
             memory.resume()
             print(memory.resumed("settings"))
         with status_line(NAME) as tell:
-            study = ff.tradeoff(subject, fmu, options=options, memory=memory, progress=tell)
+            study = ff.tradeoff(
+                subject,
+                fmu,
+                options=options,
+                memory=memory,
+                progress=tell,
+                executor=args.scheduler or (args.workers if args.workers > 1 else None),
+            )
     study = replace(study, provenance={**study.provenance, "command": _command(args)})
     for path in ff.write_tradeoff(study, args.out):
         print(path)

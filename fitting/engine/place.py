@@ -11,12 +11,15 @@ from fitting.engine.local import LocalProcesses
 from fitting.engine.run import Place
 from fitting.text.errors import BadInput
 
+#: What names a place: an executor, the address of a dask scheduler, a number of processes here.
+Where = Executor | str | int
+
 #: More processes than that are a slip of the pen on the machines of today.
 MOST_WORKERS = 256
 
 
 @contextmanager
-def opened(where: Executor | str | int, files: Sequence[NeededFile]) -> Iterator[Place]:
+def opened(where: Where, files: Sequence[NeededFile]) -> Iterator[Place]:
     """A place for items, closed at the end: what is under way then is not waited for.
 
     Args:

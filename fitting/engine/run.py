@@ -40,6 +40,11 @@ class Ended(Generic[Item, Result]):
     result: Result | None
     lost: str = ""
 
+    @property
+    def how_lost(self) -> str:
+        """What is said of an item whose worker was lost."""
+        return f"its worker was lost, again when it was repeated: {self.lost}"
+
 
 @dataclass(frozen=True)
 class _Try(Generic[Item]):

@@ -6,9 +6,7 @@ import json
 import math
 import os
 import signal
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from shutil import copyfile, copytree
 from typing import Any
@@ -20,6 +18,7 @@ from fitting.api.ensemble import Progress
 from fitting.api.written import ITEMS_FILE
 from fitting.report.tables.ensemble import csv_of, document, markdown
 from fitting.text.records import json_text
+from tests.support.clusters import cluster_of_two
 
 COUNT = 4
 OPTIONS = ff.EnsembleOptions(profiles=False)
@@ -114,15 +113,6 @@ def test_finished_items_of_another_ensemble_are_refused(swift_fmu: Path, tmp_pat
         options = ff.EnsembleOptions(profiles=False, resume=True)
         with pytest.raises(ff.BadInput, match="belongs to other data"):
             ff.ensemble(other, swift_fmu, options, executor=pool, out=tmp_path)
-
-
-@contextmanager
-def cluster_of_two() -> Iterator[Any]:
-    distributed = pytest.importorskip("distributed", reason="fmu-fit[cluster] is not installed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
-    ) as cluster:
-        yield cluster
 
 
 def test_a_cluster_that_loses_a_worker_makes_the_same_table(

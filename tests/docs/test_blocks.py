@@ -17,7 +17,10 @@ from fitting.cli.words.parser import parsed
 from fitting.measurements.schema import campaign_schema
 
 #: Programs beside Python and ours that a reader has.
-PROGRAMS = (".", "bash", "cat", "cd", "echo", "head", "jq", "mkdocs", "pip", "sed", "unzip")
+PROGRAMS = (
+    *(".", "bash", "cat", "cd", "echo", "export", "head", "jq", "mkdocs", "mpiexec", "pip", "sed"),
+    "unzip",
+)
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in pages()}
 ALL = {name: blocks(page.read_text("utf-8")) for name, page in PAGES.items()}
 

@@ -82,7 +82,7 @@ def _scaled_step(
     signs, rest = np.tile([-1.0, 1.0], (m, 1)), np.tile([0.0, np.inf], (2 * n, 1))
     answer = linprog(
         np.concatenate([-rows / size, -lower, upper]),
-        A_eq=np.hstack([jacobian.T * (radius / size), -np.eye(n), np.eye(n)]),
+        A_eq=_equations(jacobian.T * (radius / size)),
         b_eq=-slope * (radius / size),
         bounds=np.concatenate([signs, rest]),
         method="highs-ds" if m < SIMPLEX_ROWS else "highs-ipm",
@@ -96,6 +96,15 @@ def _scaled_step(
         return None
     step: FloatArray = np.clip(radius * answer.eqlin.marginals, *room)
     return step
+
+
+def _equations(matrix: FloatArray) -> Any:
+    """[J^T, -I, I] of J^T, shape (n, m + 2 n); sparse where there are many rows, as `with_slacks`."""
+    n, m = matrix.shape
+    if m < MANY_ROWS:
+        return np.hstack([matrix, -np.eye(n), np.eye(n)])
+    identity = eye_array(n, format="csr")
+    return block_array([[csr_array(matrix), -identity, identity]], format="csr")
 
 
 def with_slacks(matrix: FloatArray) -> Any:

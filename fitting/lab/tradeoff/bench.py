@@ -256,7 +256,7 @@ def largest_lines(
 
 
 def cpu_seconds(workers: FmuWorkers) -> float:
-    """Processor time of this process and the FMU's in s.
+    """Processor time of this thread and of the FMU's process in s; others may work beside it.
 
     NaN where the system does not tell, or where several processes share the work: then the sum of
     their times is none that anybody waits for.
@@ -270,4 +270,4 @@ def cpu_seconds(workers: FmuWorkers) -> float:
         text = Path(f"/proc/{workers.pids[0]}/schedstat").read_text(encoding="ascii")
     except OSError:
         return math.nan
-    return time.process_time() + int(text.split()[0]) * 1e-9
+    return time.thread_time() + int(text.split()[0]) * 1e-9

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-import math
 import random
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from fitting.engine.place import Where
+from fitting.engine.run import Ended
 from fitting.fmu import FmuWorkers
-from fitting.lab.names import AMPLITUDES, QUANTITIES, WIDTH_PEAKS
+from fitting.lab.names import AMPLITUDES, QUANTITIES
 from fitting.lab.tradeoff.bench import Bench, Patience
-from fitting.lab.tradeoff.extrapolation import Extrapolation
 from fitting.lab.tradeoff.grid import settings_of
+from fitting.lab.tradeoff.item import Terms, ended
 from fitting.lab.tradeoff.plan import Planned, plan_scene
-from fitting.lab.tradeoff.quantities import error_of, values_of
-from fitting.lab.tradeoff.records import (
-    RATIOS,
-    TOLERANCE,
-    Cost,
-    Measurement,
-    Reference,
-    Setting,
-    Study,
-)
+from fitting.lab.tradeoff.records import Cost, Measurement, Reference, Setting, Study
 from fitting.lab.tradeoff.reference import references_of
+from fitting.lab.tradeoff.ruler import Ruler, without_number, work_of
 from fitting.lab.tradeoff.scenes import Scene
-from fitting.text.arrays import FloatArray
 from fitting.text.checkpoint import Checkpoint
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput
 
 #: Rounds in which the cheapest settings and the plan's are timed again, in turns; how many for each
 #: accuracy; and the longest of them, s.
@@ -111,12 +105,13 @@ def run_study(
     options: StudyOptions,
     memory: Memory,
     tell: Callable[[str], None] = lambda _: None,
+    where: Where | None = None,
 ) -> Study:
     """Measure the grid of a scene and the plan's choices; what is finished is not run again.
 
     Settings are taken in an order drawn from the seed, so that a machine that slows down does not
     spoil one kind of them, and an interrupted study has some of each. Ctrl-C ends it as
-    "interrupted" with all that is finished.
+    "interrupted" with all that is finished. Errors of what is run do not depend on where it is.
 
     Args:
         scene: an FMU with start values, tones and truth.
@@ -124,10 +119,12 @@ def run_study(
         options: accuracies, quantities, seed.
         memory: what earlier runs have left.
         tell: is called with a line of progress.
+        where: settings of the grid are measured, as `fitting.engine.place.opened` takes it; None:
+            one after the other by ``workers``, as references, plans and the cheapest always are.
 
     Raises:
         FmuFailure: the FMU failed for the reference.
-        BadInput: names or values that do not fit the FMU.
+        BadInput: names or values that do not fit the FMU, or no such place.
         KeyboardInterrupt: interrupted before there was a reference.
     """
     bench = Bench(scene, workers, QUICK_PATIENCE if options.quick else Patience())
@@ -136,47 +133,112 @@ def run_study(
         tell("reference")
         known = Part(references=tuple(references_of(bench)))
         memory.record(known)
-    ruler = _Ruler(bench, known.references, options.patience_s)
-    wanted = [
-        s for s in settings_of(scene, quick=options.quick) if s.quantity in options.quantities
-    ]
-    random.Random(options.seed).shuffle(wanted)  # noqa: S311  (an order, no secret)
-    found: list[Measurement] = []
-    notes: list[str] = []
-    status, message = "finished", f"{len(wanted)} settings."
+    course = _Course(Ruler(bench, known.references, options.patience_s), options, memory, tell)
+    status, message = "finished", f"{len(course.wanted)} settings."
     try:
-        for number, setting in enumerate(wanted, 1):
-            tell(f"{number}/{len(wanted)} {setting.quantity}, {setting.solver}")
-            part = memory.find(setting.key) or Part(measurement=ruler.measure(setting))
-            if part.measurement is not None:
-                memory.record(part)
-                found.append(part.measurement)
-        planned = {}
-        for accuracy in options.accuracies if AMPLITUDES in options.quantities else ():
-            tell(f"plan for {accuracy:g}")
-            planned[accuracy] = plan_scene(bench, accuracy)
-            notes += planned[accuracy].notes
-            if planned[accuracy].kept:
-                found.append(ruler.measure_planned(planned[accuracy]))
-        tell("the cheapest once more")
-        rounds = QUICK_ROUNDS if options.quick else DUEL_ROUNDS
-        found = again(bench, found, planned, options.accuracies, rounds)
-    except KeyboardInterrupt:
+        course.take_grid(where)
+        course.take_plans()
+        course.take_again()
+    except (KeyboardInterrupt, BrokenExecutor) as end:
         memory.write()
-        status = "interrupted"
-        message = f"{len(found)} of {len(wanted)} settings; --resume goes on."
+        status, message = "interrupted", course.how_far
+        if isinstance(end, BrokenExecutor):
+            message = f"the executor takes no more: {end}; {message}"
     return Study(
         scene=scene.name,
         title=scene.title,
         synthetic=scene.synthetic,
         description=scene.description,
         references=known.references,
-        measurements=tuple(found),
+        measurements=tuple(course.found),
         accuracies=options.accuracies,
         status=status,
         message=message,
-        notes=tuple(notes),
+        notes=tuple(course.notes),
     )
+
+
+class _Course:
+    """The way of a study, and what has been found on it."""
+
+    def __init__(
+        self, ruler: Ruler, options: StudyOptions, memory: Memory, tell: Callable[[str], None]
+    ) -> None:
+        self._ruler, self._options, self._memory, self._tell = ruler, options, memory, tell
+        scene = ruler.bench.scene
+        self.wanted = [
+            s for s in settings_of(scene, quick=options.quick) if s.quantity in options.quantities
+        ]
+        random.Random(options.seed).shuffle(self.wanted)  # noqa: S311  (an order, no secret)
+        kept = {s.key: memory.find(s.key) for s in self.wanted}
+        self._grid = {key: part.measurement for key, part in kept.items() if part is not None}
+        self._planned: dict[float, Planned] = {}
+        self._plans: list[Measurement] = []
+        self._retimed: list[Measurement] | None = None
+        self.notes: list[str] = []
+
+    @property
+    def found(self) -> list[Measurement]:
+        """All measurements: of settings in their order, whatever the order of ending was."""
+        if self._retimed is not None:
+            return self._retimed
+        grid = (self._grid.get(setting.key) for setting in self.wanted)
+        return [*(m for m in grid if m is not None), *self._plans]
+
+    @property
+    def how_far(self) -> str:
+        """How many settings have ended, a sentence."""
+        return f"{len(self._grid)} of {len(self.wanted)} settings; --resume goes on."
+
+    def take_grid(self, where: Where | None) -> None:
+        """Measure the settings that no earlier run has measured.
+
+        Args:
+            where: they are measured; None: here.
+        """
+        waiting = [setting for setting in self.wanted if setting.key not in self._grid]
+        if not waiting:
+            return
+        whole = len(self.wanted)
+        with closing(self._coming(waiting, where)) as coming:
+            for number, setting in enumerate(waiting, whole - len(waiting) + 1):
+                what = f"{setting.quantity}, {setting.solver}" if where is None else "settings"
+                self._tell(f"{number}/{whole} {what}")
+                self._keep(next(coming))
+
+    def take_plans(self) -> None:
+        """Measure what the plan chooses for each accuracy."""
+        options = self._options
+        for accuracy in options.accuracies if AMPLITUDES in options.quantities else ():
+            self._tell(f"plan for {accuracy:g}")
+            planned = self._planned[accuracy] = plan_scene(self._ruler.bench, accuracy)
+            self.notes += planned.notes
+            if planned.kept:
+                self._plans.append(self._ruler.measure_planned(planned))
+
+    def take_again(self) -> None:
+        """Time the cheapest settings and the plan's once more, in turns."""
+        self._tell("the cheapest once more")
+        options = self._options
+        rounds = QUICK_ROUNDS if options.quick else DUEL_ROUNDS
+        bench = self._ruler.bench
+        self._retimed = again(bench, self.found, self._planned, options.accuracies, rounds)
+
+    def _coming(
+        self, waiting: Sequence[Setting], where: Where | None
+    ) -> Generator[Ended[Setting, Measurement], None, None]:
+        if where is not None:
+            yield from ended(Terms.of(self._ruler), waiting, where)
+            return
+        for setting in waiting:
+            yield Ended(setting, self._ruler.measure(setting))
+
+    def _keep(self, one: Ended[Setting, Measurement]) -> None:
+        if one.lost:  # not kept for later: another run may have it
+            self._grid[one.item.key] = without_number(one.item, one.how_lost)
+        elif one.result is not None:
+            self._grid[one.item.key] = one.result
+            self._memory.record(Part(measurement=one.result))
 
 
 def again(
@@ -206,20 +268,9 @@ def again(
     costs: dict[int, list[Cost]] = {id(m): [] for m in finalists if 0.0 < m.cost.seconds < DUEL_S}
     for _ in range(rounds):
         for m in {id(m): m for m in finalists if id(m) in costs}.values():
-            work = _work(bench, m.setting, planned.get(m.planned_for or 0.0))
+            work = work_of(bench, m.setting, planned.get(m.planned_for or 0.0))
             costs[id(m)].append(bench.timed(work)[1])
     return [_retimed(m, costs.get(id(m), [])) for m in found]
-
-
-def _work(
-    bench: Bench, setting: Setting, planned: Planned | None, data: Reference | None = None
-) -> Callable[[], FloatArray]:
-    """What is timed: the plan's runs, or those of a setting; the workers know their layout."""
-    if planned is not None:
-        bench.warm(dict(planned.plans[0].settings))
-        return lambda: planned.amplitudes(bench)
-    bench.warm(dict(setting.values))
-    return lambda: values_of(bench, setting, data)
 
 
 def _retimed(measured: Measurement, costs: Sequence[Cost]) -> Measurement:
@@ -232,54 +283,3 @@ def _retimed(measured: Measurement, costs: Sequence[Cost]) -> Measurement:
         repeats=sum(c.repeats for c in costs),
     )
     return replace(measured, cost=cost)
-
-
-class _Ruler:
-    """Measures settings on a bench against the references."""
-
-    def __init__(self, bench: Bench, references: Sequence[Reference], longest_s: float) -> None:
-        self._bench, self._longest_s = bench, longest_s
-        self._references = {r.quantity: r for r in references}
-        self._extrapolation = Extrapolation(bench)
-
-    def measure(self, setting: Setting) -> Measurement | None:
-        """The row of a setting; None for one that takes too long and cannot be extrapolated."""
-        if self._extrapolation.expected_s(setting) > self._longest_s:
-            return self._extrapolation.measurement(setting, self._references[setting.quantity])
-        data = None  # amplitudes that a fit of the width is made to
-        if setting.quantity == WIDTH_PEAKS:
-            data = self._references[RATIOS if setting.sweep_points else AMPLITUDES]
-        try:
-            measured = self._measured(setting, _work(self._bench, setting, None, data))
-        except (FmuFailure, BadInput, ValueError, ArithmeticError) as failure:
-            note = " ".join(str(failure).split())
-            return Measurement(setting=setting, error=math.inf, cost=Cost(), note=note)
-        if setting.resolution_kind != TOLERANCE:
-            return measured
-        return replace(measured, cost=replace(measured.cost, solver_steps=None))
-
-    def measure_planned(self, planned: Planned) -> Measurement:
-        """The row of the plan's choice for an accuracy."""
-        setting = planned.setting(self._bench.scene)
-        found = self._measured(setting, _work(self._bench, setting, planned))
-        return replace(
-            found,
-            cost=replace(found.cost, solver_steps=None),
-            planned_for=planned.accuracy,
-            note=f"promised {planned.promised:.1e}",
-        )
-
-    def _measured(self, setting: Setting, work: Callable[[], FloatArray]) -> Measurement:
-        reference = self._references[setting.quantity]
-        values, cost = self._bench.timed(work)
-        error = error_of(values, reference)
-        if not math.isfinite(error):
-            return Measurement(
-                setting=setting, error=math.inf, cost=cost, note="no number came out"
-            )
-        return Measurement(
-            setting=setting,
-            error=max(error, reference.error),
-            bounded=error <= reference.error,
-            cost=cost,
-        )
