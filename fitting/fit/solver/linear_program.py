@@ -99,7 +99,7 @@ def _scaled_step(
 
 
 def _equations(matrix: FloatArray) -> Any:
-    """[J^T, -I, I] of J^T, shape (n, m + 2 n); sparse where there are many rows, as `with_slacks`."""
+    """[J^T, -I, I] of J^T, shape (n, m + 2 n); sparse where there are many rows."""
     n, m = matrix.shape
     if m < MANY_ROWS:
         return np.hstack([matrix, -np.eye(n), np.eye(n)])
