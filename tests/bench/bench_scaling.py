@@ -1,6 +1,6 @@
 """What a fit costs as it grows: processor time, runs of the FMU, memory, and the exponents.
 
-    python -m tests.bench.bench_scaling [--quick] [--only TABLE [--size N ...]]
+    python -m tests.bench.bench_scaling [--quick] [--only TABLE [--size N ...] [--misfit WORD]]
 
 Synthetic data of the virtual laboratories, which share no code with the FMU; every job is a process
 of its own with one worker. Processor time is that of caller and worker, memory the most that each
@@ -20,6 +20,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -101,9 +102,10 @@ def prepared(kind: str, size: int, fmu: Path, folder: Path) -> Path:
     return offsets_campaign(folder, size if kind == "pairs" else max(size - 3, 1))
 
 
-def fitted(problem: ff.Problem) -> str:
+def fitted(problem: ff.Problem, misfit: str | None = None) -> str:
     """A fit without profiles; what it says of the width."""
-    fit = ff.fit(problem, starts=1)
+    method = replace(ff.Tikhonov.of(problem.options), **({"misfit": misfit} if misfit else {}))
+    fit = ff.fit(problem, method, starts=1)
     width = fit["width_plus"]
     return f"{fit.status}, width {width.value:.4g} ± {width.std:.2g} Hz"
 
@@ -131,15 +133,18 @@ def at_work(path: Path, fmu: Path, work: Callable[[ff.Problem], str]) -> Job:
     return Job(spent_s(), runs, memory_mb("self", "VmHWM"), worker_mb, word)
 
 
-def measured(kind: str, path: Path, fmu: Path) -> Job:
+def measured(kind: str, path: Path, fmu: Path, further: Sequence[str]) -> Job:
     """The same in a process of its own."""
     words = [sys.executable, "-m", "tests.bench.bench_scaling", "--job", kind, str(path), str(fmu)]
+    words += further
     done = subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True)
     return Job(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def table(kind: str, sizes: Sequence[int], fmu: Path, folder: Path) -> None:
-    """Print a table."""
+def table(
+    kind: str, sizes: Sequence[int], fmu: Path, folder: Path, further: Sequence[str] = ()
+) -> None:
+    """Print a table; ``further`` words go with each job."""
     print(
         f"\n| {kind} | processor time, s | exponent | runs of the FMU | exponent | caller, MB | "
         "worker, MB | outcome |\n|---|---|---|---|---|---|---|---|",
@@ -147,7 +152,7 @@ def table(kind: str, sizes: Sequence[int], fmu: Path, folder: Path) -> None:
     )
     before: tuple[int, Job] | None = None
     for size in sizes:
-        job = measured(kind, prepared(kind, size, fmu, folder / f"{kind}{size}"), fmu)
+        job = measured(kind, prepared(kind, size, fmu, folder / f"{kind}{size}"), fmu, further)
         time_word = runs_word = "-"
         if before is not None:
             larger = math.log(size / before[0])
@@ -210,18 +215,20 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--only", choices=[*SIZES, "memory", "laboratories"])
     parser.add_argument("--size", type=int, action="append", help="other sizes; with --only")
+    parser.add_argument("--misfit", choices=["slack", "squares"], help="of fits, if not the usual")
     parser.add_argument("--job", nargs=3, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.job:
         kind, path, fmu = args.job
-        work = identified if kind == "pairs" else fitted
+        work = identified if kind == "pairs" else partial(fitted, misfit=args.misfit)
         print(json.dumps(vars(at_work(Path(path), Path(fmu), work))))
         return 0
+    further = ["--misfit", args.misfit] if args.misfit else []
     with tempfile.TemporaryDirectory() as name:
         fmu = build_fmu.build("CoupledOscillator", Path(name))
         for kind, (whole, quick) in SIZES.items():
             if args.only in (None, kind):
-                table(kind, args.size or (quick if args.quick else whole), fmu, Path(name))
+                table(kind, args.size or (quick if args.quick else whole), fmu, Path(name), further)
         if args.only in (None, "memory"):
             memory(args.size or MEMORY[args.quick], fmu, Path(name))
         if args.only in (None, "laboratories"):
