@@ -104,7 +104,8 @@ def prepared(kind: str, size: int, fmu: Path, folder: Path) -> Path:
 
 def fitted(problem: ff.Problem, misfit: str | None = None) -> str:
     """A fit without profiles; what it says of the width."""
-    method = replace(ff.Tikhonov.of(problem.options), **({"misfit": misfit} if misfit else {}))
+    method = ff.Tikhonov.of(problem.options)
+    method = replace(method, misfit=misfit or method.misfit)
     fit = ff.fit(problem, method, starts=1)
     width = fit["width_plus"]
     return f"{fit.status}, width {width.value:.4g} ± {width.std:.2g} Hz"

@@ -14,15 +14,22 @@ from bokeh.models import (
     ColorBar,
     ColumnDataSource,
     FixedTicker,
+    Glyph,
+    GlyphRenderer,
     HoverTool,
     Label,
+    Line,
     LinearColorMapper,
     LogColorMapper,
+    MultiLine,
     Node,
+    Quad,
     Range1d,
+    Scatter,
     Span,
     WheelZoomTool,
 )
+from bokeh.models import Patch as Area
 from bokeh.plotting import figure as new_plot
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -189,7 +196,7 @@ def _series(plot: Any, axes: Axes) -> list[Curve]:
         else:
             if look.dash and not isinstance(shown.artist, PathCollection):
                 source = _source([shown])
-                line = plot.line("x", "y", source=source, name=shown.label or None, **look.line)
+                line = _drawn(plot, source, Line(x="x", y="y", **look.line), shown.label)
                 found.append(Curve(line, shown.label, look))
                 read += [] if look.marker else [line]
             if look.marker:
@@ -197,7 +204,7 @@ def _series(plot: Any, axes: Axes) -> list[Curve]:
     if cells:
         found.append(_map(plot, cells, along_axes(axes)))
     for (label, look), alike in marks.items():
-        made = plot.scatter("x", "y", source=_source(alike), name=label or None, **look.marks)
+        made = _drawn(plot, _source(alike), Scatter(x="x", y="y", **look.marks), label)
         found.append(Curve(made, label, look))
         read.append(made)
     if read:
@@ -207,6 +214,13 @@ def _series(plot: Any, axes: Axes) -> list[Curve]:
         exact = {"@x": "printf", "@y": "printf"}
         plot.add_tools(HoverTool(renderers=read, tooltips=tips, formatters=exact))
     return found
+
+
+def _drawn(plot: Any, source: Any, glyph: Glyph, name: str = "") -> Any:
+    """What draws it. Methods of a plot make two more looks, for what nobody selects or mutes."""
+    made = GlyphRenderer(data_source=source, glyph=glyph, name=name or None)
+    plot.renderers.append(made)
+    return made
 
 
 def _source(alike: Iterable[Shown]) -> Any:
@@ -219,7 +233,7 @@ def _bars(plot: Any, shown: Shown, look: Look) -> Any:
     xs = [part[:, 0].tolist() for part in shown.parts]
     ys = [part[:, 1].tolist() for part in shown.parts]
     source = ColumnDataSource({"xs": xs, "ys": ys})
-    return plot.multi_line("xs", "ys", source=source, name=shown.label or None, **look.line)
+    return _drawn(plot, source, MultiLine(xs="xs", ys="ys", **look.line), shown.label)
 
 
 def _map(plot: Any, cells: list[Shown], along: list[str]) -> Curve:
@@ -245,7 +259,7 @@ def _map(plot: Any, cells: list[Shown], along: list[str]) -> Curve:
     mapper = kind(palette=palette, low=first.norm.vmin, high=first.norm.vmax)
     colour = {"field": "value", "transform": mapper}
     sides = {name: name for name in edges}
-    made = plot.quad(**sides, source=source, fill_color=colour, line_color=colour)
+    made = _drawn(plot, source, Quad(**sides, fill_color=colour, line_color=colour))
     made.level = "underlay"
     plot.xgrid.visible = plot.ygrid.visible = False
     bar = ColorBar(color_mapper=mapper, title=cells[0].colours or None, height=10, padding=4)
@@ -309,13 +323,9 @@ def _bands(plot: Any, axes: Axes) -> list[Curve]:
             for path in area.get_paths():
                 x, y = np.asarray(path.vertices, float).T
                 kept = np.isfinite(x) & np.isfinite(y)
-                made = plot.patch(
-                    x[kept].tolist(),
-                    y[kept].tolist(),
-                    color=look.fill,
-                    fill_alpha=look.alpha,
-                    line_color=None,
-                )
+                source = ColumnDataSource({"x": x[kept].tolist(), "y": y[kept].tolist()})
+                filled = {"fill_color": look.fill, "fill_alpha": look.alpha, "line_color": None}
+                made = _drawn(plot, source, Area(x="x", y="y", **filled))
                 found.append(Curve(made, _name(area), look))
     for patch in axes.patches:
         place = _edges(patch, axes)
