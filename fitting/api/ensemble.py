@@ -18,7 +18,9 @@ from typing import Any
 import fitting
 from fitting.api.choices import CURVES
 from fitting.api.ensemble_item import EnsembleOptions, Item, Kept, Laboratory, kept_digests, solved
+from fitting.api.fitted import known_values, require_values
 from fitting.api.fmu import Fmu
+from fitting.api.problem import Problem
 from fitting.api.written import ENSEMBLE_FILES, ITEMS_FILE
 from fitting.campaign import WrittenFmu
 from fitting.engine.files import NeededFile
@@ -150,6 +152,8 @@ def ensemble(
     """
     asked = options or EnsembleOptions()
     folder = None if out is None else Path(out)
+    if isinstance(of, Laboratories) and asked.values:
+        _require_values(of, fmu, asked.values)
     with ExitStack() as stack:
         if folder is not None:
             stack.enter_context(results_folder(folder, "ensemble", (*ENSEMBLE_FILES, ITEMS_FILE)))
@@ -228,6 +232,17 @@ class _Job:
     synthetic: bool
     items: tuple[Item, ...]
     fingerprint: str
+
+
+def _require_values(of: Laboratories, fmu: Fmu | str | Path | None, names: Sequence[str]) -> None:
+    """Laboratories are alike: a value that the first one has not would be missed in all of them."""
+    with Scratch() as folder:
+        path, opened_fmu, _ = first_campaign(of, fmu, folder)
+        try:
+            record = Problem.of(path, opened_fmu).record
+        finally:
+            opened_fmu.workers.close()
+    require_values(names, known_values(record), "value")
 
 
 class _Done:

@@ -24,6 +24,7 @@ from fitting.fit.fit import Hooks, Memory, Progress, Status, promised_anew, solv
 from fitting.fit.likelihood.likelihood import Spent
 from fitting.fit.options import Options, usual_misfit
 from fitting.fit.path import HistoryRow
+from fitting.fit.problem import Problem as Record
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
 from fitting.inference.error_bars import EVEN, error_bars
@@ -588,11 +589,7 @@ def profile(
     begun = time.perf_counter()
     asked = (names,) if isinstance(names, str) else tuple(names or ())
     record = fit.problem.record
-    own = [p.name for p in record.parameters if not p.experiments]
-    known = [*own, *record.outputs] if record.campaigns else list(fit.values)
-    for name in asked:
-        if name not in known:
-            raise BadInput(f"profile: no value '{name}'{did_you_mean(name, sorted(known))}")
+    require_values(asked, known_values(record) if record.campaigns else list(fit.values), "profile")
     request = InferenceRequest(
         units=fit.identity.units,
         budget=budget,
@@ -606,6 +603,32 @@ def profile(
         again = Fit(fit.problem, found.fit, fit.seconds)
         again.command, fit = fit.command, again
     return Inference(fit, found, time.perf_counter() - begun)
+
+
+def known_values(record: Record) -> list[str]:
+    """Names of the values that a fit of campaigns will have: those of the whole sample.
+
+    Args:
+        record: of the problem.
+    """
+    own = [p.name for p in record.parameters if not p.experiments]
+    return [*own, *record.outputs]
+
+
+def require_values(names: Sequence[str], known: Sequence[str], where: str) -> None:
+    """Refuse a name of a value that there will not be.
+
+    Args:
+        names: that were asked for.
+        known: of the values.
+        where: what complaints begin with.
+
+    Raises:
+        BadInput: there is no such value.
+    """
+    for name in names:
+        if name not in known:
+            raise BadInput(f"{where}: no value '{name}'{did_you_mean(name, sorted(known))}")
 
 
 def _value(

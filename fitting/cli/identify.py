@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole_number(1),
         default=BUDGET,
         metavar="N",
-        help=f"runs of the FMU at most; values whose search they cut say so ({BUDGET})",
+        help=f"about so many runs of the FMU; values whose search they cut say so ({BUDGET})",
     )
     parser.add_argument(
         "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"

@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole_number(1),
         default=BUDGET,
         metavar="N",
-        help="runs of the FMU for profiles at most; values whose search they cut say so "
+        help="about so many runs of the FMU for profiles; values whose search they cut say so "
         f"({BUDGET})",
     )
     parser.add_argument(

@@ -5,10 +5,12 @@ Files go to each worker once, also to those that come later, and are known there
 
 from __future__ import annotations
 
+import logging
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from distributed import Client, KilledWorker, Worker, WorkerPlugin
 
@@ -46,6 +48,37 @@ class Files(WorkerPlugin):
 
 
 @contextmanager
+def _quiet() -> Iterator[None]:
+    """No traceback of a scheduler that is lost: who waits for its results is told that."""
+    logger = logging.getLogger("distributed.client")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def _no_scheduler(address: str, why: str) -> str:
+    return (
+        f"scheduler: found {address!r}, {why}; wanted the address of a dask scheduler, as "
+        "tcp://10.0.0.1:8786"
+    )
+
+
+def _require_address(address: str) -> None:
+    """A host and a port: a client that is made without waits for a minute when it goes."""
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        # one of the same process, as "inproc://10.0.0.1/7/1", has no port
+        known = parts.scheme == "inproc" or None not in (parts.hostname, parts.port)
+    except ValueError as error:
+        raise BadInput(_no_scheduler(address, str(error))) from error
+    if not known:
+        raise BadInput(_no_scheduler(address, "which has no host and port"))
+
+
+@contextmanager
 def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
     """The workers of a scheduler, each with its copy of some files.
 
@@ -59,16 +92,14 @@ def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
     Raises:
         BadInput: no scheduler there, or a worker that cannot be used.
     """
+    _require_address(scheduler)
     contents = {file: read_whole(Path(file.path)) for file in files}
     name = f"fmu-fit-{secrets.token_hex(8)}"  # of this ensemble alone, which takes it back
     try:
         client = Client(scheduler, timeout=CONNECTING_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise BadInput(
-            f"scheduler: found {scheduler!r}, {error or 'no answer'}; wanted the address of a dask "
-            "scheduler, as tcp://10.0.0.1:8786"
-        ) from error
-    with client:
+        raise BadInput(_no_scheduler(scheduler, str(error) or "no answer")) from error
+    with _quiet(), client:
         try:
             client.register_plugin(Files(contents), name=name)
         except Exception as error:  # of any kind: it comes from the workers
@@ -79,5 +110,5 @@ def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
             yield Place(executor, (KilledWorker,), repeats=0, ahead=ahead)
         finally:
             executor.shutdown(wait=False)
-            with suppress(OSError):  # the scheduler may be gone
+            with suppress(Exception):  # of any kind, where the scheduler is gone
                 client.unregister_worker_plugin(name)

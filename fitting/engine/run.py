@@ -6,7 +6,14 @@ Nothing of an item is kept once its result is out; what waits is bounded.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -93,6 +100,8 @@ def run(
                     else:
                         yield Ended(tried.item, None, str(lost) or type(lost).__name__)
                     continue
+                except CancelledError:  # nobody here has cancelled what is waited for
+                    raise BrokenExecutor("it has given up what it had been handed") from None
                 yield Ended(tried.item, result)
     finally:
         for future in under_way:

@@ -93,6 +93,7 @@ REFUSED = [
     (["--series", "q1", "--no-profiles", "--value", "d1"], "--value: has no meaning"),
     (["--series", "q1", "--laboratories", "0"], "wanted a whole number of at least 1"),
     (["--series", "q1", "--workers", "2", "--scheduler", "tcp://a:1"], "not allowed with"),
+    (["--series", "transmission", "--value", "lambda"], "no value 'lambda'; there is: Q_plus"),
     (["--like", "none.toml"], "truth.toml: no such file"),
     (["none"], "none: no such file"),
     (["--series", "q1", "--fmu", "none.fmu"], "none.fmu: no such file"),

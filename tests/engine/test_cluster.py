@@ -25,6 +25,20 @@ def test_without_the_package_it_is_named(monkeypatch: pytest.MonkeyPatch) -> Non
         pass
 
 
+@pytest.mark.parametrize("address", ["nonsense", "localhost", "tcp://a:b", "tcp://", "http://"])
+def test_an_address_without_host_and_port_is_refused_before_a_client_is_made(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="fmu-fit[cluster] is not installed")
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("a client that finds nobody hangs when it goes")
+
+    monkeypatch.setattr("fitting.engine.cluster.Client", never)
+    with pytest.raises(BadInput, match=f"found '{address}', .*wanted"), opened(address, ()):
+        pass
+
+
 def test_a_worker_of_another_version_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -50,6 +50,26 @@ def test_no_more_than_a_few_are_under_way() -> None:
     assert {first.result, *rest} == {(k, k * k) for k in range(30)}
 
 
+class GivesUp(Late):
+    """Does so many, and lets go of the rest, as a cluster without its scheduler."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future = super().submit(fn, *args, **kwargs)
+        if len(self.waiting) == self.most - 1:
+            one, call = self.waiting.pop(0)
+            one.set_result(call())
+            for other, _ in self.waiting:
+                other.cancel()
+                other.set_running_or_notify_cancel()
+        return future
+
+
+def test_an_executor_that_lets_go_of_its_items_takes_no_more() -> None:
+    results = run(work.squared, [Piece(k) for k in range(3)], Place(GivesUp(4), ahead=3))
+    with pytest.raises(BrokenExecutor, match="given up"):
+        list(results)
+
+
 def test_what_has_not_begun_is_left_when_nobody_asks_on() -> None:
     with ThreadPoolExecutor(1) as pool:
         results = run(work.squared, (Piece(k) for k in range(100)), Place(pool, ahead=3))

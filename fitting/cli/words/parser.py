@@ -39,14 +39,15 @@ COMMANDS = {
 PROGRAM = "fmu-fit"
 #: What the exit codes mean, for --help and the documentation.
 EXIT_CODES = {
-    0: "done, converged, and the model describes the data",
+    0: "done, converged, and the model describes the data; values whose search a budget has cut "
+    "say so",
     1: "ended without convergence, or before all was done (interrupted, no profiles): results are "
     "written and say so",
     2: "bad input",
     3: "the FMU failed",
     4: "done, but the model does not describe the data",
     70: "a fault of this program: the traceback is kept in a file that is named",
-    130: "another command than reconstruct was interrupted",
+    130: "interrupted before there was anything to write",
 }
 #: An example that reads a shipped campaign, as a campaign of one's own.
 SHIPPED = re.compile(r" (\w+)/campaign\.toml")
