@@ -121,6 +121,8 @@ def test_a_dry_run_writes_nothing(
     assert "2 n + 1 = 13 for 6 parameters" in ended.out
     assert json.loads(document.out)["expected"]["parameters"] == 6
     assert list(tmp_path.iterdir()) == []
+    assert "--budget" not in ended.out
+    assert "--budget: profiles end at about 500 runs" in told(*words, "--budget", "500").out
 
 
 def test_what_is_no_problem_is_refused() -> None:

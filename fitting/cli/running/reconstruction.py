@@ -163,6 +163,8 @@ def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
         )
     hand_over(args, found)
     print(*cost_lines(found.seconds, found.runs, found.expected), sep="\n")
+    if not args.no_profiles and args.budget < found.runs[1]:
+        print(f"--budget: profiles end at about {args.budget:,} runs, whatever they need")
     planning = (found.planning_runs, found.planning_s)
     each = (found.runs_each, found.seconds_each)
     print(*measured_lines(planning, each, found.workers, found.memory_bytes), sep="\n")
