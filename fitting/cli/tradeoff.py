@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--campaign", type=Path, metavar="CAMPAIGN.toml", help="a campaign, through its own FMU"
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for results")
-    parser.add_argument("--quick", action="store_true", help="a coarse grid, under a minute")
+    parser.add_argument("--quick", action="store_true", help="a coarse grid")
     parser.add_argument("--resume", action="store_true", help="go on from the finished settings")
     place = parser.add_mutually_exclusive_group()
     place.add_argument(
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @writes(NAME, *STUDY_FILES)
 def run(args: argparse.Namespace) -> int:
-    """Measure and write; returns 0, or 1 if interrupted with something to show.
+    """Measure and write; returns 0, or 1 if interrupted once there was a reference.
 
     Raises:
         BadInput: scene, campaign, FMU or scheduler are not what they should be.

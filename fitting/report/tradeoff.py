@@ -45,9 +45,10 @@ def page_of(study: Study, figures: Sequence[FigureFile]) -> Page:
         Section(
             "accuracies", title, paragraphs=(text,), tables=tuple(choice_tables(study).values())
         ),
-        Section("figure", "The whole trade", figures=tuple(figures)),
-        _fronts(study),
     ]
+    if figures:
+        sections.append(Section("figure", "The whole trade", figures=tuple(figures)))
+    sections.append(_fronts(study))
     if study.notes:
         sections.append(Section("plan", "What the plan says", points=study.notes))
     origin = pairs_table("Provenance", ("what", "value"), study.provenance)

@@ -6,6 +6,7 @@ Real processes and real signals; what is waited for are files and processes, nev
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from fitting.fit import checkpoint
+from fitting.lab.tradeoff.study import CHECKPOINT_NAME
 from fitting.result.result import read_result
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.processes import Job, wait_until
@@ -112,6 +114,22 @@ def test_ends_during_the_profiles_keep_the_fit(
     assert any("profiles were done" in text for text in late.warnings)
     assert "go on with: " in out
     assert (result.parent / checkpoint.NAME).exists()
+    assert job.left_behind() == []
+
+
+def test_an_end_of_several_processes_shows_the_settings_so_far(tmp_path: Path) -> None:
+    """Also where it comes while the processes start, and no setting has ended."""
+    out = tmp_path / "out"
+    words = ["tradeoff", "--scene", "low-q", "--quick", "--workers", "2", "--out", str(out)]
+    with Job(words, tmp_path / "tmp") as job:
+        wait_until((out / CHECKPOINT_NAME).exists, "the reference")
+        wait_until(lambda: len(job.workers()) > 1, "the processes that measure settings")
+        job.send(signal.SIGINT)
+        code, shown, err = job.ended()
+    assert code == 1, err
+    assert re.search(r"^interrupted: \d+ of 144 settings; --resume goes on\.$", shown, re.M)
+    assert (out / "tradeoff.md").exists()
+    assert (out / CHECKPOINT_NAME).exists()
     assert job.left_behind() == []
 
 

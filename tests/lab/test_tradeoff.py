@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import build_fmu
+from fitting.api.tradeoff import write_tradeoff
 from fitting.cli.main import main
 from fitting.fmu import FmuWorkers
 from fitting.lab import exact as exact_modes
@@ -25,10 +26,12 @@ from fitting.lab.tradeoff.bench import Bench, Patience, largest_lines, read, win
 from fitting.lab.tradeoff.extrapolation import closed_orbits, stepped_setting
 from fitting.lab.tradeoff.front import cheapest, pareto
 from fitting.lab.tradeoff.quantities import error_of, values_of
-from fitting.lab.tradeoff.records import COHERENT, Cost, Measurement, Setting
+from fitting.lab.tradeoff.records import COHERENT, Cost, Measurement, Setting, Study
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import SENSOR, STRING, STRING_TONES, scene_named
 from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study
+from fitting.report.tables.tradeoff import markdown, terminal
+from fitting.report.tradeoff import page_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import reference
@@ -273,6 +276,48 @@ def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Pat
         assert a.extrapolated or a.error == b.error
     with pytest.raises(BadInput, match="belongs to other data"):
         Memory(tmp_path, "another job").resume()
+
+
+def halfway(*measurements: Measurement, status: str = "interrupted") -> Study:
+    return Study(
+        scene="low-q",
+        title="Sensor",
+        synthetic=True,
+        description="linear",
+        references=(),
+        measurements=measurements,
+        accuracies=(1e-2, 1e-6),
+        status=status,
+        message="some settings.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("status", "wanted", "unwanted"),
+    [
+        ("interrupted", ("not yet", "none so far"), ("not reached", "no promise")),
+        ("finished", ("not reached", "no promise"), ("not yet", "none so far")),
+    ],
+)
+def test_what_may_still_come_is_not_told_as_missed(
+    status: str, wanted: tuple[str, str], unwanted: tuple[str, str]
+) -> None:
+    setting = Setting(quantity=AMPLITUDES, solver="exact", window_s=1.0, samples=8)
+    rough = Measurement(setting=setting, error=1e-3, cost=Cost(seconds=1.0, repeats=1))
+    study = halfway(rough, replace(rough, planned_for=1e-2), status=status)
+    shown = "\n".join(terminal(study))
+    assert wanted[0] in shown
+    for text in (shown, markdown(study), repr(page_of(study, ()))):
+        assert not any(words in text for words in unwanted)
+    for text in (markdown(study), repr(page_of(study, ()))):
+        assert all(words in text for words in wanted)
+
+
+def test_a_study_that_ended_before_its_first_setting_is_written(tmp_path: Path) -> None:
+    names = [path.name for path in write_tradeoff(halfway(), tmp_path)]
+    assert names == ["tradeoff.csv", "tradeoff.md", "report.html"]
+    assert rows(tmp_path) == []
+    assert "The whole trade" not in (tmp_path / "report.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

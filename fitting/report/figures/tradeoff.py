@@ -53,12 +53,14 @@ HEADINGS = {
 
 
 def save_figures(study: Study, folder: Path) -> list[FigureFile]:
-    """Draw and write the figure of a study.
+    """Draw and write the figure of a study; none of one that ended before its first setting.
 
     Args:
         study: errors and costs of every setting.
         folder: where the files go.
     """
+    if not study.measurements:
+        return []
     with style():
         return [save(draw(study), folder, for_page=True)]
 

@@ -135,22 +135,8 @@ def _or_empty(value: float | None) -> float | str:
     return "" if value is None else value
 
 
-CHOICE: tuple[Column[Choice], ...] = (
-    Column("accuracy", lambda c: number(c.accuracy, 2), role="name"),
-    Column(
-        "cheapest settings",
-        lambda c: words(c.cheapest.setting) if c.cheapest else "not reached",
-        role="words",
-    ),
-    Column("error", lambda c: error_text(c.cheapest)),
-    Column("cost", lambda c: cost_text(c.cheapest)),
-)
-PLANNED: tuple[Column[Choice], ...] = (
-    Column("plan", lambda c: words(c.planned.setting) if c.planned else "no promise", role="words"),
-    Column("its error", lambda c: _planned_error(c)),
-    Column("its cost", lambda c: cost_text(c.planned)),
-    Column("ratio", lambda c: number(c.ratio, 2) if c.ratio is not None else "–"),
-)
+#: What is said where no setting has the accuracy, and where there is no plan's.
+ALL_TRIED, SO_FAR = ("not reached", "no promise"), ("not yet", "none so far")
 FRONT: tuple[Column[Measurement], ...] = (
     Column("error", error_text),
     Column("cost", cost_text),
@@ -160,6 +146,30 @@ FRONT: tuple[Column[Measurement], ...] = (
     Column("getReal", lambda m: str(m.cost.reads)),
     Column("settings", lambda m: words(m.setting), role="words"),
 )
+
+
+def _choice_columns(unreached: str) -> tuple[Column[Choice], ...]:
+    return (
+        Column("accuracy", lambda c: number(c.accuracy, 2), role="name"),
+        Column(
+            "cheapest settings",
+            lambda c: words(c.cheapest.setting) if c.cheapest else unreached,
+            role="words",
+        ),
+        Column("error", lambda c: error_text(c.cheapest)),
+        Column("cost", lambda c: cost_text(c.cheapest)),
+    )
+
+
+def _plan_columns(unplanned: str) -> tuple[Column[Choice], ...]:
+    return (
+        Column(
+            "plan", lambda c: words(c.planned.setting) if c.planned else unplanned, role="words"
+        ),
+        Column("its error", _planned_error),
+        Column("its cost", lambda c: cost_text(c.planned)),
+        Column("ratio", lambda c: number(c.ratio, 2) if c.ratio is not None else "–"),
+    )
 
 
 def _planned_error(choice: Choice) -> Cell:
@@ -174,13 +184,15 @@ def choice_tables(study: Study) -> dict[str, Table]:
     Args:
         study: errors and costs of every setting.
     """
+    unreached, unplanned = SO_FAR if study.status == "interrupted" else ALL_TRIED
+    columns, plans = _choice_columns(unreached), _plan_columns(unplanned)
     rows: dict[str, list[Choice]] = {}
     for choice in choices(study):
         rows.setdefault(choice.quantity, []).append(choice)
     return {
         quantity: tabulate(
             f"For this accuracy: these settings ({quantity})",
-            (*CHOICE, *PLANNED) if any(choice.planned for choice in found) else CHOICE,
+            (*columns, *plans) if any(choice.planned for choice in found) else columns,
             found,
             reference_sentence(study, quantity),
         )
