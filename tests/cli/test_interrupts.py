@@ -123,7 +123,7 @@ def test_an_end_of_several_processes_shows_the_settings_so_far(tmp_path: Path) -
     words = ["tradeoff", "--scene", "low-q", "--quick", "--workers", "2", "--out", str(out)]
     with Job(words, tmp_path / "tmp") as job:
         wait_until((out / CHECKPOINT_NAME).exists, "the reference")
-        wait_until(lambda: len(job.workers()) > 1, "the processes that measure settings")
+        wait_until(lambda: any(job.temporary.rglob("process1")), "the second process")
         job.send(signal.SIGINT)
         code, shown, err = job.ended()
     assert code == 1, err

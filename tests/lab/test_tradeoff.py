@@ -303,7 +303,7 @@ def test_what_may_still_come_is_not_told_as_missed(
     status: str, wanted: tuple[str, str], unwanted: tuple[str, str]
 ) -> None:
     setting = Setting(quantity=AMPLITUDES, solver="exact", window_s=1.0, samples=8)
-    rough = Measurement(setting=setting, error=1e-3, cost=Cost(seconds=1.0, repeats=1))
+    rough = Measurement(setting=setting, error=1e-3, cost=Cost(seconds=1.0, cpu_s=1.0, repeats=1))
     study = halfway(rough, replace(rough, planned_for=1e-2), status=status)
     shown = "\n".join(terminal(study))
     assert wanted[0] in shown
