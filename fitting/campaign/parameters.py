@@ -235,17 +235,11 @@ def search_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArr
     Args:
         parameters: the fitted parameters.
     """
-    return _kept(parameters, "search lower", _search_lower), _kept(
-        parameters, "search upper", _search_upper
-    )
+    return _searched(parameters, "lower"), _searched(parameters, "upper")
 
 
-def _search_lower(parameters: Sequence[Parameter]) -> FloatArray:
-    return to_search(parameters, _column(parameters, "lower"))
-
-
-def _search_upper(parameters: Sequence[Parameter]) -> FloatArray:
-    return to_search(parameters, _column(parameters, "upper"))
+def _searched(parameters: Sequence[Parameter], side: str) -> FloatArray:
+    return _kept(parameters, f"search {side}", lambda ps: to_search(ps, _column(ps, side)))
 
 
 def in_box(parameters: Sequence[Parameter], search: FloatArray) -> bool:
