@@ -8,7 +8,7 @@ import json
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import BrokenExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -24,7 +24,7 @@ from fitting.api.problem import Problem
 from fitting.api.written import ENSEMBLE_FILES, ITEMS_FILE
 from fitting.campaign import WrittenFmu
 from fitting.engine.files import NeededFile
-from fitting.engine.place import opened
+from fitting.engine.place import Where, opened
 from fitting.engine.run import run
 from fitting.fmu.models import provide_fmu
 from fitting.lab.bench import Bench
@@ -122,7 +122,7 @@ def ensemble(
     fmu: Fmu | str | Path | None = None,
     options: EnsembleOptions | None = None,
     *,
-    executor: Executor | str | int | None = None,
+    executor: Where | None = None,
     out: str | Path | None = None,
     progress: Callable[[Progress], None] = lambda _: None,
 ) -> Ensemble:
@@ -237,7 +237,7 @@ class _Job:
 def _require_values(of: Laboratories, fmu: Fmu | str | Path | None, names: Sequence[str]) -> None:
     """Laboratories are alike: a value that the first one has not would be missed in all of them."""
     with Scratch() as folder:
-        path, opened_fmu, _ = first_campaign(of, fmu, folder)
+        path, opened_fmu, _ = first_campaign(replace(of, count=1), fmu, folder)
         try:
             record = Problem.of(path, opened_fmu).record
         finally:
