@@ -9,7 +9,6 @@ import time
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from multiprocessing import connection
 from pathlib import Path
 from types import TracebackType
@@ -245,10 +244,9 @@ class FmuWorkers:
             self._kill(number)
 
     def _shares(self, n: int) -> dict[int, list[int]]:
-        """Runs by worker: neighbours together, as equal as can be."""
-        edges = [n * k // len(self._open.processes) for k in range(len(self._open.processes) + 1)]
-        shares = enumerate(pairwise(edges))
-        return {number: list(range(a, b)) for number, (a, b) in shares if a < b}
+        """Runs by worker, dealt in turn: those of one measurement may cost many times another's."""
+        count = len(self._open.processes)
+        return {number: list(range(number, n, count)) for number in range(min(n, count))}
 
     def _start_missing(self) -> None:
         for number, worker in enumerate(self._open.processes):

@@ -104,24 +104,19 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     Cycles and angles are not mixed: Hz to rad/s is refused instead of being taken for 1:1.
     Raises BadInput, beginning with ``where``, if a unit is unknown or the two do not fit.
     """
-    source = _unit(unit)
+    if unit == wanted:  # also a private unit name of the FMU, used as the FMU writes it
+        return value
+    source, target = _pair(unit, wanted)
     if source is None:
-        if unit == wanted:  # a private unit name of the FMU, used as the FMU writes it
-            return value
         raise BadInput(f"{where}: there is no unit {unit!r}{_instead(wanted)}")
-    if wanted is None:
-        target = _registry().get_base_units(source, check_nonmult=False)[1]
-    elif (found := _unit(wanted)) is not None:
-        target = found
-    else:
+    if target is None:
         raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} as the FMU writes it")
-    if source.dimensionality != target.dimensionality or _angles(source) != _angles(target):
+    if not _fit(source, target):
         raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} or one convertible to it")
     if source == target or not math.isfinite(value):
         return value
     try:
-        made = _registry().Quantity(Decimal(repr(float(value))), source).to(target).magnitude
-        converted = float(made)
+        converted = float(_converted(Decimal(repr(float(value))), source, target))
     except TypeError as error:  # logarithmic units (dBm) have no decimal arithmetic
         raise BadInput(f"{where}: {unit!r} to {wanted!r} is not a linear conversion") from error
     except ArithmeticError:  # powers beyond all exponents
@@ -129,6 +124,42 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if not math.isfinite(converted):
         raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
     return converted
+
+
+@cache
+def _pair(unit: str, wanted: str | None) -> tuple[pint.Unit | None, pint.Unit | None]:
+    """Units by their names, the SI base units of the first where no other one is wanted."""
+    source = _unit(unit)
+    if source is None or wanted is not None:
+        return source, None if wanted is None else _unit(wanted)
+    target: Any = _registry().get_base_units(source, check_nonmult=False)[1]
+    return source, target
+
+
+@cache
+def _fit(source: pint.Unit, target: pint.Unit) -> bool:
+    """Whether two units are of one kind, angles and plain numbers told apart."""
+    return source.dimensionality == target.dimensionality and _angles(source) == _angles(target)
+
+
+def _converted(value: Decimal, source: pint.Unit, target: pint.Unit) -> Decimal:
+    factor = _factor(source, target)
+    return _by_pint(value, source, target) if factor is None else value * factor
+
+
+@cache
+def _factor(source: pint.Unit, target: pint.Unit) -> Decimal | None:
+    """What values of a unit are multiplied by, as files have thousands; None where that is not all.
+
+    Degrees Celsius have an offset besides.
+    """
+    zero, one = (_by_pint(Decimal(value), source, target) for value in (0, 1))
+    return None if zero else one
+
+
+def _by_pint(value: Decimal, source: pint.Unit, target: pint.Unit) -> Decimal:
+    quantity: Any = _registry().Quantity(value, source)
+    return quantity.to(target).magnitude  # type: ignore[no-any-return]
 
 
 def is_frequency(unit: str) -> bool:
