@@ -7,6 +7,7 @@ alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -34,7 +35,8 @@ class FmuResponse:
 
     `models` drive the FMU, by series; `derived` names the outputs that are read, by series. Of one
     batch equal runs are simulated once: a parameter of one experiment costs a run, not a series,
-    and two outputs under the same drive share one.
+    and two outputs under the same drive share one. Outputs are read at about ``most_places`` at
+    most, evenly between all; None: at every place.
     """
 
     workers: Workers
@@ -42,6 +44,7 @@ class FmuResponse:
     measurements: tuple[Measurement, ...]
     models: Mapping[str, DrivenModel]
     derived: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    most_places: int | None = None
 
     def with_settings(self, settings: Mapping[str, Scalar]) -> FmuResponse:
         """The same response of the FMU with other start values.
@@ -167,7 +170,14 @@ class FmuResponse:
     @cached_property
     def _places(self) -> dict[str, list[tuple[str, Mapping[str, Scalar]]]]:
         """Labels and settings at which derived outputs are read, by series."""
-        return places_of_outputs(self.measurements)
+        places = places_of_outputs(self.measurements)
+        if self.most_places is None:
+            return places
+        share = min(1.0, self.most_places / max(1, sum(map(len, places.values()))))
+        return {
+            series: [found[k] for k in _evenly(len(found), math.ceil(share * len(found)))]
+            for series, found in places.items()
+        }
 
     def _outputs(
         self,
@@ -203,6 +213,16 @@ class FmuResponse:
         """
         return replace(self, measurements=measurements)
 
+    def read_at(self, most: int) -> FmuResponse:
+        """The same model, whose outputs are read at about so many places at most.
+
+        Args:
+            most: places, of all series together.
+        """
+        if sum(map(len, self._places.values())) <= most:
+            return self  # which knows what it has read
+        return replace(self, most_places=most)
+
     def misfit(self, p: FloatArray) -> float:
         """Largest relative deviation of any sampled run from mean plus tones.
 
@@ -219,3 +239,8 @@ class FmuResponse:
         return max(
             (tone_misfit(s.window, batch.samples(s.run, s.output)) for s in sampled), default=0.0
         )
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    """So many numbers below `count`, from the first to the last, evenly between."""
+    return [round(k) for k in np.linspace(0, count - 1, min(count, most))]

@@ -718,3 +718,16 @@ class DivisibleResponse(Response, Protocol):
             measurements: parts of those that it answers for.
         """
         ...
+
+
+@runtime_checkable
+class PlacedResponse(Response, Protocol):
+    """A response that can read derived outputs at fewer places than it was measured at."""
+
+    def read_at(self, most: int) -> Response:
+        """The same model, whose outputs are read at about so many places at most.
+
+        Args:
+            most: places, of all series together.
+        """
+        ...

@@ -1,7 +1,8 @@
 """What a derived output could be without any data: its range over the box of the parameters.
 
 Points of the box find where it is small and large, a compass search from the best of them goes on
-to the extremes: along every axis that the output depends on, by half the step where none helps.
+to the extremes: along every axis that the output depends on, by half the step where none helps. Of
+a long series the search reads some of the places, evenly between all; its ends are read at all.
 
 Source: T. Kolda, R. Lewis and V. Torczon, "Optimization by direct search", SIAM Review 45 (2003).
 """
@@ -9,19 +10,21 @@ Source: T. Kolda, R. Lewis and V. Torczon, "Optimization by direct search", SIAM
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds
 from fitting.fit.outputs import output_means, output_means_beyond
-from fitting.measurements.measurement import Response
-from fitting.text.arrays import BoolArray, FloatArray
+from fitting.measurements.measurement import PlacedResponse, Response
+from fitting.text.arrays import BoolArray, FloatArray, IntArray
 
 #: Seeded points of the box, and the most points of a grid over it, which holds its corners.
 BOX_SAMPLES, BOX_GRID = 64, 256
 #: The last step of the search, as a share of the box; rounds at most.
 LAST_STEP, ROUNDS = 2e-4, 60
+#: Places of a series at which a search reads outputs, at most about.
+MOST_PLACES = 32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +41,16 @@ class OutputRange:
     depends: BoolArray
 
 
-@dataclass(kw_only=True)
+@dataclass
 class _Climb:
-    """One search: the output, its sign (up or down), where it stands, its step."""
+    """One search: the output, its sign (up or down), where it stands, its axes, its step."""
 
     name: str
     sign: float
     x: FloatArray
     value: float
-    step: float
-    axes: list[int] = field(default_factory=list)
+    axes: IntArray
+    step: float = 0.1
 
     def nodes(self, lower: FloatArray, upper: FloatArray) -> list[FloatArray]:
         nodes = []
@@ -97,32 +100,19 @@ def output_ranges(
     samples[:, own] = spread
     points = [*known, *samples]
     names = tuple(output_means(response, parameters, points[:1]))
+    some = response.read_at(MOST_PLACES) if isinstance(response, PlacedResponse) else response
 
     def read(xs: Sequence[FloatArray]) -> dict[str, FloatArray]:
-        return output_means_beyond(response, parameters, xs, names)
+        return output_means_beyond(some, parameters, xs, names)
 
-    table = read(points)
-    ranges: dict[str, OutputRange] = {}
-    climbs: list[_Climb] = []
-    depends = _dependence(read, parameters, points[-3:], (lower, upper))
-    for name, values in table.items():
-        for sign in (-1.0, 1.0):
-            ranked = np.where(np.isfinite(values), sign * values, -np.inf)
-            best = int(np.argmax(ranked))
-            if np.isfinite(ranked[best]):
-                axes = [int(i) for i in np.flatnonzero(depends[name] & own)]
-                climbs.append(
-                    _Climb(
-                        name=name,
-                        sign=sign,
-                        x=points[best],
-                        value=float(values[best]),
-                        step=0.1,
-                        axes=axes,
-                    )
-                )
+    table, depends = read(points), _dependence(read, parameters, points[-3:], (lower, upper))
+    climbs = [
+        climb
+        for name, values in table.items()
+        for climb in _from_best(name, points, values, np.flatnonzero(depends[name]))
+    ]
     for _ in range(ROUNDS):
-        going = [c for c in climbs if c.step > LAST_STEP and c.axes]
+        going = [c for c in climbs if c.step > LAST_STEP and c.axes.size]
         if not going:
             break
         nodes = [c.nodes(lower, upper) for c in going]
@@ -131,19 +121,47 @@ def output_ranges(
         for climb, each in zip(going, nodes, strict=True):
             climb.update(each, answers[climb.name][at : at + len(each)])
             at += len(each)
-    found = {(c.name, c.sign): c for c in climbs}
-    nothing = np.full(lower.size, np.nan)
-    for name in table:
-        low, high = found.get((name, -1.0)), found.get((name, 1.0))
-        if low is None or high is None:
-            ranges[name] = OutputRange(
-                low=np.nan, high=np.nan, x_low=nothing, x_high=nothing, depends=depends[name]
-            )
-        else:
-            ranges[name] = OutputRange(
-                low=low.value, high=high.value, x_low=low.x, x_high=high.x, depends=depends[name]
-            )
-    return ranges
+    ends = [known[0], *(climb.x for climb in climbs)]
+    whole = output_means_beyond(response, parameters, ends, names)
+    return {name: _range_of(name, climbs, ends, whole[name], depends[name]) for name in table}
+
+
+def _from_best(
+    name: str, points: Sequence[FloatArray], values: FloatArray, axes: IntArray
+) -> list[_Climb]:
+    """Searches of an output from where it is least and greatest; none where it has no value."""
+    if not np.any(np.isfinite(values)):
+        return []
+    climbs = []
+    for sign in (-1.0, 1.0):
+        best = int(np.argmax(np.where(np.isfinite(values), sign * values, -np.inf)))
+        climbs.append(_Climb(name, sign, points[best], float(values[best]), axes))
+    return climbs
+
+
+def _range_of(
+    name: str,
+    climbs: Sequence[_Climb],
+    ends: Sequence[FloatArray],
+    values: FloatArray,
+    depends: BoolArray,
+) -> OutputRange:
+    """The range of an output whose searches ended there; the first end is that of none."""
+    mine = [0, *(1 + k for k, climb in enumerate(climbs) if climb.name == name)]
+    mine = [k for k in mine if np.isfinite(values[k])] if len(mine) > 1 else []
+    if not mine:
+        nothing = np.full(depends.size, np.nan)
+        return OutputRange(low=np.nan, high=np.nan, x_low=nothing, x_high=nothing, depends=depends)
+    backward = mine[::-1]  # the first known point only where it lies beyond the ends
+    low = min(backward, key=lambda k: float(values[k]))
+    high = max(backward, key=lambda k: float(values[k]))
+    return OutputRange(
+        low=float(values[low]),
+        high=float(values[high]),
+        x_low=ends[low],
+        x_high=ends[high],
+        depends=depends,
+    )
 
 
 def box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
@@ -170,25 +188,27 @@ def _dependence(
     bases: Sequence[FloatArray],
     room: tuple[FloatArray, FloatArray],
 ) -> dict[str, BoolArray]:
-    """Which parameters move an output, seen by steps from a few seeded points."""
+    """Which parameters move an output, seen by steps from a few seeded points; (n,) by name.
+
+    Those of single experiments, which stay where they are, count as if they did not.
+    """
     lower, upper = room
-    n = lower.size
+    own = np.flatnonzero([not p.experiments for p in parameters])
     nodes = []
     for base in bases:
         nodes.append(base)
-        for i in range(n):
+        for i in own:
             for share in (0.31, 0.87):
                 moved = base.copy()
                 moved[i] = lower[i] + share * (upper[i] - lower[i])
                 nodes.append(moved)
     found = {}
     for name, values in read(nodes).items():
-        rows = values.reshape(len(bases), 1 + 2 * n)
-        moves = np.zeros(n, dtype=bool)
-        for i in range(n):
-            for column in (1 + 2 * i, 2 + 2 * i):
-                moves[i] |= np.any(_differ(rows[:, 0], rows[:, column]))
-        found[name] = moves & np.array([not p.experiments for p in parameters])
+        rows = values.reshape(len(bases), 1 + 2 * own.size)
+        found[name] = np.zeros(lower.size, dtype=bool)
+        for k, i in enumerate(own):
+            for column in (1 + 2 * k, 2 + 2 * k):
+                found[name][i] |= np.any(_differ(rows[:, 0], rows[:, column]))
     return found
 
 
