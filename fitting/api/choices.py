@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.inference.budget import BUDGET
+from fitting.inference.budget import BUDGET, EVALUATIONS, usual_budget
 from fitting.lab.names import BENCHES, CROSSING, CURVES, PUMPED, QUANTITIES, SCENES, TRUTH_NAME
 from fitting.text.choices import CRITERIA, ESTIMATORS, MISFITS, STYLES
 
@@ -12,6 +12,7 @@ __all__ = [
     "CROSSING",
     "CURVES",
     "ESTIMATORS",
+    "EVALUATIONS",
     "MISFITS",
     "PUMPED",
     "QUANTITIES",
@@ -19,6 +20,7 @@ __all__ = [
     "SERIES",
     "STYLES",
     "TRUTH_NAME",
+    "usual_budget",
 ]
 
 #: Series of the virtual laboratory.

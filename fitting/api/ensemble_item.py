@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from fitting.api.choices import BUDGET, CURVES, TRUTH_NAME
+from fitting.api.choices import CURVES, TRUTH_NAME
 from fitting.api.fitted import Tikhonov, Value, Valued, fit, profile
 from fitting.api.fmu import Fmu
 from fitting.api.problem import Problem
@@ -67,7 +67,7 @@ class EnsembleOptions:
         profiles: Whether profiles are walked; else errors are those of the linearised problem.
         starts: How many starts are followed; None: as each campaign says.
         quick: Looser tolerances, and one start where ``starts`` is not said.
-        budget: Runs of the FMU by the profiles of an item, at most.
+        budget: Runs of the FMU by the profiles of an item, about, at most; None: as `profile` says.
         resume: Whether finished items in ``out`` count.
 
     Raises:
@@ -78,7 +78,7 @@ class EnsembleOptions:
     profiles: bool = True
     starts: int | None = None
     quick: bool = False
-    budget: int = BUDGET
+    budget: int | None = None
     resume: bool = False
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from fitting.api.choices import BUDGET, ESTIMATORS, MISFITS
+from fitting.api.choices import ESTIMATORS, MISFITS
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
 from fitting.fit import checkpoint
@@ -558,7 +558,7 @@ def profile(
     fit: Fit,
     names: Sequence[str] | None = None,
     *,
-    budget: int = BUDGET,
+    budget: int | None = None,
     bootstrap: int = 0,
     progress: Callable[[Spent], None] | None = None,
 ) -> Inference:
@@ -573,7 +573,8 @@ def profile(
         fit: A solved problem.
         names: Parameters and derived outputs that are profiled; None: all. The rest keeps
             linearised errors.
-        budget: Runs of the FMU at most; values whose search they cut say so.
+        budget: Runs of the FMU, about, at most; values whose search they cut say so. None: 500,000,
+            or 1,000 evaluations where that is more.
         bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
         progress: Called when a stage begins and before every batch, with the stage in words and
             the evaluations in it and before it.

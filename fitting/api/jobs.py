@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.api.choices import BUDGET, STYLES
+from fitting.api.choices import STYLES
 from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
@@ -48,7 +48,7 @@ def identify(
     *,
     expected: bool = False,
     seed: int = 1,
-    budget: int = BUDGET,
+    budget: int | None = None,
     bootstrap: int = 0,
 ) -> Identification:
     """What data determine, before any fit or around one: directions, profiles, verdicts.
@@ -58,7 +58,8 @@ def identify(
         at: A fit to set out from; None: the problem's start and reference values.
         expected: Not the measured data, but those that the model expects there, with their noise.
         seed: Of further starts and of synthetic data sets, at least 0.
-        budget: Runs of the FMU at most; values whose search they cut say so.
+        budget: Runs of the FMU, about, at most; values whose search they cut say so. None: 500,000,
+            or 1,000 evaluations where that is more.
         bootstrap: Synthetic data sets that are fitted anew; 0: none.
 
     Returns:

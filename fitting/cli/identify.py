@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.choices import BUDGET
+from fitting.api.choices import BUDGET, EVALUATIONS
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
@@ -58,9 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget",
         type=whole_number(1),
-        default=BUDGET,
         metavar="N",
-        help=f"about so many runs of the FMU; values whose search they cut say so ({BUDGET})",
+        help="about so many runs of the FMU; values whose search they cut say so "
+        f"({BUDGET:,}, or {EVALUATIONS:,} evaluations where these take more)",
     )
     parser.add_argument(
         "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"

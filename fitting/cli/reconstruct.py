@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitting.api.choices import BUDGET, ESTIMATORS, MISFITS, STYLES
+from fitting.api.choices import BUDGET, ESTIMATORS, EVALUATIONS, MISFITS, STYLES
 from fitting.api.written import LEVELS_FILE, RESULT_FILES
 from fitting.cli.running.laps import Laps
 from fitting.cli.running.results import writes
@@ -75,10 +75,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget",
         type=whole_number(1),
-        default=BUDGET,
         metavar="N",
         help="about so many runs of the FMU for profiles; values whose search they cut say so "
-        f"({BUDGET})",
+        f"({BUDGET:,}, or {EVALUATIONS:,} evaluations where these take more)",
     )
     parser.add_argument(
         "--bootstrap",

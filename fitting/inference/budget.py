@@ -4,3 +4,14 @@ from __future__ import annotations
 
 #: Simulation runs at most; runs that points of a batch share count once.
 BUDGET = 500_000
+#: Evaluations that a budget lasts for at least, where each takes many runs.
+EVALUATIONS = 1_000
+
+
+def usual_budget(runs_each: float) -> int:
+    """Simulation runs that an inference may take, at most about, where nobody says.
+
+    Args:
+        runs_each: of an evaluation.
+    """
+    return max(BUDGET, round(EVALUATIONS * runs_each))

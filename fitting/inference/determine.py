@@ -34,7 +34,7 @@ from fitting.inference.adequacy import (
     is_redundant,
     outside_sentences,
 )
-from fitting.inference.budget import BUDGET
+from fitting.inference.budget import usual_budget
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
@@ -88,22 +88,22 @@ FOR_MISFIT = 0.1
 class InferenceOptions:
     """What is asked of the inference: units of outputs, seed, simulation runs at most, bootstrap.
 
-    `others` are search vectors to begin at besides; `alternatives` points of other models that fit
-    as well; `twins` are the model's exact symmetries, looked for if None. Without `data` the
-    measurements are taken to be what the model says at the solution. `bootstrap` synthetic data
-    sets are fitted anew, through `executor` if there is one. `only` names the values that are
-    profiled (all, if empty); other minima are looked for from `starts` seeded points. `beyond`:
-    whether fits beyond the box are looked for. `structure` is that of the residuals of curves, by
-    which their noise was taken wider. `closer` is another form of a line that leaves
-    far less of a sweep than the model, `scale_off` the factor by which the scale of peaks may be
-    off for the top of its sweep. `models` are the alternatives among which exact twins beyond
-    the box are looked for. `progress` is told how far it is, the stages those of
+    `budget` None is the usual one. `others` are search vectors to begin at besides; `alternatives`
+    points of other models that fit as well; `twins` are the model's exact symmetries, looked for if
+    None. Without `data` the measurements are taken to be what the model says at the solution.
+    `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one. `only`
+    names the values that are profiled (all, if empty); other minima are looked for from `starts`
+    seeded points. `beyond`: whether fits beyond the box are looked for. `structure` is that of the
+    residuals of curves, by which their noise was taken wider. `closer` is another form of a line
+    that leaves far less of a sweep than the model, `scale_off` the factor by which the scale of
+    peaks may be off for the top of its sweep. `models` are the alternatives among which exact twins
+    beyond the box are looked for. `progress` is told how far it is, the stages those of
     `fitting.inference.stages`.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
     seed: int = 1
-    budget: int = BUDGET
+    budget: int | None = None
     others: Sequence[FloatArray] = ()
     minima: Sequence[FloatArray] = ()
     twins: Sequence[Twin] | None = None
@@ -147,12 +147,12 @@ def determine(
         twins = find_twins(Evaluator(objective), options.seed)
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
     likelihood = _likelihood(objective, solution, noise, tuple(boxes), data=options.data)
-    evaluator = LikelihoodEvaluator(likelihood, options.budget, options.progress)
+    evaluator = _evaluator(likelihood, solution, options)
     evaluator.begin(Stage.MINIMA)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     if evaluator.was_cut and not optimum.converged and not _adequacy(optimum, options).describes:
         raise OutOfBudget(
-            f"budget: found {options.budget}, wanted more: it was spent before the best fit was "
+            f"budget: found {evaluator.limit}, wanted more: it was spent before the best fit was "
             "found"
         )
     _log.info(
@@ -210,6 +210,17 @@ def determine(
         effort=spent,
         bootstrap=resampled,
     )
+
+
+def _evaluator(
+    likelihood: Likelihood, solution: FloatArray, options: InferenceOptions
+) -> LikelihoodEvaluator:
+    """For as many simulation runs as were asked for, or as are usual of such an objective."""
+    limit = options.budget
+    if limit is None:
+        [point] = evaluate_many(likelihood.objective, [solution])
+        limit = usual_budget(point.runs)
+    return LikelihoodEvaluator(likelihood, limit, options.progress)
 
 
 def _likelihood(

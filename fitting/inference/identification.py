@@ -15,7 +15,6 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.alternatives import equal_fit
-from fitting.inference.budget import BUDGET
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.measurements.measurement import Response
@@ -37,7 +36,7 @@ class IdentificationOptions:
     expected: bool = False
     bootstrap: int = 0
     seed: int = 1
-    budget: int = BUDGET
+    budget: int | None = None
     progress: Callable[[Spent], None] = lambda spent: None
 
 

@@ -20,7 +20,6 @@ from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
-from fitting.inference.budget import BUDGET
 from fitting.inference.closer_form import closer_form
 from fitting.inference.conditions import condition_sentences
 from fitting.inference.consistency import consistency, contradictions, warnings_of
@@ -106,7 +105,7 @@ class InferenceRequest:
 
     units: Mapping[str, str] = field(default_factory=dict)
     profiles: bool = True
-    budget: int = BUDGET
+    budget: int | None = None
     bootstrap: int = 0
     only: tuple[str, ...] = ()
     sweeps: SweepFindings | None = None

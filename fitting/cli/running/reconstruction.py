@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import fitting as ff
-from fitting.api.choices import BUDGET, STYLES
+from fitting.api.choices import STYLES, usual_budget
 from fitting.api.cost import expected_of
 from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
 from fitting.api.jobs import Artists, artists_beside, draw_report
@@ -163,8 +163,9 @@ def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
         )
     hand_over(args, found)
     print(*cost_lines(found.seconds, found.runs, found.expected), sep="\n")
-    if not args.no_profiles and args.budget < found.runs[1]:
-        print(f"--budget: profiles end at about {args.budget:,} runs, whatever they need")
+    budget = args.budget or usual_budget(found.runs_each)
+    if not args.no_profiles and budget < found.runs[1]:
+        print(f"--budget: profiles end at about {budget:,} runs, whatever they need")
     planning = (found.planning_runs, found.planning_s)
     each = (found.runs_each, found.seconds_each)
     print(*measured_lines(planning, each, found.workers, found.memory_bytes), sep="\n")
@@ -291,12 +292,11 @@ def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
         "starts",
         "bootstrap",
         "style",
+        "budget",
     ):
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", str(value)]
-    if args.budget != BUDGET:
-        words += ["--budget", str(args.budget)]
     for text in args.external:
         words += ["--external", text]
     flags = [name for name in ("quick", "no_profiles", "no_report") if getattr(args, name)]

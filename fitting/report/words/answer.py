@@ -414,15 +414,18 @@ def _more_budget(result: Result) -> tuple[str, str]:
     words, budget = _without_budget(result)
     if not words:
         return "the rest of the search, which was cut for its cost: ff.profile, a larger budget", ""
+    if budget is None:  # the usual one, which it has spent
+        spent = 0 if result.knowledge is None else result.knowledge.effort.fmu_runs
+        budget = max(BUDGET, spent)
     more = [*words, "--budget", str(MORE * budget)]
     return "the rest of the search, which was cut for its cost:", shlex.join(more)
 
 
-def _without_budget(result: Result) -> tuple[list[str], int]:
-    """The command to be typed again, but for its budget, and that; none where there was none."""
-    words, budget = shlex.split(result.provenance.command), BUDGET
+def _without_budget(result: Result) -> tuple[list[str], int | None]:
+    """The command to be typed again, but for its budget, and that; none of another command."""
+    words, budget = shlex.split(result.provenance.command), None
     if words[:2] != ["fmu-fit", "reconstruct"]:
-        return [], budget
+        return [], None
     kept = [word for word in words if word != "--resume"]
     if "--budget" in kept:
         at = kept.index("--budget")
