@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import shlex
 import tomllib
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from fitting.cli.main import main
 from fitting.inference.verdict import Verdict
+from fitting.measurements.measurement import Evaluation, Response
 from fitting.report.words.inference import open_values_sentence
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import FloatArray
@@ -52,6 +54,31 @@ def test_whatever_a_budget_cuts_is_known_or_called_cut() -> None:
             assert both.verdict is Verdict.DETERMINED
             assert both.interval95[0] < 3.5 < both.interval95[1]
     assert seen == {Verdict.UNKNOWN, Verdict.DETERMINED}
+
+
+@dataclass(frozen=True)
+class _Costly:
+    """Another response whose every evaluation takes 20,000 runs, as that of many pairs does."""
+
+    own: Response
+
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        return [replace(e, runs=20_000) for e in self.own.evaluate_many(ps, whole=whole)]
+
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+        return self.own.derived_many(ps)
+
+
+def test_the_usual_budget_is_enough_where_every_evaluation_takes_many_runs() -> None:
+    """500,000 runs are 25 evaluations there, by which nothing is known."""
+    own = (parameter("a", 1.0, 20.0, start=6.0), parameter("k", 0.1, 3.0, start=1.0))
+    plain = whitened(lambda x: decays(np.append(x, 0.4)), *own, both=lambda x: float(x[0] * x[1]))
+    costly = replace(plain, response=_Costly(plain.response))
+    cut = learnt(costly, budget=500_000).derived["both"]
+    assert cut.verdict is Verdict.UNKNOWN
+    both = learnt(costly).derived["both"]
+    assert both.verdict is Verdict.DETERMINED
+    assert both.interval95[0] < 3.5 < both.interval95[1]
 
 
 def test_a_budget_without_a_best_fit_says_so_and_does_not_blame_the_model() -> None:

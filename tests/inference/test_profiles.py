@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form, single_line
 from tests.support.datasets import dataset
-from tests.support.whitened import Z95, learnt, parameter, whitened
+from tests.support.whitened import Z95, WhitenedResponse, learnt, parameter, whitened
 
 
 def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
@@ -180,6 +181,38 @@ def test_the_range_of_an_output_is_searched_not_sampled() -> None:
     found = output_ranges(response, closed_form.string_parameters(), 1, [np.zeros(3)])["hump"]
     assert found.high == pytest.approx(1.0, abs=1e-5)
     assert list(found.depends) == [True, True, False]
+
+
+@dataclass(frozen=True)
+class _Series(WhitenedResponse):
+    """A response at 1,000 places, of which one has an output a thousand times that of the others.
+
+    `read` counts readings of a place.
+    """
+
+    most: int = 1000
+    read: list[int] = field(default_factory=lambda: [0], compare=False)
+
+    def read_at(self, most: int) -> _Series:
+        return replace(self, most=most)
+
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+        self.read[0] += self.most * len(ps)
+        places = np.ones(1000)
+        places[777] = 1000.0
+        kept = np.linspace(0, 999, self.most).astype(int)
+        return [{"out": p[0] * p[1] * places[kept]} for p in ps]
+
+
+def test_the_range_of_a_long_series_is_searched_at_some_places_and_told_of_all() -> None:
+    """The mean over the places is p0 p1 (999 + 1000)/1000: 2 to 15 of that in the box."""
+    series = _Series(rows=lambda p: p)
+    box = (parameter("p0", 1.0, 3.0), parameter("p1", 2.0, 5.0))
+    own = parameter("offset", -1.0, 1.0, experiment="pair1")
+    found = output_ranges(series, (*box, own), 1, [np.zeros(3)])["out"]
+    assert (found.low, found.high) == pytest.approx((2.0 * 1.999, 15.0 * 1.999), rel=1e-9)
+    assert list(found.depends) == [True, True, False]
+    assert series.read[0] < 20_000
 
 
 def test_outputs_along_a_profile_are_those_of_its_parameters() -> None:

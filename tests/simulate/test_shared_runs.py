@@ -118,11 +118,16 @@ def test_derived_outputs_are_read_once_at_each_place(oscillator_fmu: Path, tmp_p
             counted.append(workers.counts.runs)
         replace(response).derived_many([P])  # another response has read nothing
         counted.append(workers.counts.runs)
-    assert list(np.diff(counted)) == [6, 0, 0, 3]
+        ends = response.read_at(2).derived_many([P])[0]
+        counted.append(workers.counts.runs)
+        response.read_at(3).derived_many([P])  # that is all of them, which it has read
+        counted.append(workers.counts.runs)
+    assert list(np.diff(counted)) == [6, 0, 0, 3, 2, 0]
     c, s = np.cos(P[0]), np.sin(P[0])
     etas = [(6940210.0, 7027550.0), (6940210.0, 7027550.0), (6940240.0, 7027580.0)]
     f1 = [np.hypot(c * plus, s * minus) for plus, minus in etas]
     assert found["f1"] == pytest.approx(f1, rel=1e-12)
+    assert ends["f1"] == pytest.approx([f1[0], f1[2]], rel=1e-12)
 
 
 @pytest.mark.parametrize(
