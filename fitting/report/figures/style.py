@@ -214,7 +214,7 @@ def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFil
 def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
     """The same with what a page offers of it: numbers, PDF, and itself to zoom and read off."""
     # takes half a second to import: only where there is a page
-    from fitting.report.interactive.document import as_text, interactive
+    from fitting.report.interactive.document import interactive
 
     table, print_ = (
         saved.svg.with_name(f"{saved.name}.csv"),
@@ -225,8 +225,7 @@ def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
     drawing.figure.savefig(image, format="pdf", metadata=words)
     write_whole(table, figure_csv(drawing.figure))
     write_whole(print_, image.getvalue())
-    live = as_text(interactive(drawing.figure))
-    return replace(saved, csv=table, pdf=print_, live=live)
+    return replace(saved, csv=table, pdf=print_, live=interactive(drawing.figure))
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:
