@@ -41,15 +41,12 @@ class Artists:
             BadInput: the folder cannot be written.
             BrokenExecutor: a process was lost.
         """
-        shares = [(k, self.count) for k in range(self.count)]
         with Scratch() as folder:
             there = folder / "report"
-            asked = [self.executor.submit(_draw, result, data, there, share) for share in shares]
-            drawn = [future.result() for future in asked]
-            figures = [
-                drawn[k % self.count][k // self.count]
-                for k in range(sum(len(part) for part in drawn))
-            ]
+            places = self.executor.submit(_places, result, data).result()
+            # whoever is free takes the next one
+            asked = {k: self.executor.submit(_draw, result, data, there, k) for k in places}
+            figures = [asked[k].result() for k in sorted(places)]
             page = self.executor.submit(_write, result, data, there, figures).result()
             # this process knows which files of a folder are its own to replace
             for path in sorted(path for path in there.rglob("*") if path.is_file()):
@@ -62,13 +59,18 @@ def _load() -> None:
     importlib.import_module("fitting.report.interactive.document")
 
 
-def _draw(
-    result: Result, data: ShownCampaign, out_dir: Path, share: tuple[int, int]
-) -> list[FigureFile]:
-    """One share of the figures."""
-    from fitting.report.figures.reconstruction import write_figures
+def _places(result: Result, data: ShownCampaign) -> list[int]:
+    """Places of all figures on the page, those that take longest first."""
+    from fitting.report.figures.reconstruction import longest_first, planned_figures
 
-    return write_figures(result, data, out_dir, share=share)
+    return longest_first(planned_figures(result, data))
+
+
+def _draw(result: Result, data: ShownCampaign, out_dir: Path, place: int) -> FigureFile:
+    """The figure at that place."""
+    from fitting.report.figures.reconstruction import planned_figures, write_figure
+
+    return write_figure(planned_figures(result, data)[place], out_dir)
 
 
 def _write(result: Result, data: ShownCampaign, out_dir: Path, figures: list[FigureFile]) -> Path:

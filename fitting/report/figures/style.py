@@ -10,7 +10,7 @@ import math
 import re
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -87,6 +87,20 @@ class Drawing:
         """Name of its files, without an ending."""
         number = f"{self.number:0{self.digits}d}" if self.number else ""
         return "_".join(filter(None, (number, self.name, self.series)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planned:
+    """A figure that is yet to be drawn: what it is known by before, and what draws it."""
+
+    name: str
+    draw: Callable[[], Drawing]
+    number: int = 0
+    digits: int = 1
+
+    def drawing(self) -> Drawing:
+        """The figure, with its number."""
+        return replace(self.draw(), number=self.number, digits=self.digits)
 
 
 #: What a figure for print has otherwise: fonts as publishers want them, which takes half a second
