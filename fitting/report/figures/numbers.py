@@ -39,9 +39,10 @@ def numbered(drawings: Sequence[Known], result: Result, shown: Sequence[str]) ->
         shown: names of the figures of its measurements, of which one leads.
     """
     lead = _lead(drawings, shown)
-    rest: list[Known] = [drawing for drawing in drawings if drawing is not lead]
-    rest.sort(key=lambda drawing: _place(drawing.name))
-    ordered: list[Known] = rest if lead is None else [lead, *rest]
+    ordered: list[Known] = [drawing for drawing in drawings if drawing is not lead]
+    ordered.sort(key=lambda drawing: _place(drawing.name))
+    if lead is not None:
+        ordered.insert(0, lead)
     missing = _reserved(result) - {d.name for d in drawings}
     count = len(ordered) + len(missing)
     numbers, digits = iter(range(1, 1 + count)), len(str(count))

@@ -20,6 +20,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -204,10 +205,9 @@ def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFil
     """
     svg, png = folder / f"{drawing.stem}.svg", folder / f"{drawing.stem}.png"
     words = {"Title": drawing.title, "Description": drawing.alt}
+    _lay_out(drawing.figure)
     image = io.BytesIO()
     drawing.figure.savefig(image, format="png", dpi=PNG_DPI, metadata={**words, "Software": None})
-    # the layout is found; finding it again takes as long as drawing, and asking for it does, too
-    drawing.figure.set_layout_engine(None)
     vector = io.BytesIO()
     drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
     write_whole(png, image.getvalue())
@@ -223,6 +223,22 @@ def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFil
         png=png,
     )
     return _for_page(saved, drawing) if for_page else saved
+
+
+def _lay_out(figure: Figure) -> None:
+    """Find the layout once for all formats, that of a picture of dots.
+
+    Where a format finds it, everything is drawn twice, and asking for it takes as long.
+    """
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return
+    FigureCanvasAgg(figure)
+    dpi = figure.dpi
+    figure.set_dpi(PNG_DPI)
+    engine.execute(figure)
+    figure.set_dpi(dpi)
+    figure.set_layout_engine(None)
 
 
 def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:

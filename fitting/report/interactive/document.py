@@ -7,7 +7,6 @@ from typing import Any
 
 import bokeh
 import numpy as np
-from bokeh.resources import Resources
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -56,6 +55,9 @@ def interactive(figure: Figure) -> str:
 
 def library() -> str:
     """What draws interactive figures in a browser: BokehJS without its extensions."""
+    # only where a page is written, and not by all who draw for it
+    from bokeh.resources import Resources
+
     return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw)
 
 
