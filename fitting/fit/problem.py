@@ -10,8 +10,8 @@ from fitting.campaign import BoundCampaign, Drift, Experiment, SweepData
 from fitting.campaign.joint import join_parameters, named_apart
 from fitting.campaign.parameters import Parameter
 from fitting.measurements.dataset import Dataset
-from fitting.measurements.kinds import measurements_of
 from fitting.measurements.measurement import Measurement
+from fitting.measurements.of_campaign import measurements_of
 from fitting.measurements.planning import Series
 from fitting.text.arrays import Scalar
 

@@ -10,20 +10,14 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import cast
 
 import fitting.measurements
-from fitting.campaign import BoundCampaign, Campaign
+from fitting.campaign import Campaign
 from fitting.campaign.data import read_campaign as read_with
 from fitting.campaign.kind import MeasurementTable
-from fitting.measurements.complex.tones import ComplexTones
-from fitting.measurements.measurement import Measurement, MeasurementKind
-from fitting.measurements.sweep import sweep_of
-from fitting.measurements.tones import Tones, peak_sigmas
 
 
 def kinds_in(modules: Sequence[ModuleType]) -> tuple[type[MeasurementTable], ...]:
@@ -66,36 +60,3 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
         BadInput: one line with file, row, column or key, what was found, what is wanted.
     """
     return read_with(path, (*KINDS, *kinds))
-
-
-def measurements_of(bound: BoundCampaign, series: str = "") -> tuple[Measurement, ...]:
-    """Everything that a campaign holds, as measurements: curves last.
-
-    Args:
-        bound: campaign, bound to its FMU.
-        series: name of the series.
-    """
-    found: list[Measurement] = list(_tones(bound, series))
-    if bound.sweep is not None:
-        found.append(sweep_of(bound, bound.sweep, series))
-    for table, further in bound.measurements.items():
-        if not isinstance(further, MeasurementKind):
-            raise TypeError(f"[{table}] is bound to {further!r}, wanted a MeasurementKind")
-        found.append(cast(Measurement, further.within(bound.setup, series)))
-    return tuple(sorted(found, key=lambda m: m.is_curve))
-
-
-def _tones(bound: BoundCampaign, series: str) -> Iterator[Tones]:
-    """The experiments without phases and those with, each with everything known of their noise."""
-    for kind, with_phases in ((Tones, False), (ComplexTones, True)):
-        mine = tuple(e for e in bound.experiments if (e.phases is not None) == with_phases)
-        if mine:
-            sigmas_v, origin = peak_sigmas(replace(bound, experiments=mine))
-            yield kind(
-                bound.setup,
-                mine,
-                series=series,
-                sigmas_v=sigmas_v,
-                noise_origin=origin,
-                unit=bound.amplitude_unit,
-            )

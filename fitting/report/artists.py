@@ -5,16 +5,20 @@ Nothing here loads a library that draws, as the process that asks has no need of
 
 from __future__ import annotations
 
+import gc
 import importlib
-from concurrent.futures import Executor
+from concurrent.futures import Executor, wait
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fitting.report.figures.file import FigureFile
-from fitting.report.shown import ShownCampaign
-from fitting.result.result import Result
 from fitting.text.files import write_whole
 from fitting.text.scratch import Scratch
+
+if TYPE_CHECKING:  # a process that draws loads them with all the rest
+    from fitting.report.figures.file import FigureFile
+    from fitting.report.shown import ShownCampaign
+    from fitting.result.result import Result
 
 
 @dataclass(frozen=True)
@@ -41,15 +45,17 @@ class Artists:
             BadInput: the folder cannot be written.
             BrokenExecutor: a process was lost.
         """
-        shares = [(k, self.count) for k in range(self.count)]
         with Scratch() as folder:
             there = folder / "report"
-            asked = [self.executor.submit(_draw, result, data, there, share) for share in shares]
-            drawn = [future.result() for future in asked]
-            figures = [
-                drawn[k % self.count][k // self.count]
-                for k in range(sum(len(part) for part in drawn))
-            ]
+            places = self.executor.submit(_places, result, data).result()
+            # whoever is free takes the next one
+            asked = {k: self.executor.submit(_draw, result, data, there, k) for k in places}
+            try:
+                figures = [asked[k].result() for k in sorted(places)]
+            finally:  # where one failed, the others are to end before their folder does
+                for future in asked.values():
+                    future.cancel()
+                wait(asked.values())
             page = self.executor.submit(_write, result, data, there, figures).result()
             # this process knows which files of a folder are its own to replace
             for path in sorted(path for path in there.rglob("*") if path.is_file()):
@@ -58,17 +64,30 @@ class Artists:
 
 
 def _load() -> None:
-    importlib.import_module("fitting.report.reconstruction")
-    importlib.import_module("fitting.report.interactive.document")
+    gc.disable()  # nothing that is loaded is garbage
+    for name in (
+        "fitting.report.reconstruction",
+        "fitting.report.interactive.document",
+        "matplotlib.backends.backend_pdf",
+        "matplotlib.backends.backend_svg",
+    ):
+        importlib.import_module(name)
+    gc.freeze()  # nor is it looked at whenever that of figures is collected
+    gc.enable()
 
 
-def _draw(
-    result: Result, data: ShownCampaign, out_dir: Path, share: tuple[int, int]
-) -> list[FigureFile]:
-    """One share of the figures."""
-    from fitting.report.figures.reconstruction import write_figures
+def _places(result: Result, data: ShownCampaign) -> list[int]:
+    """Places of all figures on the page, those that take longest first."""
+    from fitting.report.figures.reconstruction import longest_first, planned_figures
 
-    return write_figures(result, data, out_dir, share=share)
+    return longest_first(planned_figures(result, data))
+
+
+def _draw(result: Result, data: ShownCampaign, out_dir: Path, place: int) -> FigureFile:
+    """The figure at that place."""
+    from fitting.report.figures.reconstruction import planned_figures, write_figure
+
+    return write_figure(planned_figures(result, data)[place], out_dir)
 
 
 def _write(result: Result, data: ShownCampaign, out_dir: Path, figures: list[FigureFile]) -> Path:

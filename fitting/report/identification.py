@@ -42,7 +42,12 @@ def write_report(found: Identification, out_dir: Path) -> Path:
     """
     with style():
         drawn = of_identification(
-            knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
+            [
+                planned.drawing()
+                for planned in knowledge_figures(
+                    found.knowledge, found.title, synthetic=found.synthetic
+                )
+            ]
         )
         figures = tuple(save(drawing, out_dir / FIGURES, for_page=True) for drawing in drawn)
     origin = pairs_table(

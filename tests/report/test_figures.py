@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -14,16 +15,24 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
 from fitting.inference.verdict import Verdict
+from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
+from fitting.report import plot
 from fitting.report.figures import style as plots_style
 from fitting.report.figures.file import FigureFile
 from fitting.report.figures.fit import draw_convergence, draw_derived
 from fitting.report.figures.measurements import draw_measurement
-from fitting.report.figures.reconstruction import figures_of, write_figures
+from fitting.report.figures.reconstruction import (
+    figures_of,
+    longest_first,
+    planned_figures,
+    write_figures,
+)
 from fitting.report.figures.style import Drawing, save, style
 from fitting.report.figures.tones import (
     draw_drive,
@@ -35,6 +44,7 @@ from fitting.report.plot.axes import AFTER, BLACK, MEASURED, SIMULATED
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
 from tests.support import report_records as records
+from tests.support.plot_records import knowledge
 
 Draw = Callable[[Result, ShownCampaign], Drawing]
 
@@ -80,6 +90,43 @@ def files(
 ) -> list[FigureFile]:
     shown = records.with_figures(data, result)
     return write_figures(result, shown, tmp_path_factory.mktemp("figures"))
+
+
+def test_a_figure_is_known_by_its_name_before_it_is_drawn(
+    result: Result, data: ShownCampaign
+) -> None:
+    """Its number rests on that; whoever draws one of them draws no other."""
+    known = replace(result.derived["lambda"], identifiable=Verdict.DETERMINED)
+    moved = replace(result, derived={**result.derived, "lambda": known}, knowledge=knowledge())
+    planned = planned_figures(moved, records.with_figures(data, result))
+    assert [figure.number for figure in planned] == list(range(1, 13))
+    assert sorted(longest_first(planned)) == list(range(len(planned)))
+    for figure in planned:
+        with style():
+            drawing = figure.drawing()
+        assert (drawing.name, drawing.number) == (figure.name, figure.number)
+        assert drawing.stem.startswith(f"{figure.number:02d}_{figure.name}")
+
+
+def test_the_layout_is_that_of_matplotlib(tmp_path: Path) -> None:
+    """Its own way to save finds the same pixels; a map has a bar beside its panel."""
+    x, y = np.repeat([0.0, 1.0, 5.0], 4), np.tile([1.0, 2.0, 4.0, 8.0], 3)
+    layer = Layer(Role.MEASURED, Form.MAP, x, y, z=np.arange(12.0) ** 2)
+    shown = Panel(x=Axis("gate"), y=Axis("f"), z=Axis("height"), layers=(layer,))
+    with style():
+        made = []
+        for _ in range(2):
+            figure = plots_style.new_figure("map", "campaign", synthetic=True, height=3.0)
+            axes = figure.subplots(1, 2)
+            plot.panel(shown, ax=axes[0])
+            axes[1].plot([1.0, 2.0], [1e6, 2e6], label="line")
+            plots_style.legend_below(figure, plots_style.handles_of(axes[1]), ncols=2)
+            made.append(figure)
+        saved = save(Drawing(name="map", title="", caption="", alt="", figure=made[0]), tmp_path)
+        own = io.BytesIO()
+        made[1].savefig(own, format="png", dpi=plots_style.PNG_DPI)
+    own.seek(0)
+    np.testing.assert_array_equal(imread(saved.png), imread(own))
 
 
 KEPT: dict[tuple[Draw, int, int], tuple[Figure, Result, ShownCampaign]] = {}

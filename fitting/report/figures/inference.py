@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from matplotlib.lines import Line2D
 
@@ -12,7 +13,15 @@ from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import WORTH_SAYING
 from fitting.report import plot
-from fitting.report.figures.style import Drawing, handles_of, legend_below, new_figure, panels
+from fitting.report.figures.numbers import NU, OUTPUTS, PROFILES, TOGETHER
+from fitting.report.figures.style import (
+    Drawing,
+    Planned,
+    handles_of,
+    legend_below,
+    new_figure,
+    panels,
+)
 from fitting.report.plot.axes import BLUE, GREY
 from fitting.report.plot.inference import VERDICT_COLOURS, goes_round
 from fitting.text.notation import listed
@@ -33,25 +42,28 @@ def _colours(verdicts: Sequence[Verdict]) -> dict[str, str]:
     return {colour: " or ".join(said) for colour, said in words.items()}
 
 
-def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> list[Drawing]:
-    """Every figure that there is something for, in order.
+def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> list[Planned]:
+    """Every figure that there is something for, in order, yet to be drawn.
 
     Args:
         knowledge: what the data determine: profiles, directions, verdicts.
         title: of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    drawn = []
+    draws: dict[str, Callable[..., Drawing]] = {}
     if _curved(knowledge):
-        drawn.append(draw_profiles(knowledge, title, synthetic=synthetic))
+        draws[PROFILES] = partial(draw_profiles, knowledge)
     if len(_together(knowledge)) > 1:
-        drawn.append(draw_together(knowledge, title, synthetic=synthetic))
+        draws[TOGETHER] = partial(draw_together, knowledge)
     if _along(knowledge) is not None:
-        drawn.append(draw_outputs(knowledge, title, synthetic=synthetic))
+        draws[OUTPUTS] = partial(draw_outputs, knowledge)
     # without a corner all that there is to see is said in its sentences
     if knowledge.nu is not None and not math.isnan(knowledge.nu.corner):
-        drawn.append(draw_nu(knowledge.nu, title, synthetic=synthetic))
-    return drawn
+        draws[NU] = partial(draw_nu, knowledge.nu)
+    return [
+        Planned(name=name, draw=partial(draw, title, synthetic=synthetic))
+        for name, draw in draws.items()
+    ]
 
 
 def _curved(knowledge: Knowledge) -> dict[str, Profile]:
@@ -113,7 +125,7 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
             "in the curve."
         )
     return Drawing(
-        name="profiles",
+        name=PROFILES,
         title=title,
         caption=caption,
         alt=f"Verdicts: {listed(words)}.",
@@ -154,7 +166,7 @@ def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         "everywhere are no knowledge at all."
     )
     alt = f"Fits in the planes of {listed(names)}."
-    return Drawing(name="together", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name=TOGETHER, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
@@ -201,7 +213,7 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
         "are alike, the data say nothing of that output."
     )
     return Drawing(
-        name="outputs", title=title, caption=caption, alt=f"{listed(words)}.", figure=figure
+        name=OUTPUTS, title=title, caption=caption, alt=f"{listed(words)}.", figure=figure
     )
 
 
@@ -226,6 +238,4 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
         "one. Middle: χ²(ν), that of the data where Algorithm 2 stood at every ν. Right: how far "
         "the data moved the solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
     )
-    return Drawing(
-        name="nu", title=title, caption=caption, alt=" ".join(nu.sentences), figure=figure
-    )
+    return Drawing(name=NU, title=title, caption=caption, alt=" ".join(nu.sentences), figure=figure)

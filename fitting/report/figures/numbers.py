@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
-from fitting.report.figures.style import Drawing
+from fitting.report.figures.style import Drawing, Planned
 from fitting.result.result import Result
 
 PROFILES, TOGETHER, OUTPUTS, NU = "profiles", "together", "outputs", "nu"
@@ -26,22 +27,26 @@ LAST = (OVER_FREQUENCY, IMPROVEMENT, PER_EXPERIMENT, CONVERGENCE, NU, DERIVED)
 #: Of several figures of measurements these show least at once: any other goes first.
 SELDOM_LEADING = (SPECTRA, "phases")
 
+Known = TypeVar("Known", Drawing, Planned)
 
-def numbered(drawings: Sequence[Drawing], result: Result, shown: Sequence[str]) -> list[Drawing]:
+
+def numbered(drawings: Sequence[Known], result: Result, shown: Sequence[str]) -> list[Known]:
     """The figures of a reconstruction in the order of the page, with their numbers.
 
     Args:
-        drawings: all figures that there is something for.
+        drawings: all figures that there is something for, drawn or not.
         result: of a reconstruction.
         shown: names of the figures of its measurements, of which one leads.
     """
     lead = _lead(drawings, shown)
-    rest = sorted((d for d in drawings if d is not lead), key=lambda d: _place(d.name))
-    ordered = rest if lead is None else [lead, *rest]
+    ordered: list[Known] = [drawing for drawing in drawings if drawing is not lead]
+    ordered.sort(key=lambda drawing: _place(drawing.name))
+    if lead is not None:
+        ordered.insert(0, lead)
     missing = _reserved(result) - {d.name for d in drawings}
     count = len(ordered) + len(missing)
     numbers, digits = iter(range(1, 1 + count)), len(str(count))
-    found = []
+    found: list[Known] = []
     for drawing in ordered:
         if drawing is not lead:
             for name in [m for m in missing if _place(m) < _place(drawing.name)]:
@@ -67,7 +72,7 @@ def _place(name: str) -> int:
     return FIRST.index(name) if name in FIRST else len(FIRST)
 
 
-def _lead(drawings: Sequence[Drawing], shown: Sequence[str]) -> Drawing | None:
+def _lead(drawings: Sequence[Known], shown: Sequence[str]) -> Known | None:
     """What shows data, fit and residual at once: of sweeps, maps, traces, else of spectra."""
     own = [drawing for drawing in drawings if drawing.name in shown]
     own.sort(key=lambda drawing: drawing.name in SELDOM_LEADING)

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from fitting.report.figures.file import FigureFile
 from fitting.report.figures.fit import draw_convergence, draw_derived, varying
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.measurements import draw_measurement
-from fitting.report.figures.numbers import numbered
+from fitting.report.figures.numbers import (
+    CONVERGENCE,
+    DERIVED,
+    DRIVE,
+    IMPROVEMENT,
+    OVER_FREQUENCY,
+    PER_EXPERIMENT,
+    SPECTRA,
+    numbered,
+)
 from fitting.report.figures.paper import ONE_COLUMN, TWO_COLUMNS, save_pdf
-from fitting.report.figures.style import Drawing, save, style
+from fitting.report.figures.style import Drawing, Planned, save, style
 from fitting.report.figures.tones import (
     draw_drive,
     draw_improvement,
@@ -23,6 +33,17 @@ from fitting.report.shown import ShownCampaign, shares_of
 from fitting.result.result import Result
 
 FOLDER = "figures"
+#: Names of the figures of any reconstruction.
+NAMES: dict[Callable[[Result, ShownCampaign], Drawing], str] = {
+    draw_drive: DRIVE,
+    draw_over_frequency: OVER_FREQUENCY,
+    draw_improvement: IMPROVEMENT,
+    draw_convergence: CONVERGENCE,
+    draw_derived: DERIVED,
+    draw_per_experiment: PER_EXPERIMENT,
+}
+#: Figures that take longest: of several that draw, whoever began one last would be waited for.
+LONGEST = (CONVERGENCE, SPECTRA, DRIVE)
 #: Figures over frequency: of campaigns that were fitted together every one has its own.
 ALONG_FREQUENCY = (draw_drive, draw_over_frequency, draw_improvement)
 
@@ -32,7 +53,6 @@ def write_figures(
     data: ShownCampaign,
     out_dir: Path,
     progress: Callable[[int, int], None] = lambda done, of: None,
-    share: tuple[int, int] = (0, 1),
 ) -> list[FigureFile]:
     """Draw every figure that the campaign has data for, as SVG, PNG and CSV in `out_dir`/figures.
 
@@ -43,19 +63,31 @@ def write_figures(
         data: what is shown of the campaign.
         out_dir: where the files go.
         progress: is told how many are drawn, of how many.
-        share: which ones: from this on, each so many-th.
 
     Raises:
         BadInput: the folder cannot be written.
     """
     written = []
-    with style():
-        drawn = _drawings(result, data)
-        for done in range(share[0], len(drawn), share[1]):
-            progress(done, len(drawn))
-            written.append(save(drawn[done], out_dir / FOLDER, for_page=True))
-    progress(len(drawn), len(drawn))
+    planned = planned_figures(result, data)
+    for done, figure in enumerate(planned):
+        progress(done, len(planned))
+        written.append(write_figure(figure, out_dir))
+    progress(len(planned), len(planned))
     return written
+
+
+def write_figure(planned: Planned, out_dir: Path) -> FigureFile:
+    """Draw one of these figures; the same bytes, whatever was drawn before.
+
+    Args:
+        planned: what is drawn.
+        out_dir: where the files go.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    with style():
+        return save(planned.drawing(), out_dir / FOLDER, for_page=True)
 
 
 def write_paper_figures(
@@ -79,30 +111,56 @@ def write_paper_figures(
     widths = (ONE_COLUMN, TWO_COLUMNS)
     for k, width in enumerate(widths):
         with style(paper_width=width):
-            drawn = _drawings(result, data)
+            drawn = [planned.drawing() for planned in planned_figures(result, data)]
             progress(k * len(drawn), len(widths) * len(drawn))
             written += save_pdf(drawn, out_dir / FOLDER, width)
     return written
 
 
-def _drawings(result: Result, data: ShownCampaign) -> list[Drawing]:
-    """Every figure that the campaign has data for, in order and numbered."""
+def planned_figures(result: Result, data: ShownCampaign) -> list[Planned]:
+    """Every figure that the campaign has data for, in order and numbered, yet to be drawn.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     parts = shares_of(result, data)
-    drawn = []
+    planned = []
     for draw in figures_of(result, data):
+        made = partial(draw, result, data)
+        draws: list[Callable[[], Drawing]] = [made]
         if parts and draw in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
-            drawn += [_named(draw(share, member), name) for name, share, member in parts]
-        else:
-            drawn.append(draw(result, data))
-    drawn += [draw_measurement(described, data) for described in data.figures]
+            draws = [partial(_of_series, draw, *part) for part in parts]
+        planned += [Planned(name=NAMES[draw], draw=own) for own in draws]
+    planned += [
+        Planned(name=described.name, draw=partial(draw_measurement, described, data))
+        for described in data.figures
+    ]
     if result.knowledge is not None:
-        drawn += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
-    return numbered(drawn, result, [described.name for described in data.figures])
+        planned += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
+    return numbered(planned, result, [described.name for described in data.figures])
 
 
-def _named(drawing: Drawing, series: str) -> Drawing:
+def _of_series(
+    draw: Callable[[Result, ShownCampaign], Drawing],
+    series: str,
+    share: Result,
+    member: ShownCampaign,
+) -> Drawing:
     """A figure of one campaign of several."""
+    drawing = draw(share, member)
     return replace(drawing, series=series, title=f"{drawing.title}, {series}")
+
+
+def longest_first(planned: Sequence[Planned]) -> list[int]:
+    """Places of figures in the order in which several that draw begin them.
+
+    Args:
+        planned: figures in the order of the page.
+    """
+    names = [figure.name for figure in planned]
+    ranks = [LONGEST.index(name) if name in LONGEST else len(LONGEST) for name in names]
+    return sorted(range(len(planned)), key=ranks.__getitem__)
 
 
 def figures_of(

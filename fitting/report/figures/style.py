@@ -10,7 +10,7 @@ import math
 import re
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -20,6 +20,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -87,6 +88,20 @@ class Drawing:
         """Name of its files, without an ending."""
         number = f"{self.number:0{self.digits}d}" if self.number else ""
         return "_".join(filter(None, (number, self.name, self.series)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planned:
+    """A figure that is yet to be drawn: what it is known by before, and what draws it."""
+
+    name: str
+    draw: Callable[[], Drawing]
+    number: int = 0
+    digits: int = 1
+
+    def drawing(self) -> Drawing:
+        """The figure, with its number."""
+        return replace(self.draw(), number=self.number, digits=self.digits)
 
 
 #: What a figure for print has otherwise: fonts as publishers want them, which takes half a second
@@ -190,10 +205,9 @@ def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFil
     """
     svg, png = folder / f"{drawing.stem}.svg", folder / f"{drawing.stem}.png"
     words = {"Title": drawing.title, "Description": drawing.alt}
+    _lay_out(drawing.figure)
     image = io.BytesIO()
     drawing.figure.savefig(image, format="png", dpi=PNG_DPI, metadata={**words, "Software": None})
-    # the layout is found; finding it again takes as long as drawing, and asking for it does, too
-    drawing.figure.set_layout_engine(None)
     vector = io.BytesIO()
     drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
     write_whole(png, image.getvalue())
@@ -211,10 +225,26 @@ def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFil
     return _for_page(saved, drawing) if for_page else saved
 
 
+def _lay_out(figure: Figure) -> None:
+    """Find the layout once for all formats, that of a picture of dots.
+
+    Where a format finds it, everything is drawn twice, and asking for it takes as long.
+    """
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return
+    FigureCanvasAgg(figure)
+    dpi = figure.dpi
+    figure.set_dpi(PNG_DPI)
+    engine.execute(figure)
+    figure.set_dpi(dpi)
+    figure.set_layout_engine(None)
+
+
 def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
     """The same with what a page offers of it: numbers, PDF, and itself to zoom and read off."""
     # takes half a second to import: only where there is a page
-    from fitting.report.interactive.document import as_text, interactive
+    from fitting.report.interactive.document import interactive
 
     table, print_ = (
         saved.svg.with_name(f"{saved.name}.csv"),
@@ -225,8 +255,7 @@ def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
     drawing.figure.savefig(image, format="pdf", metadata=words)
     write_whole(table, figure_csv(drawing.figure))
     write_whole(print_, image.getvalue())
-    live = as_text(interactive(drawing.figure))
-    return replace(saved, csv=table, pdf=print_, live=live)
+    return replace(saved, csv=table, pdf=print_, live=interactive(drawing.figure))
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:
