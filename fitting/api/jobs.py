@@ -7,11 +7,11 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.api.choices import STYLES
-from fitting.api.fitted import Valued
+from fitting.api.fitted import Fit, Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.local import LocalProcesses
@@ -19,19 +19,20 @@ from fitting.engine.threads import one_thread
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
-from fitting.report.artists import Artists
+from fitting.report.artists import Artists, Begun
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.scratch import Scratch
 
 __all__ = [
-    "Artists",
+    "DrawnBeside",
     "IdentificationOptions",
-    "artists_beside",
     "draw_report",
+    "drawn_beside",
     "identified",
     "identify",
     "report",
@@ -189,7 +190,7 @@ def draw_report(
     out: Path,
     style: str = "report",
     progress: Callable[[int, int], None] = lambda done, of: None,
-    artists: Artists | None = None,
+    drawing: DrawnBeside | None = None,
 ) -> Path:
     """Figures and report.html of a result; the path of the page.
 
@@ -199,12 +200,12 @@ def draw_report(
         out: Folder.
         style: One of STYLES.
         progress: Is told how many figures are drawn, of how many.
-        artists: Processes that draw side by side; None: this one draws.
+        drawing: Processes that draw beside this one; None: this one draws.
     """
     shown = shown_fit(found.source.record)
-    if artists is not None and style != "paper":
+    if drawing is not None and style != "paper":
         with suppress(BrokenExecutor):  # somebody ended them: this one draws
-            return artists.report(result, shown, out)
+            return drawing.artists.report(result, shown, out, drawing.begun)
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
     if style != "paper":
@@ -217,8 +218,25 @@ def draw_report(
     return Path(last)
 
 
+@dataclass
+class DrawnBeside:
+    """Processes that draw a report while this one works, and what they have begun."""
+
+    artists: Artists
+    begun: Begun | None = None
+
+    def begin(self, fit: Fit) -> None:
+        """Draw what is settled of a fit, while its values are inferred.
+
+        Args:
+            fit: A solved problem.
+        """
+        with suppress(BrokenExecutor):  # who draws the report sees that
+            self.begun = self.artists.begin(fit.result, shown_fit(fit.record))
+
+
 @contextmanager
-def artists_beside(wanted: bool) -> Iterator[Artists | None]:
+def drawn_beside(wanted: bool) -> Iterator[DrawnBeside | None]:
     """Processes that draw a report, loading while others work; None on one processor.
 
     Args:
@@ -228,10 +246,11 @@ def artists_beside(wanted: bool) -> Iterator[Artists | None]:
     if not wanted or count < 2:
         yield None
         return
-    executor = LocalProcesses(count)
-    try:
-        artists = Artists(executor, count)
-        artists.get_ready()
-        yield artists
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
+    with Scratch() as folder:
+        executor = LocalProcesses(count)
+        try:
+            artists = Artists(executor, count, folder)
+            artists.get_ready()
+            yield DrawnBeside(artists)
+        finally:
+            executor.shutdown(wait=False, cancel_futures=True)

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import gc
 import importlib
-from concurrent.futures import Executor, wait
+import pickle
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,44 +24,83 @@ if TYPE_CHECKING:  # a process that draws loads them with all the rest
 
 
 @dataclass(frozen=True)
+class Begun:
+    """Figures that are drawn while the rest of a result is inferred: of what, and by number."""
+
+    of: bytes
+    shares: tuple[Future[dict[int, FigureFile]], ...]
+
+    def of_these(self, result: Result, data: ShownCampaign) -> dict[int, FigureFile]:
+        """Those that are figures of this result too, when all are drawn; none if it is another.
+
+        Args:
+            result: of a reconstruction.
+            data: what is shown of the campaign.
+        """
+        wait(self.shares)
+        if self.of != _seen(result, data) or any(share.exception() for share in self.shares):
+            return {}  # drawn again: what failed then fails with its own words
+        return {number: file for share in self.shares for number, file in share.result().items()}
+
+
+@dataclass(frozen=True)
 class Artists:
-    """So many processes that draw side by side."""
+    """So many processes that draw side by side, into one folder."""
 
     executor: Executor
     count: int
+    folder: Path
 
     def get_ready(self) -> None:
         """Have them load what they draw with, which takes seconds."""
         for _ in range(self.count):
             self.executor.submit(_load)
 
-    def report(self, result: Result, data: ShownCampaign, out_dir: Path) -> Path:
+    def begin(self, result: Result, data: ShownCampaign) -> Begun:
+        """Draw what an inference does not change, while it goes on.
+
+        Args:
+            result: of a fit.
+            data: what is shown of the campaign.
+        """
+        shares = [(k, self.count) for k in range(self.count)]
+        asked = (self.executor.submit(_begin, result, data, self.folder, own) for own in shares)
+        return Begun(_seen(result, data), tuple(asked))
+
+    def report(
+        self, result: Result, data: ShownCampaign, out_dir: Path, begun: Begun | None = None
+    ) -> Path:
         """The same report as of one process; the path of its page.
 
         Args:
             result: of a reconstruction.
             data: what is shown of the campaign.
             out_dir: where the files go.
+            begun: figures that were begun before.
 
         Raises:
             BadInput: the folder cannot be written.
             BrokenExecutor: a process was lost.
         """
-        with Scratch() as folder:
-            there = folder / "report"
-            places = self.executor.submit(_places, result, data).result()
+        with Scratch(self.folder) as scratch:
+            folder = scratch / "report"
+            ready = {} if begun is None else begun.of_these(result, data)
+            left = self.executor.submit(_numbers, result, data, tuple(ready)).result()
             # whoever is free takes the next one
-            asked = {k: self.executor.submit(_draw, result, data, there, k) for k in places}
+            asked = {k: self.executor.submit(_draw, result, data, folder, k) for k in left}
             try:
-                figures = [asked[k].result() for k in sorted(places)]
+                drawn = ready | {k: future.result() for k, future in asked.items()}
             finally:  # where one failed, the others are to end before their folder does
                 for future in asked.values():
                     future.cancel()
                 wait(asked.values())
-            page = self.executor.submit(_write, result, data, there, figures).result()
+            figures = [drawn[number] for number in sorted(drawn)]
+            page = self.executor.submit(_write, result, data, folder, figures).result()
             # this process knows which files of a folder are its own to replace
-            for path in sorted(path for path in there.rglob("*") if path.is_file()):
-                write_whole(out_dir / path.relative_to(there), path.read_bytes())
+            for path in sorted(path for figure in figures for path in figure.files):
+                write_whole(out_dir / path.parent.name / path.name, path.read_bytes())
+            for path in sorted(path for path in folder.iterdir() if path.is_file()):
+                write_whole(out_dir / path.name, path.read_bytes())
             return out_dir / page.name
 
 
@@ -76,18 +117,40 @@ def _load() -> None:
     gc.enable()
 
 
-def _places(result: Result, data: ShownCampaign) -> list[int]:
-    """Places of all figures on the page, those that take longest first."""
+def _seen(result: Result, data: ShownCampaign) -> bytes:
+    """All that figures are drawn from that no inference changes."""
+    return pickle.dumps((result.peaks, result.deviations, data))
+
+
+def _begin(
+    result: Result, data: ShownCampaign, folder: Path, share: tuple[int, int]
+) -> dict[int, FigureFile]:
+    """A share of the figures that a fit settles: from the first on, each so many-th."""
+    from fitting.report.figures.reconstruction import (
+        longest_first,
+        planned_figures,
+        settled,
+        write_figure,
+    )
+
+    own = longest_first(settled(planned_figures(result, data), data))[share[0] :: share[1]]
+    return {planned.number: write_figure(planned, folder) for planned in own}
+
+
+def _numbers(result: Result, data: ShownCampaign, drawn: Sequence[int]) -> list[int]:
+    """Numbers of the figures that are still to be drawn, those that take longest first."""
     from fitting.report.figures.reconstruction import longest_first, planned_figures
 
-    return longest_first(planned_figures(result, data))
+    planned = longest_first(planned_figures(result, data))
+    return [figure.number for figure in planned if figure.number not in drawn]
 
 
-def _draw(result: Result, data: ShownCampaign, out_dir: Path, place: int) -> FigureFile:
-    """The figure at that place."""
+def _draw(result: Result, data: ShownCampaign, out_dir: Path, number: int) -> FigureFile:
+    """The figure of that number."""
     from fitting.report.figures.reconstruction import planned_figures, write_figure
 
-    return write_figure(planned_figures(result, data)[place], out_dir)
+    [planned] = [p for p in planned_figures(result, data) if p.number == number]
+    return write_figure(planned, out_dir)
 
 
 def _write(result: Result, data: ShownCampaign, out_dir: Path, figures: list[FigureFile]) -> Path:

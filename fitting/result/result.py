@@ -11,6 +11,7 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 from fitting.fit.path import AlternativeResult, HistoryRow
 from fitting.inference.ending import Ending
@@ -114,6 +115,20 @@ class Provenance:
     finished: str
     notes: tuple[str, ...] = ()
     start_values: Mapping[str, Scalar] = field(default_factory=dict)
+
+
+class Compared(Protocol):
+    """What a result says of its peaks beside the model's, which no inference changes."""
+
+    @property
+    def peaks(self) -> tuple[Peak, ...]:
+        """Measured and simulated amplitudes, a peak each."""
+        ...
+
+    @property
+    def deviations(self) -> Deviations:
+        """Relative deviations of the peaks, before and after."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,14 @@ from fitting.engine.local import LocalProcesses
 from fitting.report import table as tables
 from fitting.report.artists import Artists
 from fitting.report.figures.file import FigureFile
+from fitting.report.figures.numbers import (
+    DRIVE,
+    IMPROVEMENT,
+    OVER_FREQUENCY,
+    PER_EXPERIMENT,
+    RESPONSE,
+    SPECTRA,
+)
 from fitting.report.page import render, write_page
 from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
@@ -388,7 +396,7 @@ def test_whoever_draws_the_files_are_the_same(
     write_report(result, data, alone)
     executor = LocalProcesses(2)
     try:
-        artists = Artists(executor, 2)
+        artists = Artists(executor, 2, tmp_path)
         artists.get_ready()
         assert artists.report(result, data, Path("beside")) == Path("beside/report.html")
         for _ in range(2):  # its own files are replaced, others are not
@@ -411,6 +419,31 @@ def test_whoever_draws_the_files_are_the_same(
     assert [p.relative_to(beside) for p in sorted(beside.rglob("*")) if p.is_file()] == names
     for name in names:
         assert (beside / name).read_bytes() == (alone / name).read_bytes(), name
+
+
+def test_what_a_fit_settles_is_drawn_before_the_rest_is_known(tmp_path: Path) -> None:
+    """The files are those of one process that draws all at the end, of another fit as well."""
+    data = records.campaign()
+    result = records.result_for(data)
+    data = records.with_figures(data, result)
+    write_report(result, data, tmp_path / "alone")
+    executor = LocalProcesses(2)
+    try:
+        artists = Artists(executor, 2, tmp_path)
+        begun = artists.begin(replace(result, message="not yet", history=(), knowledge=None), data)
+        artists.report(result, data, tmp_path / "begun", begun)
+        kinds = sorted(figure.kind for figure in begun.of_these(result, data).values())
+        others = artists.begin(replace(result, peaks=result.peaks[::-1]), data)
+        artists.report(result, data, tmp_path / "again", others)
+        assert not others.of_these(result, data)
+    finally:
+        executor.shutdown(wait=False)
+    assert kinds == sorted([DRIVE, OVER_FREQUENCY, IMPROVEMENT, PER_EXPERIMENT, RESPONSE, SPECTRA])
+    alone, begun_files, again = (
+        {p.name: p.read_bytes() for p in (tmp_path / name).rglob("*") if p.is_file()}
+        for name in ("alone", "begun", "again")
+    )
+    assert begun_files == again == alone
 
 
 def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(

@@ -13,7 +13,7 @@ import fitting as ff
 from fitting.api.choices import STYLES, usual_budget
 from fitting.api.cost import expected_of
 from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
-from fitting.api.jobs import Artists, artists_beside, draw_report
+from fitting.api.jobs import DrawnBeside, draw_report, drawn_beside
 from fitting.api.problem import Campaign
 from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
@@ -63,15 +63,15 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     if args.dry_run:
         return _tell_cost(args, campaigns)
-    with artists_beside(not args.no_report) as artists:
-        return _reconstructed(args, campaigns, out, _Course(laps, artists))
+    with drawn_beside(not args.no_report) as drawing:
+        return _reconstructed(args, campaigns, out, _Course(laps, drawing))
 
 
 class _Course(NamedTuple):
     """What goes along with the work: the clock of the command, and who draws beside it."""
 
     laps: Laps
-    artists: Artists | None
+    drawing: DrawnBeside | None
 
 
 class _Solved(NamedTuple):
@@ -85,7 +85,7 @@ class _Solved(NamedTuple):
 def _reconstructed(
     args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, course: _Course
 ) -> int:
-    solved = _solved(args, campaigns, out, course.laps)
+    solved = _solved(args, campaigns, out, course)
     if solved is None:
         return 1
     ended, memory, remaining = solved
@@ -110,7 +110,7 @@ def _reconstructed(
                 out,
                 args.style or STYLES[0],
                 lambda done, of: tell(remaining.drawing(done, of)),
-                course.artists,
+                course.drawing,
             )
         print(f"report: {page}")
         course.laps.end("for the report")
@@ -121,17 +121,17 @@ def _reconstructed(
 
 
 def _solved(
-    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, laps: Laps
+    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, course: _Course
 ) -> _Solved | None:
     """The fit and its inference; None where it was interrupted before there was a result."""
     with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         check_external(args.external, _units(problem))
-        laps.end("to begin")
+        course.laps.end("to begin")
         memory, remaining = _memory(args, problem, out), _remaining(args, problem)
         try:
             with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
-                job = _Reconstruction(problem, out, memory, tell, remaining, laps)
+                job = _Reconstruction(problem, out, memory, tell, remaining, course)
                 return _Solved(_ending(args, job), memory, remaining)
         except KeyboardInterrupt:
             print(f"interrupted before there was a result{_way_on(args, memory)}")
@@ -181,14 +181,14 @@ def _units(problem: ff.Problem) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Reconstruction:
-    """What is solved, where results and finished levels go, who is told how far it is and when."""
+    """What is solved, where results and finished levels go, who is told of it, what goes along."""
 
     problem: ff.Problem
     out: Path
     memory: KeptLevels
     tell: Callable[[str], None]
     remaining: Remaining
-    laps: Laps
+    course: _Course
 
 
 class _Ending(NamedTuple):
@@ -254,11 +254,13 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     fitted.command = _command(args)
     with to_the_end():
         result = fitted.result
-    job.laps.end("to fit")
+    job.course.laps.end("to fit")
     interrupted = fitted.status == "interrupted"
     if args.no_profiles or interrupted:
         return _Ending(found, result, not interrupted)
     done = False
+    if job.course.drawing is not None and args.style != "paper":
+        job.course.drawing.begin(fitted)
     try:
         with to_the_end():
             result = replace(result, warnings=(*result.warnings, NO_PROFILES))
@@ -276,7 +278,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
         result = replace(fitted.result, warnings=(*fitted.result.warnings, CUT_SHORT))
     except KeyboardInterrupt:
         pass
-    job.laps.end("for the profiles")
+    job.course.laps.end("for the profiles")
     return _Ending(found, result, done)
 
 

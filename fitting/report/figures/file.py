@@ -25,3 +25,8 @@ class FigureFile:
     csv: Path | None = None
     pdf: Path | None = None
     live: str = ""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All its files."""
+        return tuple(path for path in (self.svg, self.png, self.csv, self.pdf) if path is not None)

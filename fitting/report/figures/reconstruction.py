@@ -30,7 +30,7 @@ from fitting.report.figures.tones import (
     draw_per_experiment,
 )
 from fitting.report.shown import ShownCampaign, shares_of
-from fitting.result.result import Result
+from fitting.result.result import Compared, Result
 
 FOLDER = "figures"
 #: Names of the figures of any reconstruction.
@@ -42,6 +42,13 @@ NAMES: dict[Callable[[Result, ShownCampaign], Drawing], str] = {
     draw_derived: DERIVED,
     draw_per_experiment: PER_EXPERIMENT,
 }
+#: Figures of peaks beside those of the model: no inference changes them.
+OF_PEAKS: tuple[Callable[[Compared, ShownCampaign], Drawing], ...] = (
+    draw_drive,
+    draw_over_frequency,
+    draw_improvement,
+    draw_per_experiment,
+)
 #: Figures that take longest: of several that draw, whoever began one last would be waited for.
 LONGEST = (CONVERGENCE, SPECTRA, DRIVE)
 #: Figures over frequency: of campaigns that were fitted together every one has its own.
@@ -152,15 +159,27 @@ def _of_series(
     return replace(drawing, series=series, title=f"{drawing.title}, {series}")
 
 
-def longest_first(planned: Sequence[Planned]) -> list[int]:
-    """Places of figures in the order in which several that draw begin them.
+def longest_first(planned: Sequence[Planned]) -> list[Planned]:
+    """Figures in the order in which several that draw begin them.
 
     Args:
         planned: figures in the order of the page.
     """
-    names = [figure.name for figure in planned]
-    ranks = [LONGEST.index(name) if name in LONGEST else len(LONGEST) for name in names]
-    return sorted(range(len(planned)), key=ranks.__getitem__)
+    ranks = {name: LONGEST.index(name) for name in LONGEST}
+    return sorted(planned, key=lambda figure: ranks.get(figure.name, len(LONGEST)))
+
+
+def settled(planned: Sequence[Planned], data: ShownCampaign) -> list[Planned]:
+    """Figures that the fit alone settles: those of peaks, and what measurements show of themselves.
+
+    They are the same bytes for results of the same peaks and deviations.
+
+    Args:
+        planned: all figures.
+        data: what is shown of the campaign.
+    """
+    names = {NAMES[draw] for draw in OF_PEAKS} | {figure.name for figure in data.figures}
+    return [figure for figure in planned if figure.name in names]
 
 
 def figures_of(

@@ -24,7 +24,7 @@ from fitting.report.plot.tones import (
     residuals_in_sigmas,
 )
 from fitting.report.shown import ShownCampaign, ShownTones
-from fitting.result.result import Deviations, Result
+from fitting.result.result import Compared, Deviations
 from fitting.text.notation import listed, number, prefixed
 
 #: Drives drawn one below the other: a figure is to stay readable.
@@ -32,7 +32,7 @@ MOST_DRIVES = 8
 LONGEST_LABEL = 10
 
 
-def draw_drive(result: Result, data: ShownCampaign) -> Drawing:
+def draw_drive(result: Compared, data: ShownCampaign) -> Drawing:
     """The drive of every experiment over time: envelope of its beating, and a close-up of it.
 
     Args:
@@ -86,7 +86,7 @@ def _beat_words(experiment: ShownTones) -> str:
     return f"{words}, beats every {1.0 / gap / period:.4g} {period_unit} ({gap:.6g} Hz)"
 
 
-def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
+def draw_over_frequency(result: Compared, data: ShownCampaign) -> Drawing:
     """Relative deviation |chi z - z*|/z* of every peak over its frequency, before and after.
 
     The range through which a drifting variable moved is shaded where it lies among the drive
@@ -118,7 +118,7 @@ def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
     )
 
 
-def draw_improvement(result: Result, data: ShownCampaign) -> Drawing:
+def draw_improvement(result: Compared, data: ShownCampaign) -> Drawing:
     """Final deviation in percent of the initial one, for every tone.
 
     Args:
@@ -144,7 +144,7 @@ def draw_improvement(result: Result, data: ShownCampaign) -> Drawing:
     return Drawing(name="improvement", title=title, caption=caption, alt=alt, figure=figure)
 
 
-def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
+def draw_per_experiment(result: Compared, data: ShownCampaign) -> Drawing:
     """Deviation of every peak by experiment, with error bars, and the residuals in their sigmas.
 
     Error bars are sigma/z*; the lower panel is (chi z - z*)/sigma, so that one wrong peak stands
@@ -178,7 +178,7 @@ def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
     )
 
 
-def _worst_words(result: Result, residuals: list[float]) -> str:
+def _worst_words(result: Compared, residuals: list[float]) -> str:
     known = [k for k, r in enumerate(residuals) if math.isfinite(r)]
     if not known:
         return "The standard deviations of the peaks are not known."

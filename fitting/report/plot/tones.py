@@ -22,7 +22,7 @@ from fitting.report.plot.axes import (
     plain_ticks,
     say_empty,
 )
-from fitting.result.result import Peak, Result
+from fitting.result.result import Compared, Peak
 from fitting.text.notation import mathtext, number, scaling_for
 
 #: Means this far apart are drawn on a logarithmic axis, or the lesser could not be seen.
@@ -37,7 +37,7 @@ FAR_WORSE = 300.0
 
 
 def deviations(
-    result: Result,
+    result: Compared,
     *,
     drift_hz: Mapping[str, tuple[float, float]] | None = None,
     ax: Axes | None = None,
@@ -71,7 +71,7 @@ def deviations(
     return axes
 
 
-def improvement(result: Result, *, ax: Axes | None = None) -> Axes:
+def improvement(result: Compared, *, ax: Axes | None = None) -> Axes:
     """Draw the deviation after the fit in percent of the one before, for every peak.
 
     Args:
@@ -106,7 +106,7 @@ def improvement(result: Result, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def improvement_percent(result: Result) -> list[float]:
+def improvement_percent(result: Compared) -> list[float]:
     """100 final/initial deviation per peak; nan where a peak was matched exactly before.
 
     Args:
@@ -115,7 +115,7 @@ def improvement_percent(result: Result) -> list[float]:
     return [_share(before, after) for _, before, after in _pairs(result)]
 
 
-def mean_improvement_percent(result: Result) -> float:
+def mean_improvement_percent(result: Compared) -> float:
     """100 final/initial mean deviation; nan where all peaks were matched exactly before.
 
     Args:
@@ -128,7 +128,7 @@ def _share(before: float, after: float) -> float:
     return 100.0 * after / before if before > 0.0 else math.nan
 
 
-def deviations_by_experiment(result: Result, *, ax: Axes | None = None) -> Axes:
+def deviations_by_experiment(result: Compared, *, ax: Axes | None = None) -> Axes:
     """Draw the relative deviation |χz − z*|/z* of every peak in the column of its experiment.
 
     Before the fit open, after it filled, error bars σ/z*; dashed lines are the means.
@@ -164,7 +164,7 @@ def deviations_by_experiment(result: Result, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def residuals(result: Result, *, ax: Axes | None = None) -> Axes:
+def residuals(result: Compared, *, ax: Axes | None = None) -> Axes:
     """Draw what the fit leaves of every peak, (χz − z*)/σ, in the column of its experiment.
 
     The band is ±2; values beyond 5 are written beside their points.
@@ -211,7 +211,7 @@ def residuals(result: Result, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def residuals_in_sigmas(result: Result) -> list[float]:
+def residuals_in_sigmas(result: Compared) -> list[float]:
     """(chi z - z*)/sigma per peak after the fit; nan where sigma is not known.
 
     Args:
@@ -247,19 +247,19 @@ def drift_among(
     return {n: ends for n, ends in drift_hz.items() if low <= min(ends) and max(ends) <= high}
 
 
-def _pairs(result: Result) -> list[tuple[Peak, float, float]]:
+def _pairs(result: Compared) -> list[tuple[Peak, float, float]]:
     """Every peak with its deviations before and after."""
     before, after = result.deviations.initial.per_peak, result.deviations.final.per_peak
     return list(zip(result.peaks, before, after, strict=True))
 
 
-def _places(result: Result) -> dict[str, int]:
+def _places(result: Compared) -> dict[str, int]:
     """Number of every experiment, in the order of their peaks."""
     names = dict.fromkeys(p.experiment for p in result.peaks)
     return {name: i for i, name in enumerate(names)}
 
 
-def _columns(result: Result) -> list[float]:
+def _columns(result: Compared) -> list[float]:
     """x of every peak: the experiment's column, its tones spread within."""
     places = _places(result)
     counts = dict.fromkeys(places, 0)
@@ -296,7 +296,7 @@ def _after(marker: str) -> dict[str, Any]:
     }
 
 
-def _draw_means(axes: Axes, result: Result) -> None:
+def _draw_means(axes: Axes, result: Compared) -> None:
     """Dashed mean lines, their numbers in the legend beside the marker that they belong to."""
     for colour, face, found, when in (
         (ink(), axes.get_facecolor(), result.deviations.initial, "before"),
@@ -315,7 +315,7 @@ def _draw_means(axes: Axes, result: Result) -> None:
         )
 
 
-def _scale_deviations(axes: Axes, result: Result, *, with_errors: bool = False) -> None:
+def _scale_deviations(axes: Axes, result: Compared, *, with_errors: bool = False) -> None:
     """From zero, or logarithmic where the fit made the deviations vanish on that scale."""
     before, after = result.deviations.initial, result.deviations.final
     positive = [v for v in (*before.per_peak, *after.per_peak) if v > 0.0]
