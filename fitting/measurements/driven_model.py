@@ -129,14 +129,14 @@ class DrivenModel:
         Raises:
             FmuFailure: a law has no finite value there.
         """
-        numbers, roles = p.tolist(), self._roles(label)
+        number, roles = p.item, self._roles(label)  # a few of perhaps a thousand
         values = {**self._common, **settings}
-        values.update({target: numbers[i] for i, target in roles.targets})
-        coefficients = {target: numbers[i] for i, target in roles.coefficients}
+        values.update({target: number(i) for i, target in roles.targets})
+        coefficients = {target: number(i) for i, target in roles.coefficients}
         values = self.setup.laws.applied(values, coefficients)
         for i, names in roles.added:
             for name in names:
-                values[name] = float(values[name]) + numbers[i]
+                values[name] = float(values[name]) + number(i)
         return values
 
     @cached_property

@@ -48,6 +48,8 @@ CLOSE = 0.02
 LOWER = 0.1
 #: Shares of the range: this near its end a branch has reached it; a step that small got nowhere.
 AT_END, NOWHERE = 1e-3, 0.05
+#: Points inside, next to the threshold, whose slopes are kept.
+KEPT_PLACES = 2
 #: Dchi^2 at which the end of a range is known to fit without being followed to its minimum.
 ENOUGH = 0.5
 #: Dchi^2 from which the end of a range is excluded for good, three sigma.
@@ -340,6 +342,11 @@ class _BranchTracer:
         self.points.append(point)
         self.points.sort(key=lambda point: self.direction * point.value)
         self.places[id(point)] = found
+        # a crossing is looked for between points that are next to it: slopes of a thousand
+        # parameters are too much to keep for all others
+        outside = next((k for k, p in enumerate(self.points) if p.root > ROOT_95), None)
+        for point in self.points[:outside][:-KEPT_PLACES]:
+            self.places.pop(id(point), None)
 
     def _delta(self, found: Expansion) -> float:
         return self.optimum.delta(found.chi_square, self.quantity.freedom)
