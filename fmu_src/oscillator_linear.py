@@ -83,13 +83,11 @@ class LinearSolver:
             (tone, tone.amplitude * tone.response[0], tone.amplitude * tone.response[1])
             for tone in self.tones
         ]
+        #: Whether a transient can leave the range of a double.
+        self.grows = False
         if state is not None:
             self._prepare_transient(state)
-
-    @property
-    def grows(self) -> bool:
-        """Whether a transient can leave the range of a double."""
-        return self.state is not None and self._roots.growth1 > 0.0
+            self.grows = self._roots.growth1 > 0.0
 
     def advance(self, t: float) -> None:
         """Do nothing: the motion at ``t`` s is evaluated from the anchor when it is asked for."""

@@ -10,7 +10,8 @@ further doStep returns fmi2Discard until fmi2Reset.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
 
@@ -39,10 +40,18 @@ class ModelSlave(Fmi2Slave):
     #: What fmu-fit is told of the model's accuracy (see ``variables.Accuracy``).
     accuracy: ClassVar[Accuracy | None] = None
     guid_text: ClassVar[str] = "{00000000-0000-0000-0000-000000000000}"
+    author: ClassVar[str | None] = None
+    copyright: ClassVar[str | None] = None
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
+        # not by way of pythonfmu, which makes a random GUID at every reset
+        self.vars: OrderedDict[int, Any] = OrderedDict()
+        self.instance_name = kwargs["instance_name"]
+        self.resources = kwargs.get("resources")
+        self.visible = kwargs.get("visible", False)
+        self.log_queue: list[Any] = []
         self.guid = self.guid_text
+        self.modelName = type(self).__name__
         self._table, self._steady = _table(type(self))
         self._values: list[Any] = list(self._table.starts)
         self._phase = _INSTANTIATED
@@ -85,6 +94,10 @@ class ModelSlave(Fmi2Slave):
     def value(self, name: str) -> Any:
         """Return the present value of a variable."""
         return self._values[self._table.references[name]]
+
+    def values(self, names: Iterable[str]) -> Iterable[Any]:
+        """Return the present values of variables."""
+        return map(self._values.__getitem__, map(self._table.references.__getitem__, names))
 
     def warn(self, sentence: str) -> None:
         """Send a sentence to the FMI logger without failing."""
@@ -185,10 +198,10 @@ class ModelSlave(Fmi2Slave):
     def _update_moving(self) -> None:
         if self._phase == _INSTANTIATED:
             return
-        self._settle_parameters()
+        if self._changed:
+            self._settle_parameters()
         outputs = self.moving_outputs()
-        for reference, value in zip(self._table.moving, outputs):
-            self._values[reference] = value
+        self._values[self._table.moving] = outputs
         self._moving_stale = False
         if not math.isfinite(sum(outputs)):
             raise ModelError(f"the motion left the range of numbers at t = {self.time!r} s")
@@ -241,13 +254,12 @@ class ModelSlave(Fmi2Slave):
             if not self._table.kinds[kind].issuperset(vrs):
                 raise ModelError(f"set{kind}: {vrs!r} names a variable that is not of this type")
             for vr, value in zip(vrs, values):
-                self._set_one(vr, value)
+                if self._values[vr] != value:
+                    self._set_one(vr, value)
         except Exception as error:
             self._fail(error)
 
     def _set_one(self, vr: int, value: Any) -> None:
-        if self._values[vr] == value:
-            return
         variable = type(self).variables[vr]
         if variable.causality == "output":
             raise ModelError(f"{variable.name} is an output and cannot be set")
