@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
 
@@ -95,9 +95,9 @@ class ModelSlave(Fmi2Slave):
         """Return the present value of a variable."""
         return self._values[self._table.references[name]]
 
-    def values(self, names: Iterable[str]) -> Iterable[Any]:
-        """Return the present values of variables."""
-        return map(self._values.__getitem__, map(self._table.references.__getitem__, names))
+    def first_values(self, count: int) -> list[Any]:
+        """Return the present values of the first variables of the table."""
+        return self._values[:count]
 
     def warn(self, sentence: str) -> None:
         """Send a sentence to the FMI logger without failing."""
@@ -120,7 +120,10 @@ class ModelSlave(Fmi2Slave):
         """Start the motion, or fail with a sentence."""
         if self._phase == _INSTANTIATED:
             self._fail(ModelError("the simulation has not been initialised"))
-        self._guarded(self._settle_parameters)
+        try:
+            self._settle_parameters()
+        except Exception as error:
+            self._fail(error)
         if self._phase != _FAILED:
             self._phase = _STEPPING
 
@@ -175,20 +178,17 @@ class ModelSlave(Fmi2Slave):
         self._values[self._table.references[STATUS_MESSAGE]] = _loggable(sentence)
         self.log(_loggable(sentence), Fmi2Status.error)
 
-    def _guarded(self, action: Callable[[], None]) -> None:
-        try:
-            action()
-        except Exception as error:
-            self._fail(error)
-
     # -- get and set ----------------------------------------------------------------------------
 
     def get_real(self, vrs: list[int]) -> list[float]:
         """Return Reals; outputs are evaluated when first asked for at a communication point."""
-        if self._moving_stale or self._changed:
-            self._guarded(self._update_moving)
-        if self._steady_stale and not self._steady.isdisjoint(vrs):
-            self._guarded(self._update_steady)
+        try:
+            if self._moving_stale or self._changed:
+                self._update_moving()
+            if self._steady_stale and not self._steady.isdisjoint(vrs):
+                self._update_steady()
+        except Exception as error:
+            self._fail(error)
         if not self._table.kinds["Real"].issuperset(vrs):
             self._fail(ModelError(f"getReal: {vrs!r} names a variable that is not a Real"))
             return [math.nan] * len(vrs)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 S = TypeVar("S", bound="TwoModeSolver")
 
 
-#: The physical parameters, in the order of ``Parameters``.
+#: The physical parameters, in the order of ``Parameters``: every table begins with them.
 PHYSICAL = (
     parameter(
         "theta", 1.9498, "rad", "angle of the orthogonal matrix T in q_hybrid = T q", nominal=1.0
@@ -196,6 +196,6 @@ class TwoModeSlave(DrivenSlave[S], Generic[S]):
 
     def _take_parameters(self) -> Parameters:
         """Return the physical parameters; T, which each look at the outputs needs, is kept."""
-        p = Parameters(*self.values(Parameters._fields))
+        p = Parameters._make(self.first_values(len(PHYSICAL)))
         self._transformation = transformation(p.theta, p.reflection)
         return p
