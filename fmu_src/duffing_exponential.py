@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Terms of a series of about 1/6 below which no digit changes.
 NEGLIGIBLE = 1e-19
+#: What one term of it is divided by for the next; floats, as whole numbers take longer to divide by.
+ORDERS = tuple(float(k) for k in range(4, 26))
 #: Step sizes are powers of 2^(1/4): few different ones, whose coefficients are worth keeping.
 NOTCHES = 2.0**-0.25, 2.0**-0.5, 2.0**-0.75, 0.5
 
@@ -50,7 +52,7 @@ def phi(z: complex) -> tuple[complex, complex, complex, complex]:
         p2 = (p1 - 1.0) / z
         return e, p1, p2, (p2 - 0.5) / z
     p3, term = 0j, complex(1.0 / 6.0)
-    for k in range(4, 26):
+    for k in ORDERS:
         p3 += term
         if abs(term) < NEGLIGIBLE:
             break
