@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 #: Terms of a series of about 1/6 below which no digit changes.
 NEGLIGIBLE = 1e-19
-#: What one term of it is divided by for the next; floats, as whole numbers take longer to divide by.
+#: What a term of it is divided by for the next; whole numbers would take longer to divide by.
 ORDERS = tuple(float(k) for k in range(4, 26))
 #: Step sizes are powers of 2^(1/4): few different ones, whose coefficients are worth keeping.
 NOTCHES = 2.0**-0.25, 2.0**-0.5, 2.0**-0.75, 0.5

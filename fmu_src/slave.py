@@ -40,7 +40,10 @@ class ModelSlave(Fmi2Slave):
     #: What fmu-fit is told of the model's accuracy (see ``variables.Accuracy``).
     accuracy: ClassVar[Accuracy | None] = None
     guid_text: ClassVar[str] = "{00000000-0000-0000-0000-000000000000}"
+    description: ClassVar[str | None] = None
     author: ClassVar[str | None] = None
+    version: ClassVar[str | None] = None
+    license: ClassVar[str | None] = None
     copyright: ClassVar[str | None] = None
 
     def __init__(self, **kwargs: Any) -> None:
