@@ -40,11 +40,15 @@ class Settings(NamedTuple):
 
 
 class Coefficients(NamedTuple):
-    """What a step of one length needs: weights of both components, how far the tones turn."""
+    """What a step of one length needs: weights of both components, how far the tones turn.
+
+    ``kept`` is what is left of both scales, as they are forgotten.
+    """
 
     weights: tuple[Weights, Weights]
     to_probe: list[complex]
     to_middle: list[complex]
+    kept: tuple[float, float]
 
 
 class EnvelopeSolver:
@@ -61,6 +65,8 @@ class EnvelopeSolver:
     ) -> None:
         self.p, self.cubic, self.settings, self.offsets = p, cubic, settings, offsets
         self.model = SlowModel(p, cubic, offsets)
+        self.centre = self.model.centre
+        self._spread = abs(p.u1 - p.u2) / self.centre if p.A1 and p.A2 else 0.0
         self.b = 0.0
         growth = max(rate.real for rate in self.model.rates)
         self._longest = 1.0 / growth if growth > 0.0 else math.inf
@@ -199,6 +205,10 @@ class EnvelopeSolver:
         q1, q2 = self._amplitudes(t)
         return abs(q1) ** 2, abs(q2) ** 2
 
+    def averaging_error(self, found: float) -> float:
+        """Return the bound of what averaging leaves out at the shift ``found``."""
+        return found * (3.0 * found + self._spread)
+
     def _amplitudes(self, t: float) -> Pair:
         """Return Q at ``t`` s; the last answer is kept for the next reader."""
         if self._read is None or self._read[0] != t:
@@ -236,7 +246,7 @@ class EnvelopeSolver:
         while True:
             step = self._attempt(h)
             scale = self._scale_after(step)
-            worst = max(e / s if s else 0.0 for e, s in zip(step.error, scale)) / tolerance
+            worst = max(map(_relative, step.error, scale)) / tolerance
             self._check(step, worst)
             factor = min(5.0, 0.9 * worst**-0.25) if worst else 5.0
             if worst <= 1.0:
@@ -257,14 +267,17 @@ class EnvelopeSolver:
 
     def _attempt(self, h: float) -> Step:
         t, model = self._reached[0], self.model
-        pair, to_probe, to_middle = self._coefficients_of(h)
-        self._turns_after = model.turns(t + h)
-        probed = model.turned([a * b for a, b in zip(self._turns, to_probe)])
-        middle = model.turned([a * b for a, b in zip(self._turns, to_middle)])
-        there, lone = model.turned(self._turns_after), model.lone
+        pair, to_probe, to_middle, _ = self._coefficients_of(h)
+        probed = [a * b for a, b in zip(self._turns, to_probe)]
+        middle = [a * b for a, b in zip(self._turns, to_middle)]
+        there = self._turns_after = model.turns(t + h)
+        lone = model.lone
         if lone is None:
-            return take_step(self._reached, h, pair, model.slope, (probed, middle, there))
-        forced = probed[lone], middle[lone], there[lone]
+            turned = model.turned
+            forces = turned(probed), turned(middle), turned(there)
+            return take_step(self._reached, h, pair, model.slope, forces)
+        own = model.lone_turned
+        forced = own(probed), own(middle), own(there)
         return take_lone_step(self._reached, h, pair, model.lone_slope, forced, lone)
 
     def _coefficients_of(self, h: float) -> Coefficients:
@@ -274,7 +287,8 @@ class EnvelopeSolver:
             first, second = self.model.rates
             onwards = self.model.onwards
             pair = weights(first, h), weights(second, h)
-            found = Coefficients(pair, onwards(PROBE * h), onwards(0.5 * h))
+            kept = math.exp(min(first.real, 0.0) * h), math.exp(min(second.real, 0.0) * h)
+            found = Coefficients(pair, onwards(PROBE * h), onwards(0.5 * h), kept)
             self._coefficients[h] = found
         return found
 
@@ -290,11 +304,9 @@ class EnvelopeSolver:
 
     def _scale_after(self, step: Step) -> tuple[float, float]:
         """Return the amplitudes that errors are relative to: the largest, as it is forgotten."""
-        kept = [
-            scale * math.exp(min(rate.real, 0.0) * step.h)
-            for scale, rate in zip(self._scale, self.model.rates)
-        ]
-        return max(kept[0], step.largest[0]), max(kept[1], step.largest[1])
+        (before1, before2), (largest1, largest2) = self._scale, step.largest
+        kept1, kept2 = self._coefficients_of(step.h).kept
+        return max(before1 * kept1, largest1), max(before2 * kept2, largest2)
 
     def _check(self, step: Step, worst: float) -> None:
         """Raise ModelError where the averaging does not hold or the numbers end."""
@@ -313,3 +325,7 @@ class EnvelopeSolver:
                 f"the envelope cannot keep its tolerance {self.settings.tolerance!r} at t = "
                 f"{step.t!r} s"
             )
+
+
+def _relative(error: float, scale: float) -> float:
+    return error / scale if scale else 0.0

@@ -42,11 +42,12 @@ def shift(cubic: Cubic, squares: tuple[float, float], centre: float) -> float:
     (3/8) (|alpha1| |a1|^2 + |kappa| |a2|^2)/(2 pi centre)^2 for mode 1, and likewise for mode 2,
     from the squared amplitudes in m^2; the averaging of the envelope is an expansion in it.
     """
-    if not any(cubic):
+    alpha1, alpha2, kappa = cubic
+    if not (alpha1 or alpha2 or kappa):
         return 0.0
-    alpha1, alpha2, kappa = map(abs, cubic)
     m1, m2 = squares
-    force = max(alpha1 * m1 + kappa * m2, alpha2 * m2 + kappa * m1)
+    across = abs(kappa)
+    force = max(abs(alpha1) * m1 + across * m2, abs(alpha2) * m2 + across * m1)
     return 0.375 * force / (2.0 * math.pi * centre) ** 2
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,11 +25,10 @@ if TYPE_CHECKING:
     #: The same of one component that no other one moves.
     LoneSlope = Callable[[complex, complex], tuple[complex, complex]]
 
-X = TypeVar("X")
-
-
 #: Terms of a series of about 1/6 below which no digit changes.
 NEGLIGIBLE = 1e-19
+#: What a term of it is divided by for the next; whole numbers would take longer to divide by.
+ORDERS = tuple(float(k) for k in range(4, 26))
 #: Step sizes are powers of 2^(1/4): few different ones, whose coefficients are worth keeping.
 NOTCHES = 2.0**-0.25, 2.0**-0.5, 2.0**-0.75, 0.5
 
@@ -39,7 +38,10 @@ def notched(h: float) -> float:
     if not 0.0 < h < math.inf:
         return h
     mantissa, exponent = math.frexp(h)
-    return math.ldexp(next(notch for notch in NOTCHES if notch <= mantissa), exponent)
+    notch = 0
+    while NOTCHES[notch] > mantissa:
+        notch += 1
+    return math.ldexp(NOTCHES[notch], exponent)
 
 
 def phi(z: complex) -> tuple[complex, complex, complex, complex]:
@@ -50,7 +52,7 @@ def phi(z: complex) -> tuple[complex, complex, complex, complex]:
         p2 = (p1 - 1.0) / z
         return e, p1, p2, (p2 - 0.5) / z
     p3, term = 0j, complex(1.0 / 6.0)
-    for k in range(4, 26):
+    for k in ORDERS:
         p3 += term
         if abs(term) < NEGLIGIBLE:
             break
@@ -71,7 +73,8 @@ class Spread(NamedTuple):
     def value(self, y: complex, slopes: tuple[complex, complex, complex]) -> complex:
         """Return y there."""
         n1, n23, n4 = slopes
-        return self.turn * y + self.begin * n1 + self.middle * n23 + self.end * n4
+        turn, begin, middle, end = self
+        return turn * y + begin * n1 + middle * n23 + end * n4
 
 
 def spread(rate: complex, h: float, theta: float) -> Spread:
@@ -116,6 +119,10 @@ def weights(rate: complex, h: float) -> Weights:
         spread(rate, h, PROBE),
         h * MISSED,
     )
+
+
+#: The slopes of a component without an n.
+AT_EASE = 0j, 0j, 0j
 
 
 class Step(NamedTuple):
@@ -210,29 +217,22 @@ def take_lone_step(
     ``slope`` and ``forced`` are of this component alone.
     """
     t, both, before = begin
-    y, a, w = both[lone], before[lone], pair[lone]
+    y, a = both[lone], before[lone]
+    half, half_first, half_second, full_first, full_second, full, probe, missed = pair[lone]
     probed, middle, there = forced
-    half = w.half * y + w.half_first * a
-    b, qb = slope(half, middle)
-    c, qc = slope(half + w.half_second * (b - a), middle)
-    d, _ = slope(w.full.turn * y + w.full_first * a + w.full_second * (c - a), there)
+    first = half * y + half_first * a
+    b, qb = slope(first, middle)
+    c, qc = slope(first + half_second * (b - a), middle)
+    d, _ = slope(full.turn * y + full_first * a + full_second * (c - a), there)
     slopes = a, b + c, d
-    end = w.full.value(y, slopes)
+    end = full.value(y, slopes)
     n, q = slope(end, there)
-    found, _ = slope(w.probe.value(y, slopes), probed)
+    found, _ = slope(probe.value(y, slopes), probed)
     parabola = PARABOLA[0] * a + PARABOLA[1] * slopes[1] + PARABOLA[2] * d
+    largest, error = max(abs(q), abs(qb), abs(qc)), missed * abs(found - parabola)
     other = pair[1 - lone].full.turn * both[1 - lone]
-    return Step(
-        t,
-        h,
-        both,
-        _placed(slopes, (0j, 0j, 0j), lone),
-        _placed(end, other, lone),
-        _placed(n, 0j, lone),
-        _placed(max(abs(q), abs(qb), abs(qc)), 0.0, lone),
-        _placed(w.missed * abs(found - parabola), 0.0, lone),
-    )
-
-
-def _placed(own: X, other: X, lone: int) -> tuple[X, X]:
-    return (other, own) if lone else (own, other)
+    if lone:
+        return Step(
+            t, h, both, (AT_EASE, slopes), (other, end), (0j, n), (0.0, largest), (0.0, error)
+        )
+    return Step(t, h, both, (slopes, AT_EASE), (end, other), (n, 0j), (largest, 0.0), (error, 0.0))

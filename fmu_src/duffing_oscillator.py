@@ -9,7 +9,6 @@ from .driven_slave import PERIODIC_START, checked_substep, fixed, parameter, sub
 from .duffing_envelope import EnvelopeSolver, Settings
 from .duffing_equations import Cubic, check_cubic, shift
 from .duffing_rk4 import DuffingRungeKutta
-from .duffing_slow import frame_frequency
 from .model_error import ModelError
 from .oscillator_equations import Parameters
 from .two_mode_slave import DERIVED, DISPLACEMENTS, INPUT, PHYSICAL, TwoModeSlave
@@ -120,14 +119,8 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
     def moving_outputs(self) -> Sequence[float]:
         """Return displacements, the shift by the cubic terms, and what averaging them costs."""
         solver = self.running()
-        p, envelope = solver.p, isinstance(solver, EnvelopeSolver)
-        centre = solver.model.centre if isinstance(solver, EnvelopeSolver) else frame_frequency(p)
-        found = shift(solver.cubic, solver.squares(self.time), centre)
-        averaging = 0.0
-        if envelope:
-            spread = abs(p.u1 - p.u2) / centre if p.A1 and p.A2 else 0.0
-            averaging = found * (3.0 * found + spread)
-        return *super().moving_outputs(), found, averaging
+        found = shift(solver.cubic, solver.squares(self.time), solver.centre)
+        return *super().moving_outputs(), found, solver.averaging_error(found)
 
     def new_solver(
         self, p: Parameters, offsets: tuple[float, float]

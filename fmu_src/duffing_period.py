@@ -29,6 +29,8 @@ class Period:
         self.end = begin + length
         self.steps: list[Step] = []
         self._times: list[float] = []
+        #: The last answer of ``within``, which is asked for both to get there and to read.
+        self._within = math.nan, math.nan
 
     def add(self, step: Step) -> None:
         """Keep the next step."""
@@ -42,8 +44,11 @@ class Period:
 
     def within(self, t: float) -> float:
         """Return the time of the first period that ``t`` s is a copy of."""
-        count = math.floor((t - self.begin) / self.length)
-        return min(max(t - count * self.length, self.begin), self.end) if count > 0 else t
+        if t != self._within[0]:
+            count = math.floor((t - self.begin) / self.length)
+            first = min(max(t - count * self.length, self.begin), self.end) if count > 0 else t
+            self._within = t, first
+        return self._within[1]
 
     def slow(self, t: float) -> Pair:
         """Return w at ``t`` s; the steps up to that time's like have been taken."""

@@ -79,6 +79,7 @@ class SlowModel:
         self.rates = self.plane.rates
         self._set_corrections(p)
         self.tones = [self._tone(u, amplitude, offset) for u, amplitude, offset in active]
+        self._responses = [tone.response for tone in self.tones]
         self._carrier = Frequency(self.centre)
         #: The mode that has the only cubic term, where no mode moves another one.
         self.lone = self._lone_mode()
@@ -128,7 +129,8 @@ class SlowModel:
     def turns(self, t: float) -> list[complex]:
         """Return each tone's phase in the frame at ``t`` s, as a complex number of size 1."""
         return [
-            cmath.rect(1.0, TWO_PI * (tone.detuning.cycles(t) + tone.offset)) for tone in self.tones
+            cmath.rect(1.0, TWO_PI * (detuning.cycles(t) + offset))
+            for detuning, offset, _, _ in self.tones
         ]
 
     def onwards(self, h: float) -> list[complex]:
@@ -138,10 +140,17 @@ class SlowModel:
     def turned(self, turns: list[complex]) -> Pair:
         """Return what :meth:`linear` does, from the turns of the tones."""
         q1 = q2 = 0j
-        for tone, turn in zip(self.tones, turns):
-            q1 += tone.response[0] * turn
-            q2 += tone.response[1] * turn
+        for (r1, r2), turn in zip(self._responses, turns):
+            q1 += r1 * turn
+            q2 += r2 * turn
         return q1, q2
+
+    def lone_turned(self, turns: list[complex]) -> complex:
+        """Return what :meth:`turned` does, of the lone mode."""
+        q = 0j
+        for response, turn in zip(self._own_responses, turns):
+            q += response * turn
+        return q
 
     def amplitudes(self, w: Pair, linear: Pair) -> Pair:
         """Return Q of both modes, in m: |Q| is the amplitude at the drive frequencies."""
@@ -180,6 +189,7 @@ class SlowModel:
         #: N = Q |Q|^2 (first + second |Q|^2) of this mode alone: ``forces`` in one line.
         self._first, self._second = 0.75 * alpha, -0.1875 * alpha * alpha * third
         self._own_behind, self._own_gain = self._behind[lone], 1j * self.plane.gain[3 * lone]
+        self._own_responses = [response[lone] for response in self._responses]
         return lone
 
     def lone_amplitude(self, q: complex) -> complex:
@@ -189,9 +199,13 @@ class SlowModel:
 
     def lone_slope(self, w: complex, linear: complex) -> tuple[complex, complex]:
         """Return what :meth:`slope` does, of the lone mode."""
-        q = self.lone_amplitude(linear + w)
+        first, second = self._first, self._second
+        q = linear + w
         m = q.real * q.real + q.imag * q.imag
-        return self._own_gain * (q * m * (self._first + self._second * m)), q
+        # lone_amplitude: a step comes here five times
+        q = q - self._own_behind * (q * m * (first + second * m))
+        m = q.real * q.real + q.imag * q.imag
+        return self._own_gain * (q * m * (first + second * m)), q
 
     def forces(self, q1: complex, q2: complex) -> Pair:
         """Return N, the cubic forces at the carrier, of both modes."""

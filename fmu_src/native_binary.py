@@ -203,7 +203,7 @@ def _table_header(model_class: type[ModelSlave], module: str) -> str:
 enum {{
 {names}
     VARIABLE_COUNT = {len(variables)},
-    MOVING_COUNT = {len(table.moving)},
+    MOVING_COUNT = {len(model_class.moving)},
     STEADY_COUNT = {len(table.steady)}
 }};
 

@@ -138,17 +138,19 @@ def _damping_adjugate(p: Parameters) -> tuple[float, float]:
     return low * p.g1 + across * n1, low * p.g2 + across * n2
 
 
-def physical(p: Parameters, q1: float, q2: float) -> tuple[float, float]:
-    """Return the uncoupled displacements q = T^T q~."""
-    t11, t12, t21, t22 = transformation(p.theta, p.reflection)
+def physical(
+    matrix: tuple[float, float, float, float], q1: float, q2: float
+) -> tuple[float, float]:
+    """Return the uncoupled displacements q = T^T q~, T row by row."""
+    t11, t12, t21, t22 = matrix
     return t11 * q1 + t21 * q2, t12 * q1 + t22 * q2
 
 
 def check(p: Parameters, periodic_start: bool) -> list[str]:
     """Return warnings; raise ModelError, naming parameter and value, for what has no meaning."""
-    for name, value in zip(p._fields, p):
-        if not math.isfinite(value):
-            raise ModelError(f"{name} = {value!r} is not a finite number")
+    if not all(map(math.isfinite, p)):
+        name, value = next(pair for pair in zip(p._fields, p) if not math.isfinite(pair[1]))
+        raise ModelError(f"{name} = {value!r} is not a finite number")
     for name, value in (("eta_plus", p.eta_plus), ("eta_minus", p.eta_minus)):
         if value <= 0.0:
             raise ModelError(f"{name} = {value!r} Hz: an eigenfrequency must be above 0 Hz")

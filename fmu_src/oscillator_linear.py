@@ -51,7 +51,7 @@ class LinearSolver:
     def __init__(self, p: Parameters, envelope: bool, offsets: tuple[float, float] = (0.0, 0.0)):
         """Prepare the periodic part; the transient's kernel is made when first needed."""
         self.p, self.envelope, self.offsets = p, envelope, offsets
-        self.centre = centre_of(p)
+        self.centre = centre_of(p) if envelope else 0.0
         self.tones = tuple(self._tone(i) for i in (0, 1) if (p.A1, p.A2)[i] and (p.g1 or p.g2))
         self._kernel: Kernel | None = None
         self._tone_kernels: list[ToneKernel] = []
@@ -83,13 +83,11 @@ class LinearSolver:
             (tone, tone.amplitude * tone.response[0], tone.amplitude * tone.response[1])
             for tone in self.tones
         ]
+        #: Whether a transient can leave the range of a double.
+        self.grows = False
         if state is not None:
             self._prepare_transient(state)
-
-    @property
-    def grows(self) -> bool:
-        """Whether a transient can leave the range of a double."""
-        return self.state is not None and self._roots.growth1 > 0.0
+            self.grows = self._roots.growth1 > 0.0
 
     def advance(self, t: float) -> None:
         """Do nothing: the motion at ``t`` s is evaluated from the anchor when it is asked for."""

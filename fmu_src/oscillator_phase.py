@@ -7,8 +7,6 @@ the product is carried as an unevaluated sum of two doubles (T. J. Dekker, Numer
 
 from __future__ import annotations
 
-import math
-
 _SPLITTER = 134_217_729.0  # 2^27 + 1
 #: Above this a product with the splitter could overflow.
 LARGEST = 1e150
@@ -39,7 +37,7 @@ class Frequency:
         error = (
             (self.high_high * t_high - product) + self.high_high * t_rest + self.high_low * t_high
         ) + self.high_low * t_rest
-        return (product - math.floor(product)) + (error + (self.low * t + self.high * t_low))
+        return product % 1.0 + (error + (self.low * t + self.high * t_low))
 
 
 def difference(t: float, origin: float) -> tuple[float, float]:

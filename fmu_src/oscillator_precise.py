@@ -34,8 +34,8 @@ class Precise:
     __slots__ = ("im", "re")
 
     def __init__(self, re: Decimal | float, im: Decimal | float = _ZERO) -> None:
-        self.re = re if isinstance(re, Decimal) else Decimal(re)
-        self.im = im if isinstance(im, Decimal) else Decimal(im)
+        self.re = re if type(re) is Decimal else Decimal(re)
+        self.im = im if type(im) is Decimal else Decimal(im)
 
     def __add__(self, other: Precise) -> Precise:
         return Precise(self.re + other.re, self.im + other.im)

@@ -10,7 +10,8 @@ further doStep returns fmi2Discard until fmi2Reset.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
 
@@ -39,10 +40,21 @@ class ModelSlave(Fmi2Slave):
     #: What fmu-fit is told of the model's accuracy (see ``variables.Accuracy``).
     accuracy: ClassVar[Accuracy | None] = None
     guid_text: ClassVar[str] = "{00000000-0000-0000-0000-000000000000}"
+    description: ClassVar[str | None] = None
+    author: ClassVar[str | None] = None
+    version: ClassVar[str | None] = None
+    license: ClassVar[str | None] = None
+    copyright: ClassVar[str | None] = None
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
+        # not by way of pythonfmu, which makes a random GUID at every reset
+        self.vars: OrderedDict[int, Any] = OrderedDict()
+        self.instance_name = kwargs["instance_name"]
+        self.resources = kwargs.get("resources")
+        self.visible = kwargs.get("visible", False)
+        self.log_queue: list[Any] = []
         self.guid = self.guid_text
+        self.modelName = type(self).__name__
         self._table, self._steady = _table(type(self))
         self._values: list[Any] = list(self._table.starts)
         self._phase = _INSTANTIATED
@@ -86,6 +98,10 @@ class ModelSlave(Fmi2Slave):
         """Return the present value of a variable."""
         return self._values[self._table.references[name]]
 
+    def first_values(self, count: int) -> list[Any]:
+        """Return the present values of the first variables of the table."""
+        return self._values[:count]
+
     def warn(self, sentence: str) -> None:
         """Send a sentence to the FMI logger without failing."""
         self.log(_loggable(sentence), Fmi2Status.warning)
@@ -107,7 +123,10 @@ class ModelSlave(Fmi2Slave):
         """Start the motion, or fail with a sentence."""
         if self._phase == _INSTANTIATED:
             self._fail(ModelError("the simulation has not been initialised"))
-        self._guarded(self._settle_parameters)
+        try:
+            self._settle_parameters()
+        except Exception as error:
+            self._fail(error)
         if self._phase != _FAILED:
             self._phase = _STEPPING
 
@@ -162,20 +181,17 @@ class ModelSlave(Fmi2Slave):
         self._values[self._table.references[STATUS_MESSAGE]] = _loggable(sentence)
         self.log(_loggable(sentence), Fmi2Status.error)
 
-    def _guarded(self, action: Callable[[], None]) -> None:
-        try:
-            action()
-        except Exception as error:
-            self._fail(error)
-
     # -- get and set ----------------------------------------------------------------------------
 
     def get_real(self, vrs: list[int]) -> list[float]:
         """Return Reals; outputs are evaluated when first asked for at a communication point."""
-        if self._moving_stale or self._changed:
-            self._guarded(self._update_moving)
-        if self._steady_stale and not self._steady.isdisjoint(vrs):
-            self._guarded(self._update_steady)
+        try:
+            if self._moving_stale or self._changed:
+                self._update_moving()
+            if self._steady_stale and not self._steady.isdisjoint(vrs):
+                self._update_steady()
+        except Exception as error:
+            self._fail(error)
         if not self._table.kinds["Real"].issuperset(vrs):
             self._fail(ModelError(f"getReal: {vrs!r} names a variable that is not a Real"))
             return [math.nan] * len(vrs)
@@ -185,10 +201,10 @@ class ModelSlave(Fmi2Slave):
     def _update_moving(self) -> None:
         if self._phase == _INSTANTIATED:
             return
-        self._settle_parameters()
+        if self._changed:
+            self._settle_parameters()
         outputs = self.moving_outputs()
-        for reference, value in zip(self._table.moving, outputs):
-            self._values[reference] = value
+        self._values[self._table.moving] = outputs
         self._moving_stale = False
         if not math.isfinite(sum(outputs)):
             raise ModelError(f"the motion left the range of numbers at t = {self.time!r} s")
@@ -241,13 +257,12 @@ class ModelSlave(Fmi2Slave):
             if not self._table.kinds[kind].issuperset(vrs):
                 raise ModelError(f"set{kind}: {vrs!r} names a variable that is not of this type")
             for vr, value in zip(vrs, values):
-                self._set_one(vr, value)
+                if self._values[vr] != value:
+                    self._set_one(vr, value)
         except Exception as error:
             self._fail(error)
 
     def _set_one(self, vr: int, value: Any) -> None:
-        if self._values[vr] == value:
-            return
         variable = type(self).variables[vr]
         if variable.causality == "output":
             raise ModelError(f"{variable.name} is an output and cannot be set")

@@ -7,7 +7,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from .driven_slave import STATUS, DrivenSlave, fixed, moving, parameter, steady
-from .oscillator_equations import AT_REST, TWO_PI, Parameters, check, coupling, damping, physical
+from .oscillator_equations import (
+    AT_REST,
+    TWO_PI,
+    Parameters,
+    check,
+    coupling,
+    damping,
+    physical,
+    transformation,
+)
 from .variables import Variable
 
 if TYPE_CHECKING:
@@ -28,7 +37,7 @@ if TYPE_CHECKING:
 S = TypeVar("S", bound="TwoModeSolver")
 
 
-#: The physical parameters, in the order of ``Parameters``.
+#: The physical parameters, in the order of ``Parameters``: every table begins with them.
 PHYSICAL = (
     parameter(
         "theta", 1.9498, "rad", "angle of the orthogonal matrix T in q_hybrid = T q", nominal=1.0
@@ -141,7 +150,7 @@ class TwoModeSlave(DrivenSlave[S], Generic[S]):
 
     def first_solver(self, t: float) -> S:
         """Return the solver, started at rest or on the periodic orbit."""
-        p = self._parameters()
+        p = self._take_parameters()
         periodic = self.value("periodic_start")
         self.warn_all(check(p, periodic))
         solver = self.new_solver(p, (0.0, 0.0))
@@ -150,20 +159,19 @@ class TwoModeSlave(DrivenSlave[S], Generic[S]):
 
     def next_solver(self, solver: S, t: float) -> S:
         """Return the solver that goes on from ``t`` s with new parameters, in state and phase."""
-        p = self._parameters()
+        p = self._take_parameters()
         self.warn_all(check(p, periodic_start=False))
         return self.retuned(solver, p, t)
 
     def restored_solver(self, motion: dict[str, Any]) -> S:
         """Return the solver that a snapshot was taken of, without its state."""
         offsets = motion["offsets"]
-        return self.new_solver(self._parameters(), (offsets[0], offsets[1]))
+        return self.new_solver(self._take_parameters(), (offsets[0], offsets[1]))
 
     def moving_outputs(self) -> Sequence[float]:
         """Return the displacements in both coordinates."""
-        solver = self.running()
-        q1, q2 = solver.displacement(self.time)
-        return q1, q2, *physical(solver.p, q1, q2)
+        q1, q2 = self.running().displacement(self.time)
+        return q1, q2, *physical(self._transformation, q1, q2)
 
     def steady_outputs(self) -> Sequence[float]:
         """Return coupling, uncoupled eigenfrequencies, damping matrix, line widths and Qs.
@@ -186,5 +194,8 @@ class TwoModeSlave(DrivenSlave[S], Generic[S]):
         )
         return *uncoupled, *(TWO_PI * w for w in matrix), *widths, *factors
 
-    def _parameters(self) -> Parameters:
-        return Parameters(*(self.value(name) for name in Parameters._fields))
+    def _take_parameters(self) -> Parameters:
+        """Return the physical parameters; T, which each look at the outputs needs, is kept."""
+        p = Parameters._make(self.first_values(len(PHYSICAL)))
+        self._transformation = transformation(p.theta, p.reflection)
+        return p

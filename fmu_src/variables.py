@@ -140,7 +140,7 @@ class Table:
     references: Mapping[str, int]
     starts: tuple[Any, ...]
     kinds: Mapping[str, frozenset[int]]
-    moving: tuple[int, ...]
+    moving: slice
     steady: tuple[int, ...]
     real_outputs: tuple[int, ...]
 
@@ -154,7 +154,11 @@ def make_table(
     real_outputs = tuple(
         i for i, v in enumerate(variables) if v.causality == "output" and v.kind == "Real"
     )
-    moving_references = tuple(references[name] for name in moving)
+    # they stand side by side, so that all are stored at once
+    first = references[moving[0]] if moving else 0
+    moving_references = range(first, first + len(moving))
+    if [v.name for v in variables[first : first + len(moving)]] != list(moving):
+        raise ValueError(f"{moving!r} do not follow each other in the table")
     return Table(
         references,
         tuple(
@@ -165,7 +169,7 @@ def make_table(
             kind: frozenset(i for i, v in enumerate(variables) if v.kind == kind)
             for kind in defaults
         },
-        moving_references,
+        slice(first, first + len(moving)),
         tuple(i for i in real_outputs if i not in moving_references),
         real_outputs,
     )

@@ -12,17 +12,21 @@ import zipfile
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pythonfmu import Fmi2Slave
 
 import build_fmu
 from build_fmu import build, main
 from fmu_src.coupled_oscillator import CoupledOscillator
+from fmu_src.slave import ModelSlave
 from fmu_src.start_values import BuildError, checked_start_values
+from fmu_src.variables import make_table
 from tests.support.fmus import Instance, unpack
 from tests.support.processes import MOST_S
 
@@ -405,3 +409,23 @@ def test_like_refuses_what_it_cannot_build(
     assert main([*given, "--out", str(tmp_path / "out")]) == 2
     assert told in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_slave_has_all_that_pythonfmu_would_set_on_it() -> None:
+    told = {"instance_name": "run", "resources": "here", "visible": True}
+    ours, other = ModelSlave(**told), ModelSlave(**told)
+    left = SimpleNamespace()
+    Fmi2Slave.__init__(left, **told)
+    theirs = vars(left)
+    assert {"instance_name", "log_queue", "guid"} <= theirs.keys()  # and its names are still these
+    own = {name for name in theirs if name not in ("guid", "modelName", "default_experiment")}
+    assert {name: getattr(ours, name) for name in own} == {name: theirs[name] for name in own}
+    assert ours.modelName == "ModelSlave"
+    ours.log("of one run alone")
+    assert (len(ours.log_queue), len(other.log_queue)) == (1, 0)
+
+
+def test_moving_outputs_stand_side_by_side_in_their_order() -> None:
+    variables, moving = CoupledOscillator.variables, CoupledOscillator.moving
+    with pytest.raises(ValueError, match="do not follow each other"):
+        make_table(variables, (moving[1], moving[0]), {})

@@ -2,6 +2,8 @@
 
 fmpy loads the library and declares its functions. Its own methods make new arrays in every call,
 which costs more than the calls themselves, so here the functions are called with buffers made once.
+Those that are called for every sample are called undeclared, with all arguments as C wants them:
+to look whether and how they fit costs as much as the call.
 """
 
 from __future__ import annotations
@@ -45,15 +47,16 @@ _CTYPES: dict[str, Any] = {
 class VariableAccess(NamedTuple):
     """A get or set function for a group of variables: function(instance, references, n, buffer).
 
-    ``tail`` are the arguments that FMI 3.0 wants behind these.
+    ``tail`` are the arguments that FMI 3.0 wants behind these. All are numbers and arrays of C, as
+    the function is undeclared.
     """
 
     function: Callable[..., int]
     name: str
     references: Any
-    n: int
+    n: Any
     buffer: Any
-    tail: tuple[int, ...]
+    tail: tuple[Any, ...]
 
 
 class FmuInstance:
@@ -71,7 +74,10 @@ class FmuInstance:
         self.log = log
         self.instance: Any = None
         # an FMU of model exchange has none
-        self._do_step: Any = getattr(fmu.dll, f"{self.prefix}DoStep", None)
+        has_steps = hasattr(fmu.dll, f"{self.prefix}DoStep")
+        self._do_step: Any = self._undeclared("DoStep") if has_steps else None
+        self._at, self._step = ctypes.c_double(), ctypes.c_double()
+        self._keeps_no_state = self.boolean(True)
         self._reset = self._function("Reset")
         self._terminate = self._function("Terminate")
         self._enter = self._function("EnterInitializationMode")
@@ -84,7 +90,7 @@ class FmuInstance:
             self._instantiate()
         except Exception as error:  # fmpy raises a bare Exception
             raise CallFailed(self.with_log(f"cannot be instantiated: {error}")) from error
-        self.instance = self.fmu.component
+        self.instance = ctypes.c_void_p(self.fmu.component)
 
     def free(self) -> None:
         """Free the instance, if there is one."""
@@ -114,12 +120,12 @@ class FmuInstance:
         n = len(group.references)
         element = self.boolean if group.fmi_type == "Boolean" else _CTYPES[group.fmi_type]
         return VariableAccess(
-            function=self._function(verb + group.fmi_type),
+            function=self._undeclared(verb + group.fmi_type),
             name=verb + group.fmi_type,
             references=(ctypes.c_uint * n)(*group.references),
-            n=n,
+            n=ctypes.c_size_t(n),
             buffer=(element * (group.size or n))(),
-            tail=(group.size or n,) if self.values_counted else (),
+            tail=(ctypes.c_size_t(group.size or n),) if self.values_counted else (),
         )
 
     def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:
@@ -194,6 +200,11 @@ class FmuInstance:
         function: Callable[..., Any] = getattr(self.fmu.dll, self.prefix + name)
         return function
 
+    def _undeclared(self, name: str) -> Callable[..., Any]:
+        # a function object of its own, which gives a whole number and takes what it is given
+        function: Callable[..., Any] = self.fmu.dll[self.prefix + name]
+        return function
+
     def _instantiate(self) -> None:
         raise NotImplementedError
 
@@ -249,7 +260,8 @@ class FmuInstance2(FmuInstance):
 
     def step(self, at: float, step: float) -> None:
         """DoStep; the FMU tells by 'discard' that it stopped early."""
-        status = self._do_step(self.instance, at, step, 1)
+        self._at.value, self._step.value = at, step
+        status = self._do_step(self.instance, self._at, self._step, self._keeps_no_state)
         if status <= WARNING:
             return
         if status == DISCARD:
@@ -298,7 +310,10 @@ class FmuInstance3(FmuInstance):
         """DoStep; the FMU tells by flags and the time reached that it stopped early."""
         self._terminated.value = self._early.value = False
         self._reached.value = wanted = at + step  # for FMUs that do not write it
-        status = self._do_step(self.instance, at, step, True, *self._flags)
+        self._at.value, self._step.value = at, step
+        status = self._do_step(
+            self.instance, self._at, self._step, self._keeps_no_state, *self._flags
+        )
         if status > WARNING:
             text = f"fmi3DoStep from t = {at!r} s by {step!r} s returned '{label(status)}'"
             raise CallFailed(self.with_log(text))

@@ -11,7 +11,7 @@ import numpy as np
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import communication_steps, parts, row_times
 from fitting.fmu.worker.input_signal import held_values, seen_values
-from fitting.fmu.worker.instance import FmuInstance, VariableAccess
+from fitting.fmu.worker.instance import WARNING, FmuInstance, VariableAccess
 from fitting.fmu.worker.log import CallFailed
 from fitting.text.arrays import FloatArray
 
@@ -72,7 +72,7 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     else:
         _stride_with_input(fmu, binding.input, request, read)
     fmu.terminate()
-    if not (request.allow_nan or np.isfinite(result).all()):
+    if not (request.allow_nan or np.count_nonzero(np.isfinite(result)) == result.size):
         raise CallFailed(fmu.with_log(_not_finite(binding.layout.outputs, request, result)))
     return result
 
@@ -135,6 +135,9 @@ def _stride(fmu: FmuInstance, request: RunRequest, read: Reader) -> float:
 
 def _advance(fmu: FmuInstance, request: RunRequest, now: float, then: float) -> None:
     """From one time to another, in one step or in equal ones that are short enough."""
+    if not request.longest_step_s:
+        fmu.step(now, then - now)
+        return
     count = parts(then - now, request.longest_step_s)
     begin, span = now, then - now
     for k in range(1, count):
@@ -225,7 +228,7 @@ def _whole_steps(request: RunRequest) -> tuple[int, int]:
 def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
     """Function that reads all outputs into row j of the result."""
     instance, check = fmu.instance, fmu.check
-    first = binding.gets[0]
+    first, size = binding.gets[0], DOUBLE * len(binding.layout.gets[0].references)
     groups = binding.layout.gets
     single = len(groups) == 1 and not groups[0].size
     if single and first.buffer._type_ is ctypes.c_double:
@@ -235,8 +238,9 @@ def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
 
         def read_doubles(j: int) -> None:
             # straight into the row, without a buffer in between
-            at = ctypes.byref(target, DOUBLE * n * j)
-            check(function(instance, references, n, at, *tail), name)
+            status = function(instance, references, n, ctypes.byref(target, size * j), *tail)
+            if status > WARNING:
+                check(status, name)
 
         return read_doubles
 
