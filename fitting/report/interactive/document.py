@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.metadata import version
 from typing import Any
 
-import bokeh
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def interactive(figure: Figure) -> str:
     return as_text(
         {
             "document": {
-                "version": bokeh.__version__,
+                "version": version("bokeh"),
                 "title": "",
                 "config": None,
                 "roots": roots,
