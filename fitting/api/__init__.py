@@ -6,6 +6,7 @@ problem.py    what is to be found, from what              Problem
 cost.py       what that will cost                         cost, Cost
 fitted.py     fit, and what the data determine            fit, Fit, profile, Inference, Value
 jobs.py       identify, design, report
+ahead.py      what begins while a command loads
 examples.py   the shipped campaigns                       example
 plot.py       `fitting.report.plot`, for fits and values
 

@@ -114,6 +114,9 @@ def run(args: argparse.Namespace) -> int:
     """
     laps = Laps()
     # the work takes libraries along, help does not
-    from fitting.cli.running.reconstruction import reconstruct
+    from fitting.api.ahead import built_ahead
 
-    return reconstruct(args, _out(args), laps)
+    with built_ahead(args.campaign):
+        from fitting.cli.running.reconstruction import reconstruct
+
+        return reconstruct(args, _out(args), laps)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -18,6 +20,8 @@ from fitting.text.scratch import Scratch
 from fitting.text.shipped import shipped
 
 BUILDER = "build_fmu.py"
+#: Models that are built before they are asked for, by name.
+_ahead: dict[str, Future[Path]] = {}
 
 
 class FmuSource(Protocol):
@@ -47,11 +51,41 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     """
     if source.file is not None:
         return source.file
+    model = str(source.model)
     # in a thread, because an interrupt within a start of a process would leave that process running
     with Scratch() as folder, ThreadPoolExecutor(1) as thread:
-        built = thread.submit(_build, str(source.model), folder).result()
+        built = (_ahead.get(model) or thread.submit(_build, model, folder)).result()
         write_whole(cache / built.name, built.read_bytes())
         return cache / built.name
+
+
+@contextmanager
+def built_ahead(campaigns: Sequence[Path]) -> Iterator[None]:
+    """Build the models that campaigns name while whoever reads them loads; for `provide_fmu`.
+
+    Args:
+        campaigns: their files; what is wrong with one is said by who reads it.
+
+    Raises:
+        BadInput: no folder for temporary files.
+    """
+    models = sorted({model for path in campaigns if (model := _named(path))})
+    with Scratch() as folder, ThreadPoolExecutor(1) as thread:
+        _ahead.update({model: thread.submit(_build, model, folder) for model in models})
+        try:
+            yield
+        finally:
+            _ahead.clear()
+
+
+def _named(campaign: Path) -> str | None:
+    """The model that a campaign file names, if it is one that does."""
+    try:
+        fmu = tomllib.loads(campaign.read_text("utf-8")).get("fmu")
+    except (OSError, ValueError):
+        return None
+    model = fmu.get("model") if isinstance(fmu, dict) else None
+    return model if isinstance(model, str) else None
 
 
 @dataclass(frozen=True, kw_only=True)
