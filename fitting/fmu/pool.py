@@ -290,7 +290,7 @@ class FmuWorkers:
     def _send(self, number: int, job: _Job) -> None:
         worker = self._open.processes[number] or self._start(number)
         requests = [job.requests[i] for i in job.todo[number][:MOST_SENT]]
-        worker.send(Batch(self._requests.layouts, requests))
+        worker.send(Batch.of(self._requests.layouts, requests))
 
     def _wait(self, job: _Job) -> None:
         """Take what has arrived, and look after who is late."""

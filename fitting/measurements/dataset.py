@@ -202,16 +202,22 @@ class Dataset:
         Args:
             residuals: rows (m,), relative.
         """
-        sigma = self.sigma
-        if not (self.weigh and np.all(sigma > 0.0)):
+        weights = self._weights
+        if weights is None:
             return float(np.dot(residuals, residuals)), np.ones(residuals.size)
-        weights = (np.min(sigma) / sigma) ** 2  # at most one, however small the sigmas
-        weights /= np.mean(weights)
         if self.outliers != "huber":
             return float(np.sum(weights * residuals**2)), weights
-        far = np.maximum(np.abs(residuals) / (HUBER * sigma), 1.0)
+        far = np.maximum(np.abs(residuals) / (HUBER * self.sigma), 1.0)
         value = np.sum(weights * residuals**2 * (2.0 * far - 1.0) / far**2)
         return float(value), weights / far
+
+    @cached_property
+    def _weights(self) -> FloatArray | None:
+        """Weights of the rows, (m,), one on average; None where they are not weighed."""
+        if not (self.weigh and np.all(self.sigma > 0.0)):
+            return None
+        weights = (np.min(self.sigma) / self.sigma) ** 2  # at most one, however small the sigmas
+        return np.asarray(weights / np.mean(weights))
 
 
 def _own_scale(measurement: Measurement) -> int:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -117,6 +118,8 @@ class Likelihood:
         Args:
             x: search vector, shape (n,).
         """
+        if not self._goes_round:
+            return np.asarray(np.minimum(np.maximum(x, self.lower), self.upper))
         lower, upper = search_bounds(self.parameters)
         inside = np.array(x, dtype=float)
         out = np.isfinite(self.periods) & ((x < lower) | (x > upper))
@@ -125,6 +128,11 @@ class Likelihood:
         first = np.where(narrow, 0.5 * (lower[out] + upper[out] - period), lower[out])
         inside[out] = first + np.mod(x[out] - first, period)
         return np.asarray(np.clip(inside, self.lower, self.upper))
+
+    @cached_property
+    def _goes_round(self) -> bool:
+        """Whether any parameter has a period."""
+        return bool(np.any(np.isfinite(self.periods)))
 
     @property
     def declared(self) -> tuple[FloatArray, FloatArray]:

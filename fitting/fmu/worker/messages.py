@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 from fitting.fmu.isolation import Isolation
 from fitting.fmu.run_requests import Layout, RunRequest
@@ -36,10 +37,28 @@ class Task(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Runs to do, and the layouts that the worker does not know yet, by their numbers."""
+    """Runs to do, and the layouts that the worker does not know yet, by their numbers.
+
+    ``rows`` are requests as plain tuples, which are packed in half the time.
+    """
 
     layouts: list[Layout]
-    requests: list[RunRequest]
+    rows: list[tuple[Any, ...]]
+
+    @classmethod
+    def of(cls, layouts: list[Layout], requests: Sequence[RunRequest]) -> Batch:
+        """A batch of requests.
+
+        Args:
+            layouts: all that there are, the worker's first.
+            requests: runs to do.
+        """
+        return cls(layouts, list(map(tuple, requests)))
+
+    @property
+    def requests(self) -> Iterator[RunRequest]:
+        """The runs to do."""
+        return map(RunRequest._make, self.rows)
 
 
 class Reply(NamedTuple):

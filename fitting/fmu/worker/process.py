@@ -98,7 +98,7 @@ class WorkerProcess:
         """
         self._begun, self._since = -1, time.monotonic()
         self._pulse.numbers[AT_RUN] = 0
-        self._hand_over(Batch(batch.layouts[self._layouts :], batch.requests))
+        self._hand_over(batch._replace(layouts=batch.layouts[self._layouts :]))
         self._layouts = len(batch.layouts)
 
     def receive(self) -> Reply | None:
