@@ -10,12 +10,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares, lsq_linear
 
 from fitting.text.arrays import FloatArray
 
 #: Share of the largest singular value below which a direction may be folded; first step along it.
 FOLDED, SMALL = 0.1, 0.01
+#: Unknowns from which a damped step goes by a triangular factor: singular values take ten times
+#: as long. Rounding of squared rows, as a share of the damping, up to which that is Cholesky's.
+MANY, ROUNDED = 100, 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,6 +174,8 @@ def damped_step(
     Source: K. Levenberg, Quart. Appl. Math. 2 (1944) 164; in a box by bounded-variable least
     squares (Stark and Parker 1995), scipy.optimize.lsq_linear.
     """
+    if matrix.shape[1] >= MANY and damping > 0.0 and not least:
+        return _step_of_many(matrix, rows, damping, room)
     left, singular, right = np.linalg.svd(matrix, full_matrices=False)
     rounding = np.finfo(float).eps * max(matrix.shape) * np.max(singular, initial=0.0)
     kept = (singular >= max(least, rounding)) & (singular > 0.0)
@@ -180,6 +186,46 @@ def damped_step(
     anchor = np.sqrt(damping) * np.eye(matrix.shape[1])
     target = np.concatenate([-rows, np.zeros(matrix.shape[1])])
     return _step_in_box(np.concatenate([matrix, anchor]), target, *room)
+
+
+def _step_of_many(
+    matrix: FloatArray,
+    rows: FloatArray,
+    damping: float,
+    room: tuple[FloatArray, FloatArray] | None,
+) -> FloatArray:
+    """The same by R with R^T R = J^T J + damping: |R d - c|^2 is the merit, but for a number.
+
+    Few of many unknowns come to an end of their room. With these last, R = (R11 R12; 0 R22): what
+    comes last is least in |R22 d2 - c2|^2 alone, in its box, and the others follow it.
+    """
+    root = _root(matrix, damping)
+    target = solve_triangular(root, -(matrix.T @ rows), trans="T")
+    step = solve_triangular(root, target)
+    if room is None:
+        return np.asarray(step)
+    lower, upper = room
+    ends = np.zeros(step.size, dtype=bool)
+    while np.any(out := ~ends & ((step < lower) | (step > upper))):
+        ends |= out
+        order = np.concatenate([np.flatnonzero(~ends), np.flatnonzero(ends)])
+        first, last = np.split(order, [step.size - int(np.sum(ends))])
+        k = first.size
+        turned = np.asarray(np.linalg.qr(np.column_stack([root[:, order], target]), mode="r"))
+        step[last] = _step_in_box(turned[k:, k:-1], turned[k:, -1], lower[last], upper[last])
+        rest = turned[:k, -1] - turned[:k, k:-1] @ step[last]
+        step[first] = solve_triangular(turned[:k, :k], rest)
+    return np.asarray(step)
+
+
+def _root(matrix: FloatArray, damping: float) -> FloatArray:
+    """R (n, n), upper triangular, with R^T R = J^T J + damping."""
+    n = matrix.shape[1]
+    squares = matrix.T @ matrix
+    if np.finfo(float).eps * np.max(np.diag(squares)) < ROUNDED * damping:
+        squares[np.diag_indices(n)] += damping
+        return np.asarray(np.linalg.cholesky(squares).T)
+    return np.asarray(np.linalg.qr(np.vstack([matrix, np.sqrt(damping) * np.eye(n)]), mode="r"))
 
 
 def _step_in_box(

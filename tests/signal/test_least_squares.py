@@ -78,6 +78,25 @@ def test_a_variable_without_room_stays() -> None:
     assert damped == pytest.approx([0.0, 1.0])  # 2 y + 2 y = 4
 
 
+@pytest.mark.parametrize("steepest", [1.0, 1e7])
+@pytest.mark.parametrize("half", [np.inf, 0.5, 0.02])
+def test_a_step_of_many_unknowns_is_least_in_its_box(half: float, steepest: float) -> None:
+    """Karush, Kuhn and Tucker: no slope along what is free, and none inward at an end."""
+    generator = np.random.default_rng(7)
+    matrix, rows = generator.standard_normal((260, 130)), 3.0 * generator.standard_normal(260)
+    matrix[:, 0] *= steepest
+    room = (np.full(130, -half), half * generator.uniform(0.5, 1.0, 130))
+    step = damped_step(matrix, rows, 0.1, None if np.isinf(half) else room)
+    assert np.all((step >= room[0]) & (step <= room[1]))
+    low, high = step <= room[0] + 1e-12, step >= room[1] - 1e-12
+    assert np.any(low | high) == np.isfinite(half)
+    slope = matrix.T @ (rows + matrix @ step) + 0.1 * step
+    slope /= np.linalg.norm(matrix, axis=0) * np.linalg.norm(rows)
+    assert np.max(np.abs(slope[~(low | high)]), initial=0.0) < 1e-9
+    assert np.all(slope[low] > -1e-9)
+    assert np.all(slope[high] < 1e-9)
+
+
 def test_a_direction_without_a_slope_has_the_error_of_its_square() -> None:
     """x^2 is measured n times: its mean has sigma/sqrt(n), and x at zero the root of that."""
     sigma, count = 0.01, 400
