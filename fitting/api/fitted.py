@@ -574,7 +574,7 @@ def profile(
         names: Parameters and derived outputs that are profiled; None: all. The rest keeps
             linearised errors.
         budget: Runs of the FMU, about, at most; values whose search they cut say so. None: 500,000,
-            or 1,000 evaluations where that is more.
+            or 3,000 evaluations where that is more.
         bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
         progress: Called when a stage begins and before every batch, with the stage in words and
             the evaluations in it and before it.

@@ -60,7 +60,7 @@ def identify(
         expected: Not the measured data, but those that the model expects there, with their noise.
         seed: Of further starts and of synthetic data sets, at least 0.
         budget: Runs of the FMU, about, at most; values whose search they cut say so. None: 500,000,
-            or 1,000 evaluations where that is more.
+            or 3,000 evaluations where that is more.
         bootstrap: Synthetic data sets that are fitted anew; 0: none.
 
     Returns:

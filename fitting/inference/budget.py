@@ -5,7 +5,7 @@ from __future__ import annotations
 #: Simulation runs at most; runs that points of a batch share count once.
 BUDGET = 500_000
 #: Evaluations that a budget lasts for at least, where each takes many runs.
-EVALUATIONS = 1_000
+EVALUATIONS = 3_000
 
 
 def usual_budget(runs_each: float) -> int:

@@ -67,8 +67,11 @@ class Job:
 
 
 def pairs_of(count: int) -> tuple[tuple[float, float], ...]:
-    """Drive pairs about the line, their distance falling from pair to pair, Hz."""
-    half = np.linspace(FARTHEST_HZ, NEAREST_HZ, count)
+    """Drive pairs about the line, their distance falling from pair to pair, in whole Hz.
+
+    As the spectra of this laboratory have a line at every Hz, and a peak is read at one.
+    """
+    half = np.round(np.linspace(FARTHEST_HZ, NEAREST_HZ, count))
     return tuple((CENTRE_HZ - float(h), CENTRE_HZ + float(h)) for h in half)
 
 
