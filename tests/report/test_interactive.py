@@ -6,7 +6,6 @@ import base64
 import csv
 import gzip
 import json
-import math
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -16,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bokeh.document import Document
 from lxml import html
 from matplotlib.figure import Figure as Canvas
 
@@ -29,7 +27,6 @@ from fitting.report.figures.numbers import numbered
 from fitting.report.figures.style import Drawing
 from fitting.report.interactive.document import interactive, library
 from fitting.report.interactive.looks import MARKERS
-from fitting.report.interactive.model import Model, as_text, by_key
 from fitting.report.reconstruction import write_report
 from fitting.text.notation import mathtext
 from tests.support import report_records as records
@@ -179,7 +176,7 @@ def test_markers_on_the_lower_edge_are_whole() -> None:
         canvas.draw_without_rendering()
         ranges = [
             m.get("attributes", {})
-            for m in objects(json.loads(interactive(canvas))["document"])
+            for m in objects(interactive(canvas)["document"])
             if m["name"] == "Range1d"
         ]
         assert low in [found.get("start", 0.0) for found in ranges]
@@ -195,42 +192,10 @@ def test_a_map_is_read_off_in_its_own_values() -> None:
     plot.panel(shown, ax=canvas.subplots())
     canvas.draw_without_rendering()
     expected = Counter(zip(x.tolist(), y.tolist(), z.tolist(), strict=True))
-    assert held(json.loads(interactive(canvas))["document"], ("x", "y", "value")) == expected
+    assert held(interactive(canvas)["document"], ("x", "y", "value")) == expected
     rows = list(csv.DictReader(figure_csv(canvas).splitlines()))
     assert Counter((float(r["x"]), float(r["y"]), float(r["value"])) for r in rows) == expected
     assert {row["colours"] for row in rows} == {"height"}
-
-
-def test_what_is_written_is_what_bokeh_reads(page: Any, caplog: pytest.LogCaptureFixture) -> None:
-    """Its own classes know every model and attribute, and take every value."""
-    x, y = np.repeat([0.0, 1.0, 5.0], 4), np.tile([1.0, 2.0, 4.0, 8.0], 3)
-    layer = Layer(Role.MEASURED, Form.MAP, x, y, z=np.arange(12.0) ** 2)
-    map_ = Panel(x=Axis("gate"), y=Axis("f", log=True), z=Axis("height"), layers=(layer,))
-    canvas = Canvas(layout="constrained")
-    plot.panel(map_, ax=canvas.subplots())
-    canvas.draw_without_rendering()
-    numbers = [figure.get("data-number") for figure in page.iter("figure")]
-    for text in (*(unpacked(page, f"live-{number}") for number in numbers), interactive(canvas)):
-        live = json.loads(text)
-        written = Counter(model["name"] for model in objects(live["document"]))
-        ids = [model["id"] for model in objects(live["document"])]
-        assert len(set(ids)) == len(ids)
-        read = Document.from_json(live["document"])
-        assert [root.id for root in read.roots] == [panel["root"] for panel in live["panels"]]
-        found = Counter(type(model).__qualified_model__ for model in read.models)
-        assert written <= found  # others are there by default
-        assert not caplog.records  # it complains of attributes that it does not know
-    assert found["Quad"] == found["ColorBar"] == found["LogAxis"] == 1
-
-
-def test_numbers_that_are_not_finite_are_written_in_words_of_bokeh() -> None:
-    """JSON has none for them, and a browser reads no page with ``NaN`` in it."""
-    kept = [1.5, math.nan, math.inf, -math.inf]
-    source = Model("ColumnDataSource", {"data": by_key({"x": np.array(kept)})})
-    document = json.loads(as_text({"title": "", "config": None, "roots": [source]}))
-    assert "NaN" not in json.dumps(document)
-    [root] = Document.from_json(document).roots
-    np.testing.assert_array_equal(root.data["x"], kept)
 
 
 def test_a_page_leaves_figures_still_rather_than_grow_too_long(

@@ -244,7 +244,7 @@ def _lay_out(figure: Figure) -> None:
 def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
     """The same with what a page offers of it: numbers, PDF, and itself to zoom and read off."""
     # takes half a second to import: only where there is a page
-    from fitting.report.interactive.document import interactive
+    from fitting.report.interactive.document import as_text, interactive
 
     table, print_ = (
         saved.svg.with_name(f"{saved.name}.csv"),
@@ -255,7 +255,8 @@ def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
     drawing.figure.savefig(image, format="pdf", metadata=words)
     write_whole(table, figure_csv(drawing.figure))
     write_whole(print_, image.getvalue())
-    return replace(saved, csv=table, pdf=print_, live=interactive(drawing.figure))
+    live = as_text(interactive(drawing.figure))
+    return replace(saved, csv=table, pdf=print_, live=live)
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:

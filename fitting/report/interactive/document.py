@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from bokeh.core.json_encoder import serialize_json
+from bokeh.document import Document
+from bokeh.resources import Resources
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -15,13 +18,12 @@ from matplotlib.lines import Line2D
 
 from fitting.report.figures.data import bare, panels_of
 from fitting.report.interactive.looks import Look, look_of
-from fitting.report.interactive.model import Id, Model, as_text
 from fitting.report.interactive.panel import Curve, Ranges, plot_of
 from fitting.report.plot.axes import GREY
 
 
-def interactive(figure: Figure) -> str:
-    """A figure that can be zoomed, read off and toggled, as JSON.
+def interactive(figure: Figure) -> dict[str, Any]:
+    """A figure that can be zoomed, read off and toggled, as plain data.
 
     ``document`` is Bokeh's; ``panels`` are the ``root`` of each in it with its place in the grid of
     so many ``columns`` (their relative widths); ``legend`` the names and looks of what can be
@@ -30,34 +32,38 @@ def interactive(figure: Figure) -> str:
     Args:
         figure: as it is drawn, laid out.
     """
-    ranges, curves, roots = Ranges(), list[Curve](), list[Model]()
+    document, ranges, curves = Document(title=""), Ranges(), list[Curve]()
+    panels: list[dict[str, Any]] = []
     shown = [axes for _, axes in panels_of(figure)]
-    for axes in shown:
-        plot, own = plot_of(axes, ranges)
-        curves += own
-        roots.append(plot)
+    with document.models.freeze():  # they are gathered once, not after every panel
+        for axes in shown:
+            plot, own = plot_of(axes, ranges)
+            curves += own
+            document.add_root(plot)
+            panels.append({"root": plot.id, **_place(axes)})
     legend = _legend(figure, shown, curves)
-    placed = zip(roots, shown, strict=True)
-    return as_text(
-        {
-            "document": {
-                "version": version("bokeh"),
-                "title": "",
-                "config": None,
-                "roots": roots,
-            },
-            "panels": [{"root": Id(root), **_place(axes)} for root, axes in placed],
-            "columns": _columns(shown),
-            "legend": legend,
-        }
-    )
+    numbers: dict[str, str] = {}
+    return {
+        "document": _renumbered(
+            json.loads(serialize_json(document.to_json(deferred=False))), numbers
+        ),
+        "panels": [{**panel, "root": numbers[panel["root"]]} for panel in panels],
+        "columns": _columns(shown),
+        "legend": legend,
+    }
+
+
+def as_text(data: dict[str, Any]) -> str:
+    """An interactive figure as JSON.
+
+    Args:
+        data: of the figure.
+    """
+    return json.dumps(data, separators=(",", ":"))
 
 
 def library() -> str:
     """What draws interactive figures in a browser: BokehJS without its extensions."""
-    # only where a page is written, and not by all who draw for it
-    from bokeh.resources import Resources
-
     return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw)
 
 
@@ -98,7 +104,7 @@ def _legend(figure: Figure, shown: Sequence[Axes], curves: Sequence[Curve]) -> l
     for number, (label, look) in enumerate(looks.items()):
         mine = [c for c in curves if _switches(label, look, c, looks)]
         for curve in mine:
-            curve.model.attributes.setdefault("tags", []).append(number)
+            curve.model.tags = [*curve.model.tags, number]
         entries.append(
             {
                 "label": label,
@@ -136,3 +142,15 @@ def _switches(label: str, look: Look, curve: Curve, looks: dict[str, Look]) -> b
     if look.colour == GREY and look.marker and not look.dash:
         return curve.look.marker == look.marker
     return curve.look.colour == look.colour
+
+
+def _renumbered(plain: Any, numbers: dict[str, str]) -> Any:
+    """A document with its models numbered from one: Bokeh counts through a whole process."""
+    if isinstance(plain, dict):
+        named = dict(plain)
+        if "id" in named and (named.keys() == {"id"} or named.get("type") == "object"):
+            named["id"] = numbers.setdefault(named["id"], f"m{len(numbers) + 1}")
+        return {k: v if k == "id" else _renumbered(v, numbers) for k, v in named.items()}
+    if isinstance(plain, list | tuple):
+        return [_renumbered(value, numbers) for value in plain]
+    return plain

@@ -32,8 +32,6 @@ MARKERS = {
     "+": "cross",
     "x": "x",
 }
-#: Pixels of dashes and gaps in turn; Bokeh's script takes other ones for the same words.
-PATTERNS = {"dashed": [6], "dotted": [2, 4], "dashdot": [6, 4, 2, 4]}
 _NO_COLOUR = (0.0, 0.0, 0.0, 0.0)
 _DASHES = {"-": "solid", "--": "dashed", ":": "dotted", "-.": "dashdot"}
 
@@ -55,7 +53,7 @@ class Look:
         """Properties of a line."""
         return {
             "line_color": self.colour,
-            "line_dash": PATTERNS.get(self.dash, []),
+            "line_dash": self.dash or "solid",
             "line_width": self.width,
             "line_alpha": self.alpha,
         }

@@ -7,6 +7,30 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from bokeh.models import (
+    BasicTickFormatter,
+    BoxAnnotation,
+    BoxZoomTool,
+    ColorBar,
+    ColumnDataSource,
+    FixedTicker,
+    Glyph,
+    GlyphRenderer,
+    HoverTool,
+    Label,
+    Line,
+    LinearColorMapper,
+    LogColorMapper,
+    MultiLine,
+    Node,
+    Quad,
+    Range1d,
+    Scatter,
+    Span,
+    WheelZoomTool,
+)
+from bokeh.models import Patch as Area
+from bokeh.plotting import figure as new_plot
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -18,8 +42,6 @@ from matplotlib.ticker import FixedLocator
 
 from fitting.report.figures.data import Shown, along_axes, bare, shown_in
 from fitting.report.interactive.looks import Look, look_of
-from fitting.report.interactive.model import Model, by_key, every, field, model
-from fitting.report.plot.measurement import PLACES
 
 #: Pixels of an inch of the drawing; least height of a panel.
 PER_INCH, LEAST = 104.0, 130
@@ -33,75 +55,44 @@ SHADES = 64
 READ = "{%.10g}"
 _SMALL = {"text_font_size": "11px", "text_color": "#000000"}
 
-Ranges = dict[tuple[str, int], Model]
+Ranges = dict[tuple[str, int], Any]
 
 
 @dataclass(frozen=True)
 class Curve:
     """A drawn thing that can be switched: its Bokeh model, name and look."""
 
-    model: Model
+    model: Any
     label: str
     look: Look
 
 
-@dataclass(frozen=True)
-class Plot:
-    """What a panel is gathered in: models in its frame, the axes beside it, below it, its tools."""
-
-    renderers: list[Model]
-    center: list[Model]
-    below: list[Model]
-    tools: list[Model]
-
-
-def plot_of(axes: Axes, ranges: Ranges) -> tuple[Model, list[Curve]]:
+def plot_of(axes: Axes, ranges: Ranges) -> tuple[Any, list[Curve]]:
     """A panel, and what can be switched in it.
 
     Args:
         axes: as they are drawn, laid out.
         ranges: of axes that panels share, by letter and number; new ones are added.
     """
-    x, y = _axis(axes, "x"), _axis(axes, "y")
-    wheel = model("WheelZoomTool", modifiers=by_key({"ctrl": True}))
-    plot = Plot(
-        renderers=[],
-        center=[_grid(axes, "x", x), _grid(axes, "y", y)],
-        below=[x],
-        tools=[model("BoxZoomTool"), wheel],
-    )
-    curves = [*_bands(plot, axes), *_levels(plot, axes), *_series(plot, axes)]
-    _notes(plot, axes)
-    made = model(
-        "Figure",
-        height=_height(axes) + (60 if _has_bar(axes) else 0),
+    plot = new_plot(
+        height=_height(axes) + (60 if any(m.colorbar for m in axes.collections) else 0),
         sizing_mode="stretch_width",
+        x_axis_type=axes.get_xscale() if axes.get_xscale() == "log" else "linear",
+        y_axis_type=axes.get_yscale() if axes.get_yscale() == "log" else "linear",
         x_range=_range(axes, "x", ranges),
         y_range=_range(axes, "y", ranges),
-        x_scale=model(_scale(axes.get_xscale(), "Scale")),
-        y_scale=model(_scale(axes.get_yscale(), "Scale")),
-        title=_title(axes),
-        outline_line_color=None,
-        renderers=plot.renderers,
-        toolbar=model("Toolbar", tools=plot.tools),
+        tools=[BoxZoomTool(), WheelZoomTool(modifiers="ctrl")],
         toolbar_location=None,
-        left=[y],
-        below=plot.below,
-        center=plot.center,
         min_border=4,
         min_border_left=_left(axes),
     )
-    return made, curves
-
-
-def _scale(scale: str, part: str) -> str:
-    """Bokeh's name of what belongs to a scale of matplotlib."""
-    return f"{'Log' if scale == 'log' else 'Linear'}{part}"
-
-
-def _has_bar(axes: Axes) -> bool:
-    """Whether colours of a map are explained."""
-    return any(m.colorbar for m in axes.collections)
+    plot.outline_line_color = None
+    _entitle(plot, axes)
+    for letter, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+        _ticks(plot, letter, axis)
+    curves = [*_bands(plot, axes), *_levels(plot, axes), *_series(plot, axes)]
+    _notes(plot, axes)
+    return plot, curves
 
 
 def _height(axes: Axes) -> int:
@@ -123,14 +114,14 @@ def _left(axes: Axes) -> int:
     )
 
 
-def _range(axes: Axes, letter: str, ranges: Ranges) -> Model:
+def _range(axes: Axes, letter: str, ranges: Ranges) -> Any:
     group = axes.get_shared_x_axes() if letter == "x" else axes.get_shared_y_axes()
     key = (letter, min(id(other) for other in group.get_siblings(axes)))
     if key not in ranges:
         low, high = axes.get_xlim() if letter == "x" else axes.get_ylim()
         if letter == "y" and axes.get_yscale() == "linear" and _stand_on(axes, low):
             low -= HALF_MARKER * (high - low)
-        ranges[key] = model("Range1d", start=float(low), end=float(high))
+        ranges[key] = Range1d(float(low), float(high))
     return ranges[key]
 
 
@@ -147,76 +138,51 @@ def _stand_on(axes: Axes, low: float) -> bool:
     )
 
 
-def _title(axes: Axes) -> Model:
-    said: dict[str, Any] = {}
+def _entitle(plot: Any, axes: Axes) -> None:
     for place in ("left", "center", "right"):
         title = axes.get_title(loc=place)
         if title:
             texts = (child for child in axes.get_children() if isinstance(child, Text))
             colour = next(text.get_color() for text in texts if text.get_text() == title)
-            said = {"text": _plain(title), "text_color": to_hex(colour)}
-    return model("Title", **said, text_font_size="11px", text_font_style="normal")
+            plot.title.text, plot.title.text_color = _plain(title), to_hex(colour)
+    plot.title.text_font_size = "11px"
+    plot.title.text_font_style = "normal"
 
 
-def _axis(axes: Axes, letter: str) -> Model:
+def _ticks(plot: Any, letter: str, axis: Axis) -> None:
     """Label, and ticks: named ones as they stand, others as the range asks for."""
-    axis = axes.xaxis if letter == "x" else axes.yaxis
-    label = "\n".join(bare(line) for line in axis.get_label_text().splitlines())
-    return model(
-        _scale(axis.get_scale(), "Axis"),
-        **_ticks(axis, 4 if letter == "x" else 5),
-        axis_label=label or None,
-        axis_label_text_color="#000000",
-        axis_label_text_font_size="11.5px",
-        axis_label_text_font_style="normal",
-        major_label_text_color="#000000",
-        major_label_text_font_size="10.5px",
-        minor_tick_line_color=None,
-    )
-
-
-def _ticks(axis: Axis, count: int) -> dict[str, Any]:
+    made = plot.xaxis[0] if letter == "x" else plot.yaxis[0]
+    made.axis_label = "\n".join(bare(line) for line in axis.get_label_text().splitlines()) or None
+    made.axis_label_text_font_style = "normal"
+    made.axis_label_text_font_size = "11.5px"
+    made.axis_label_text_color = made.major_label_text_color = "#000000"
+    made.major_label_text_font_size = "10.5px"
+    made.minor_tick_line_color = None
+    grid = plot.xgrid[0] if letter == "x" else plot.ygrid[0]
+    grid.grid_line_color = "#ebebeb"
     locator = axis.get_major_locator()
     if isinstance(locator, FixedLocator):
         places = [float(v) for v in locator()]
         texts = axis.get_major_formatter().format_ticks(places)
+        made.ticker = grid.ticker = FixedTicker(ticks=places)
         named = zip(places, texts, strict=True)
-        words = {int(p) if p.is_integer() else p: _plain(t) for p, t in named}
-        found = {
-            "ticker": model("FixedTicker", ticks=places),
-            "major_label_overrides": by_key(words),
-        }
+        made.major_label_overrides = {int(p) if p.is_integer() else p: _plain(t) for p, t in named}
         labels = axis.get_ticklabels()
         if labels and labels[0].get_rotation():
-            found["major_label_orientation"] = 0.8
-        return found
-    if axis.get_scale() == "linear":
-        return {
-            "ticker": model("BasicTicker", desired_num_ticks=count),
-            "formatter": model("BasicTickFormatter", use_scientific=False),
-        }
-    return {"ticker": model(_scale(axis.get_scale(), "Ticker"))}
-
-
-def _grid(axes: Axes, letter: str, axis: Model) -> Model:
-    """Lines at the ticks of an axis; none that would cut the cells of a map."""
-    return model(
-        "Grid",
-        axis=axis,
-        dimension=0 if letter == "x" else 1,
-        grid_line_color="#ebebeb",
-        visible=not any(found in PLACES for found in axes.collections),
-    )
+            made.major_label_orientation = 0.8
+    elif axis.get_scale() == "linear":
+        made.formatter = BasicTickFormatter(use_scientific=False)
+        made.ticker.desired_num_ticks = 4 if letter == "x" else 5
 
 
 def _plain(text: str) -> str:
     return "\n".join(bare(line) for line in text.splitlines())
 
 
-def _series(plot: Plot, axes: Axes) -> list[Curve]:
+def _series(plot: Any, axes: Axes) -> list[Curve]:
     """Lines, markers, bars and maps; what looks alike and has one name is one."""
     found: list[Curve] = []
-    read: list[Model] = []
+    read: list[Any] = []
     marks: dict[tuple[str, Look], list[Shown]] = {}
     cells: list[Shown] = []
     for shown in shown_in(axes):
@@ -230,8 +196,7 @@ def _series(plot: Plot, axes: Axes) -> list[Curve]:
         else:
             if look.dash and not isinstance(shown.artist, PathCollection):
                 source = _source([shown])
-                glyph = model("Line", x=field("x"), y=field("y"), **look.line)
-                line = _drawn(plot, source, glyph, shown.label)
+                line = _drawn(plot, source, Line(x="x", y="y", **look.line), shown.label)
                 found.append(Curve(line, shown.label, look))
                 read += [] if look.marker else [line]
             if look.marker:
@@ -239,48 +204,39 @@ def _series(plot: Plot, axes: Axes) -> list[Curve]:
     if cells:
         found.append(_map(plot, cells, along_axes(axes)))
     for (label, look), alike in marks.items():
-        glyph = model("Scatter", x=field("x"), y=field("y"), **every(**look.marks))
-        made = _drawn(plot, _source(alike), glyph, label)
+        made = _drawn(plot, _source(alike), Scatter(x="x", y="y", **look.marks), label)
         found.append(Curve(made, label, look))
         read.append(made)
     if read:
-        heads = [("", "$name")] if any(r.attributes["name"] for r in read) else []
+        heads = [("", "$name")] if any(r.name for r in read) else []
         x, y = along_axes(axes)
         tips = [*heads, (x or "x", f"@x{READ}"), (y or "y", f"@y{READ}")]
-        plot.tools.append(_reader(read, tips))
+        exact = {"@x": "printf", "@y": "printf"}
+        plot.add_tools(HoverTool(renderers=read, tooltips=tips, formatters=exact))
     return found
 
 
-def _reader(read: list[Model], tips: list[tuple[str, str]]) -> Model:
-    """What tells the numbers under the pointer."""
-    columns = (shown.partition("{")[0] for _, shown in tips if shown.startswith("@"))
-    exact = by_key(dict.fromkeys(columns, "printf"))
-    return model("HoverTool", renderers=read, tooltips=tips, formatters=exact, sort_by=None)
-
-
-def _drawn(plot: Plot, source: Model, glyph: Model, name: str = "") -> Model:
-    made = model("GlyphRenderer", data_source=source, glyph=glyph, name=name or None)
+def _drawn(plot: Any, source: Any, glyph: Glyph, name: str = "") -> Any:
+    """What draws it. Methods of a plot make two more looks, for what nobody selects or mutes."""
+    made = GlyphRenderer(data_source=source, glyph=glyph, name=name or None)
     plot.renderers.append(made)
     return made
 
 
-def _source(alike: Iterable[Shown]) -> Model:
+def _source(alike: Iterable[Shown]) -> Any:
     points = np.concatenate([shown.points for shown in alike])
-    return _columns({"x": points[:, 0], "y": points[:, 1]})
+    # lists, not arrays: Bokeh packs these with the time of day
+    return ColumnDataSource({"x": points[:, 0].tolist(), "y": points[:, 1].tolist()})
 
 
-def _columns(columns: Mapping[str, Any]) -> Model:
-    return model("ColumnDataSource", data=by_key(columns))
+def _bars(plot: Any, shown: Shown, look: Look) -> Any:
+    xs = [part[:, 0].tolist() for part in shown.parts]
+    ys = [part[:, 1].tolist() for part in shown.parts]
+    source = ColumnDataSource({"xs": xs, "ys": ys})
+    return _drawn(plot, source, MultiLine(xs="xs", ys="ys", **look.line), shown.label)
 
 
-def _bars(plot: Plot, shown: Shown, look: Look) -> Model:
-    xs, ys = ([part[:, k] for part in shown.parts] for k in (0, 1))
-    line = every(**{**look.line, "line_dash": look.dash or "solid"})
-    glyph = model("MultiLine", xs=field("xs"), ys=field("ys"), **line)
-    return _drawn(plot, _columns({"xs": xs, "ys": ys}), glyph, shown.label)
-
-
-def _map(plot: Plot, cells: list[Shown], along: list[str]) -> Curve:
+def _map(plot: Any, cells: list[Shown], along: list[str]) -> Curve:
     """Cells of all columns with the bar of their colours."""
     edges: dict[str, list[np.ndarray]] = {k: [] for k in ("left", "right", "bottom", "top")}
     for shown in cells:
@@ -297,40 +253,31 @@ def _map(plot: Plot, cells: list[Shown], along: list[str]) -> Curve:
     values = np.concatenate([shown.values for shown in cells])
     data = {k: np.concatenate(v) for k, v in edges.items()}
     data |= {"x": points[:, 0], "y": points[:, 1], "value": values}
+    source = ColumnDataSource({k: v.tolist() for k, v in data.items()})
     palette = [to_hex(first.get_cmap()(k / (SHADES - 1))) for k in range(SHADES)]
-    kind = "LogColorMapper" if isinstance(first.norm, LogNorm) else "LinearColorMapper"
-    mapper = model(kind, palette=palette, low=first.norm.vmin, high=first.norm.vmax)
-    colour = {**field("value"), "transform": mapper}
-    sides = {name: field(name) for name in edges}
-    glyph = model("Quad", **sides, fill_color=colour, line_color=colour)
-    made = _drawn(plot, _columns(data), glyph)
-    made.attributes["level"] = "underlay"
-    plot.below.append(_colour_bar(mapper, cells[0].colours))
+    kind = LogColorMapper if isinstance(first.norm, LogNorm) else LinearColorMapper
+    mapper = kind(palette=palette, low=first.norm.vmin, high=first.norm.vmax)
+    colour = {"field": "value", "transform": mapper}
+    sides = {name: name for name in edges}
+    made = _drawn(plot, source, Quad(**sides, fill_color=colour, line_color=colour))
+    made.level = "underlay"
+    plot.xgrid.visible = plot.ygrid.visible = False
+    bar = ColorBar(color_mapper=mapper, title=cells[0].colours or None, height=10, padding=4)
+    bar.orientation, bar.margin = "horizontal", 0
+    bar.title_text_font_size = bar.major_label_text_font_size = "10.5px"
+    bar.title_text_font_style = "normal"
+    plot.add_layout(bar, "below")
     tips = [
         (along[0] or "x", f"@x{READ}"),
         (along[1] or "y", f"@y{READ}"),
         (cells[0].colours or "value", f"@value{READ}"),
     ]
-    plot.tools.append(_reader([made], tips))
+    exact = {"@x": "printf", "@y": "printf", "@value": "printf"}
+    plot.add_tools(HoverTool(renderers=[made], tooltips=tips, formatters=exact))
     return Curve(made, "", Look("#000000"))
 
 
-def _colour_bar(mapper: Model, title: str) -> Model:
-    return model(
-        "ColorBar",
-        color_mapper=mapper,
-        orientation="horizontal",
-        height=10,
-        margin=0,
-        padding=4,
-        title=title or None,
-        title_text_font_size="10.5px",
-        title_text_font_style="normal",
-        major_label_text_font_size="10.5px",
-    )
-
-
-def _levels(plot: Plot, axes: Axes) -> list[Curve]:
+def _levels(plot: Any, axes: Axes) -> list[Curve]:
     """Lines from edge to edge, and bars beside the right edge."""
     found = []
     for line in axes.get_lines():
@@ -345,32 +292,29 @@ def _levels(plot: Plot, axes: Axes) -> list[Curve]:
         else:
             continue
         look = look_of(line)
-        span = model("Span", **place, **look.line)
-        plot.center.append(span)
+        span = Span(**place, **look.line)
+        plot.add_layout(span)
         found.append(Curve(span, _name(line), look))
     return found
 
 
-def _beside(plot: Plot, at: float, y: Any, line: Artist) -> Model:
+def _beside(plot: Any, at: float, y: Any, line: Artist) -> Any:
     """A bar that stands outside the right edge, drawn just inside of it."""
     place = -8 * round(1 + (at - 1.0) / 0.03)
-    edges = {
-        "left": model("Node", target="frame", symbol="right", offset=place),
-        "right": model("Node", target="frame", symbol="right", offset=place + 4),
-        "bottom": float(np.min(y)),
-        "top": float(np.max(y)),
-    }
-    return _box(plot, edges, look_of(line).colour, 1.0)
-
-
-def _box(plot: Plot, edges: Mapping[str, Any], fill: str, alpha: float) -> Model:
-    """A filled area between edges; where one is not named, that of the frame."""
-    box = model("BoxAnnotation", **edges, fill_color=fill, fill_alpha=alpha, line_color=None)
-    plot.center.append(box)
+    box = BoxAnnotation(
+        left=Node(target="frame", symbol="right", offset=place),
+        right=Node(target="frame", symbol="right", offset=place + 4),
+        bottom=float(np.min(y)),
+        top=float(np.max(y)),
+        fill_color=look_of(line).colour,
+        fill_alpha=1.0,
+    )
+    box.line_color = None
+    plot.add_layout(box)
     return box
 
 
-def _bands(plot: Plot, axes: Axes) -> list[Curve]:
+def _bands(plot: Any, axes: Axes) -> list[Curve]:
     """Filled areas: between curves, and from edge to edge."""
     found = []
     for area in axes.collections:
@@ -379,15 +323,17 @@ def _bands(plot: Plot, axes: Axes) -> list[Curve]:
             for path in area.get_paths():
                 x, y = np.asarray(path.vertices, float).T
                 kept = np.isfinite(x) & np.isfinite(y)
+                source = ColumnDataSource({"x": x[kept].tolist(), "y": y[kept].tolist()})
                 filled = {"fill_color": look.fill, "fill_alpha": look.alpha, "line_color": None}
-                glyph = model("Patch", x=field("x"), y=field("y"), **filled)
-                made = _drawn(plot, _columns({"x": x[kept], "y": y[kept]}), glyph)
+                made = _drawn(plot, source, Area(x="x", y="y", **filled))
                 found.append(Curve(made, _name(area), look))
     for patch in axes.patches:
         place = _edges(patch, axes)
         if place:
             look = look_of(patch)
-            box = _box(plot, place, look.fill, look.alpha)
+            box = BoxAnnotation(**place, fill_color=look.fill, fill_alpha=look.alpha)
+            box.line_color = None
+            plot.add_layout(box)
             found.append(Curve(box, _name(patch), look))
     return found
 
@@ -408,13 +354,13 @@ def _edges(patch: Patch, axes: Axes) -> Mapping[str, float]:
     return {}
 
 
-def _notes(plot: Plot, axes: Axes) -> None:
+def _notes(plot: Any, axes: Axes) -> None:
     """Words within the panel, at its edges or at a point."""
     for note in axes.texts:
         text = _plain(note.get_text())
         if not text:
             continue
-        plot.center.append(model("Label", **_place(note, axes), text=text, **_SMALL))
+        plot.add_layout(Label(**_place(note, axes), text=text, **_SMALL))
 
 
 def _place(note: Text, axes: Axes) -> dict[str, Any]:
@@ -430,8 +376,8 @@ def _place(note: Text, axes: Axes) -> dict[str, Any]:
     dx, side = sides.get(across, sides["left"])
     dy, level = levels.get(up, levels["top"])
     return {
-        "x": model("Node", target="frame", symbol=side, offset=dx),
-        "y": model("Node", target="frame", symbol=level, offset=dy),
+        "x": Node(target="frame", symbol=side, offset=dx),
+        "y": Node(target="frame", symbol=level, offset=dy),
         "text_align": side,
         "text_baseline": "middle" if level == "center" else level,
     }
