@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.scratch import Scratch
 from fitting.text.shipped import shipped
+from fitting.text.toml import read_toml
 
 BUILDER = "build_fmu.py"
 #: Models that are built before they are asked for, by name.
@@ -81,8 +81,8 @@ def built_ahead(campaigns: Sequence[Path]) -> Iterator[None]:
 def _named(campaign: Path) -> str | None:
     """The model that a campaign file names, if it is one that does."""
     try:
-        fmu = tomllib.loads(campaign.read_text("utf-8")).get("fmu")
-    except (OSError, ValueError):
+        fmu = read_toml(campaign).get("fmu")
+    except BadInput:
         return None
     model = fmu.get("model") if isinstance(fmu, dict) else None
     return model if isinstance(model, str) else None
