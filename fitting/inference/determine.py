@@ -56,6 +56,7 @@ from fitting.inference.likelihood.knowledge import (
 from fitting.inference.likelihood.mirrored import Model, mirrored
 from fitting.inference.likelihood.outside import (
     Outside,
+    Surroundings,
     beyond,
     beyond_sentences,
     held_sentences,
@@ -162,8 +163,8 @@ def determine(
     )
     found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
     evaluator.begin(Stage.BEYOND)
-    outside = _outside(evaluator, found, options) if options.beyond else []
-    found = _come_in(evaluator, found, outside, boxes, options)
+    outside = _outside(evaluator, found, options)
+    found = _come_in(evaluator, found, outside.found, boxes, options)
     optimum = found.optimum
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
@@ -261,12 +262,13 @@ def _log_of(profiles: Mapping[str, Profile]) -> None:
 
 def _outside(
     evaluator: LikelihoodEvaluator, found: Exploration, options: InferenceOptions
-) -> list[Outside]:
+) -> Surroundings:
     """What fits beyond the box: exact twins, then what is come by."""
-    if not cut_sides(found):
-        return []
+    if not (options.beyond and cut_sides(found)):
+        return Surroundings()
     twins = mirrored(found.optimum, options.models, options.seed)
-    return [*twins, *beyond(evaluator, found)]
+    around = beyond(evaluator, found)
+    return replace(around, found=(*twins, *around.found))
 
 
 def _most_likely_values(optimum: Optimum) -> dict[str, float]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import gc
 import importlib
 import pickle
-from collections.abc import Sequence
-from concurrent.futures import Executor, Future, wait
+from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from fitting.text.files import write_whole
 from fitting.text.scratch import Scratch
@@ -21,6 +21,10 @@ if TYPE_CHECKING:  # a process that draws loads them with all the rest
     from fitting.report.figures.file import FigureFile
     from fitting.report.shown import ShownCampaign
     from fitting.result.result import Result
+
+
+Drawn = TypeVar("Drawn")
+Arguments = ParamSpec("Arguments")
 
 
 @dataclass(frozen=True)
@@ -85,23 +89,47 @@ class Artists:
         with Scratch(self.folder) as scratch:
             folder = scratch / "report"
             ready = {} if begun is None else begun.of_these(result, data)
-            left = self.executor.submit(_numbers, result, data, tuple(ready)).result()
+            left = self._asked(_numbers, result, data, tuple(ready))
             # whoever is free takes the next one
             asked = {k: self.executor.submit(_draw, result, data, folder, k) for k in left}
             try:
-                drawn = ready | {k: future.result() for k, future in asked.items()}
+                drawn = ready | {
+                    k: self._answer(future, _draw, result, data, folder, k)
+                    for k, future in asked.items()
+                }
             finally:  # where one failed, the others are to end before their folder does
                 for future in asked.values():
                     future.cancel()
                 wait(asked.values())
             figures = [drawn[number] for number in sorted(drawn)]
-            page = self.executor.submit(_write, result, data, folder, figures).result()
+            page = self._asked(_write, result, data, folder, figures)
             # this process knows which files of a folder are its own to replace
             for path in sorted(path for figure in figures for path in figure.files):
                 write_whole(out_dir / path.parent.name / path.name, path.read_bytes())
             for path in sorted(path for path in folder.iterdir() if path.is_file()):
                 write_whole(out_dir / path.name, path.read_bytes())
             return out_dir / page.name
+
+    def _asked(
+        self, draw: Callable[Arguments, Drawn], *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Drawn:
+        """What a process makes of that."""
+        return self._answer(self.executor.submit(draw, *args, **kwargs), draw, *args, **kwargs)
+
+    def _answer(
+        self,
+        future: Future[Drawn],
+        draw: Callable[Arguments, Drawn],
+        *args: Arguments.args,
+        **kwargs: Arguments.kwargs,
+    ) -> Drawn:
+        """What came of that; asked again where a process was lost, whose place another takes."""
+        for _ in range(self.count):
+            try:
+                return future.result()
+            except BrokenExecutor:
+                future = self.executor.submit(draw, *args, **kwargs)
+        return future.result()
 
 
 def _load() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from fitting.campaign.parameters import Parameter
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
+from fitting.inference.likelihood.outside import CUT
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from tests.support.whitened import Z95, learnt, parameter, whitened
@@ -407,6 +408,19 @@ def _opening(p: FloatArray) -> FloatArray:
     """Rows that hold a to 4 ± 0.1 as far as d stays below 100, and to 5 ± 0.1 at d = 1000."""
     a, d = p
     return np.full(3, (a - 4.0 - (d / 1000.0) ** 8) / 0.1 / math.sqrt(3.0))
+
+
+def test_what_a_budget_left_out_beyond_the_box_is_told() -> None:
+    """Whatever the budget: what rests on the box says so, or nobody claims to have looked."""
+    own = (parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0))
+    seen = set()
+    for budget in (80, 160, 320, 640, 1280, 2560):
+        known = learnt(whitened(_opening, *own), budget=budget)
+        if known.parameters["a"].verdict is Verdict.DETERMINED:
+            said = [s for s in known.sentences if "eyond the box" in s]
+            assert said, budget
+            seen.update(s if s == CUT else "found" for s in said)
+    assert seen == {CUT, "found"}
 
 
 def test_a_verdict_that_rests_on_the_box_says_so() -> None:

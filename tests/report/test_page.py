@@ -7,7 +7,6 @@ import itertools
 import os
 import re
 import signal
-from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -384,7 +383,7 @@ def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
 def test_whoever_draws_the_files_are_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two processes side by side, told a folder as seen from here; then one of them is lost."""
+    """Two processes side by side, told a folder as seen from here; then both are lost."""
     monkeypatch.chdir(tmp_path)
     foreign = tmp_path / "kept" / "values.csv"
     foreign.parent.mkdir()
@@ -408,10 +407,9 @@ def test_whoever_draws_the_files_are_the_same(
         ):
             artists.report(result, data, foreign.parent)
         assert foreign.read_text() == "mine"
-        for pid in executor.pids:
+        for pid in executor.pids:  # others take their places
             os.kill(pid, signal.SIGKILL)
-        with pytest.raises(BrokenExecutor):
-            artists.report(result, data, beside)
+        artists.report(result, data, beside)
     finally:
         executor.shutdown(wait=False)
     names = [p.relative_to(alone) for p in sorted(alone.rglob("*")) if p.is_file()]

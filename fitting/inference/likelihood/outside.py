@@ -38,6 +38,11 @@ HALF_WIDTHS = 10.0
 BEGINNINGS = 6
 #: Share of an interval by which a value lies beyond it.
 BEYOND = 0.02
+#: Of a search beyond the box that was cut.
+CUT = (
+    "Whether anything beyond the box fits as well and says otherwise is not known: that search was "
+    "cut for its cost, and a larger --budget would tell."
+)
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,14 @@ class Outside:
 
     point: ProfilePoint
     where: str = ""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What fits beyond the box as well, and whether the search for it was cut for its cost."""
+
+    found: tuple[Outside, ...] = ()
+    was_cut: bool = False
 
 
 def widened(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
@@ -81,7 +94,7 @@ def _widened(parameter: Parameter) -> Parameter:
     )
 
 
-def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outside, ...]:
+def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> Surroundings:
     """Points beyond the box that fit as well, where a value leaves the interval that data cut.
 
     From points in hand every parameter is brought to the ends of its wider box, the rest following;
@@ -100,8 +113,9 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outsi
     wide = replace(optimum, likelihood=_with_room(likelihood))
     sides = cut_sides(explored)
     if not sides:
-        return ()
+        return Surroundings()
     evaluator.likelihood = wide.likelihood
+    cut_before, evaluator.was_cut = evaluator.was_cut, False
     try:
         walks = walked_to_ends(evaluator, wide, explored.parameters, explored.fitting)
         fitting = [[p for p in walk if _fits(p)] for walk in walks]
@@ -111,11 +125,13 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outsi
         found = [*reached, *(p for p in run_in_lockstep(tasks, evaluator) if p is not None)]
         found += turned(evaluator, wide, explored.parameters, reached)
         points = possible(evaluator, wide, found)
-        return tuple(Outside(p) for p in points if p is not None and _fits(p))
+        fits = tuple(Outside(p) for p in points if p is not None and _fits(p))
+        return Surroundings(fits, evaluator.was_cut)
     except Exhausted:
-        return ()
+        return Surroundings(was_cut=True)
     finally:
         evaluator.likelihood = likelihood
+        evaluator.was_cut |= cut_before
 
 
 def taken_in(
@@ -176,19 +192,19 @@ def _with_room(likelihood: Likelihood) -> Likelihood:
 
 def beyond_sentences(
     likelihood: Likelihood,
-    found: Sequence[Outside],
+    outside: Surroundings,
     profiles: Mapping[str, Profile],
 ) -> tuple[str, ...]:
     """Which verdicts rest on the box, each told with a fit beyond it that says otherwise.
 
     Args:
         likelihood: with the parameters and their boxes.
-        found: what fits as well beyond them.
+        outside: what fits as well beyond them.
         profiles: of parameters and outputs, by name.
     """
     told: set[str] = set()
     said = []
-    for each in sorted(found, key=lambda other: other.point.delta):
+    for each in sorted(outside.found, key=lambda other: other.point.delta):
         values = _values(likelihood, each.point)
         new = [
             name
@@ -202,7 +218,7 @@ def beyond_sentences(
             told.update(new)
             at = f"{' and '.join(places)} at {each.where}" if each.where else " and ".join(places)
             said.append(f"Beyond the box {at} fits as well, {_told(new, values, profiles)}")
-    return tuple(said)
+    return (*said, CUT) if outside.was_cut else tuple(said)
 
 
 def _told(
