@@ -413,7 +413,7 @@ def _opening(p: FloatArray) -> FloatArray:
 def test_what_a_budget_left_out_beyond_the_box_is_told() -> None:
     """Whatever the budget: what rests on the box says so, or nobody claims to have looked."""
     own = (parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0))
-    seen = set()
+    seen: set[str] = set()
     for budget in (80, 160, 320, 640, 1280, 2560):
         known = learnt(whitened(_opening, *own), budget=budget)
         if known.parameters["a"].verdict is Verdict.DETERMINED:
