@@ -22,8 +22,18 @@ def few_of(places: Sequence[Mapping[str, Scalar]]) -> BoolArray | None:
         return None
     order = sorted(range(len(places)), key=lambda k: _in_order(places[k]))
     kept = np.zeros(len(places), dtype=bool)
-    kept[[order[round(k)] for k in np.linspace(0, len(order) - 1, FEW)]] = True
+    kept[[order[k] for k in evenly(len(order), FEW)]] = True
     return kept
+
+
+def evenly(count: int, most: int) -> list[int]:
+    """So many numbers below `count`, all if there are fewer, from the first to the last.
+
+    Args:
+        count: how many there are.
+        most: how many are kept, evenly between.
+    """
+    return [round(k) for k in np.linspace(0, count - 1, min(count, most))]
 
 
 def _in_order(settings: Mapping[str, Scalar]) -> tuple[tuple[bool, float, str], ...]:

@@ -18,6 +18,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.fmu import Run
 from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.few_places import evenly
 from fitting.measurements.measurement import Evaluation, Measurement, Predicting, Prediction
 from fitting.signal.window import tone_misfit
 from fitting.simulate.batch import Batch, Workers
@@ -175,7 +176,7 @@ class FmuResponse:
             return places
         share = min(1.0, self.most_places / max(1, sum(map(len, places.values()))))
         return {
-            series: [found[k] for k in _evenly(len(found), math.ceil(share * len(found)))]
+            series: [found[k] for k in evenly(len(found), math.ceil(share * len(found)))]
             for series, found in places.items()
         }
 
@@ -239,8 +240,3 @@ class FmuResponse:
         return max(
             (tone_misfit(s.window, batch.samples(s.run, s.output)) for s in sampled), default=0.0
         )
-
-
-def _evenly(count: int, most: int) -> list[int]:
-    """So many numbers below `count`, from the first to the last, evenly between."""
-    return [round(k) for k in np.linspace(0, count - 1, min(count, most))]
