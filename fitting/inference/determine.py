@@ -151,7 +151,7 @@ def determine(
     evaluator = _evaluator(likelihood, solution, options)
     evaluator.begin(Stage.MINIMA)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
-    if evaluator.was_cut and not optimum.converged and not _adequacy(optimum, options).describes:
+    if evaluator.cuts and not optimum.converged and not _adequacy(optimum, options).describes:
         raise OutOfBudget(
             f"budget: found {evaluator.limit}, wanted more: it was spent before the best fit was "
             "found"

@@ -274,8 +274,8 @@ class LikelihoodEvaluator:
 
     Those in which derived outputs are read count as well. Runs that points of a batch share count
     once; a model that counts none counts evaluations.
-    `progress` is told what was spent when a stage begins and before every batch; `was_cut`: whether
-    the limit was ever met.
+    `progress` is told what was spent when a stage begins and before every batch; `cuts` counts how
+    often the limit was met.
     """
 
     def __init__(
@@ -289,7 +289,7 @@ class LikelihoodEvaluator:
         self._progress = progress
         self._stage, self._before = "", 0
         self.evaluations = self.derived = self.runs = self.failures = 0
-        self.was_cut = False
+        self.cuts = 0
 
     def begin(self, stage: str) -> None:
         """What is evaluated from here on belongs to another stage.
@@ -313,7 +313,7 @@ class LikelihoodEvaluator:
         """
         wanted = sum(len(request.xs) for request in requests if request.rows)
         if wanted and self.spent + wanted * self._each > self.limit:
-            self.was_cut = True
+            self.cuts += 1
             raise Exhausted
         fold = self.likelihood.folded
         rows = iter(self._rows([fold(x) for r in requests if r.rows for x in r.xs]))

@@ -115,7 +115,7 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> Surrounding
     if not sides:
         return Surroundings()
     evaluator.likelihood = wide.likelihood
-    cut_before, evaluator.was_cut = evaluator.was_cut, False
+    before = evaluator.cuts
     try:
         walks = walked_to_ends(evaluator, wide, explored.parameters, explored.fitting)
         fitting = [[p for p in walk if _fits(p)] for walk in walks]
@@ -126,12 +126,11 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> Surrounding
         found += turned(evaluator, wide, explored.parameters, reached)
         points = possible(evaluator, wide, found)
         fits = tuple(Outside(p) for p in points if p is not None and _fits(p))
-        return Surroundings(fits, evaluator.was_cut)
+        return Surroundings(fits, evaluator.cuts > before)
     except Exhausted:
         return Surroundings(was_cut=True)
     finally:
         evaluator.likelihood = likelihood
-        evaluator.was_cut |= cut_before
 
 
 def taken_in(
