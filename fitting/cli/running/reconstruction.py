@@ -63,7 +63,8 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     if args.dry_run:
         return _tell_cost(args, campaigns)
-    with drawn_beside(not args.no_report) as drawing:
+    # for print this process draws alone
+    with drawn_beside(not args.no_report and args.style != "paper") as drawing:
         return _reconstructed(args, campaigns, out, _Course(laps, drawing))
 
 
@@ -259,7 +260,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     if args.no_profiles or interrupted:
         return _Ending(found, result, not interrupted)
     done = False
-    if job.course.drawing is not None and args.style != "paper":
+    if job.course.drawing is not None:
         job.course.drawing.begin(fitted)
     try:
         with to_the_end():
