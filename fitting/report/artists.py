@@ -84,7 +84,7 @@ class Artists:
 
         Raises:
             BadInput: the folder cannot be written.
-            BrokenExecutor: a process was lost.
+            BrokenExecutor: processes are lost again and again.
         """
         with Scratch(self.folder) as scratch:
             folder = scratch / "report"

@@ -41,15 +41,10 @@ def write_report(found: Identification, out_dir: Path) -> Path:
         BadInput: the folder cannot be written.
     """
     with style():
-        drawn = of_identification(
-            [
-                planned.drawing()
-                for planned in knowledge_figures(
-                    found.knowledge, found.title, synthetic=found.synthetic
-                )
-            ]
+        planned = of_identification(
+            knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
         )
-        figures = tuple(save(drawing, out_dir / FIGURES, for_page=True) for drawing in drawn)
+        figures = tuple(save(p.drawing(), out_dir / FIGURES, for_page=True) for p in planned)
     origin = pairs_table(
         "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}
     )

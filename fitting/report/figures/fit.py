@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.report import plot
+from fitting.report.figures.numbers import CONVERGENCE, DERIVED
 from fitting.report.figures.style import Drawing, new_figure, panels
 from fitting.report.plot.fit import ends_elsewhere
 from fitting.report.shown import ShownCampaign
@@ -63,7 +64,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         f"at the reference parameters; a start far outside is told in words.{end}{warning}"
     )
     alt = f"Values over {levels} levels of ν, ending at {listed(values)}."
-    return Drawing(name="convergence", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name=CONVERGENCE, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _groups(result: Result) -> list[list[str]]:
@@ -121,9 +122,7 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
         f"the value. {'. '.join(said)}."
     )
     alt = "Values per experiment. " + ". ".join(said) + "."
-    return Drawing(
-        name="derived_per_experiment", title=title, caption=caption, alt=alt, figure=figure
-    )
+    return Drawing(name=DERIVED, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _in_words(derived: DerivedResult) -> str:

@@ -56,14 +56,14 @@ def numbered(drawings: Sequence[Known], result: Result, shown: Sequence[str]) ->
     return found
 
 
-def of_identification(drawings: Sequence[Drawing]) -> list[Drawing]:
+def of_identification(planned: Sequence[Planned]) -> list[Planned]:
     """The figures of what data determine, each with the number of its kind.
 
     Args:
-        drawings: all figures that there is something for.
+        planned: all figures that there is something for.
     """
     order = (PROFILES, TOGETHER, OUTPUTS, NU)
-    return [replace(drawing, number=1 + order.index(drawing.name)) for drawing in drawings]
+    return [replace(figure, number=1 + order.index(figure.name)) for figure in planned]
 
 
 def _place(name: str) -> int:

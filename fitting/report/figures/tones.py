@@ -7,6 +7,7 @@ import math
 from matplotlib.axes import Axes
 
 from fitting.report import plot
+from fitting.report.figures.numbers import DRIVE, IMPROVEMENT, OVER_FREQUENCY, PER_EXPERIMENT
 from fitting.report.figures.style import (
     Drawing,
     handles_of,
@@ -71,7 +72,7 @@ def draw_drive(result: Compared, data: ShownCampaign) -> Drawing:
     alt = (
         "Envelopes of the drive: " + "; ".join(f"{e.label}: {_beat_words(e)}" for e in shown) + "."
     )
-    return Drawing(name="drive", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name=DRIVE, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _beat_words(experiment: ShownTones) -> str:
@@ -113,9 +114,7 @@ def draw_over_frequency(result: Compared, data: ShownCampaign) -> Drawing:
         f"Relative deviations at {len(result.peaks)} drive frequencies before and after the fit; "
         f"means {_from_to(result.deviations)}."
     )
-    return Drawing(
-        name="deviation_over_frequency", title=title, caption=caption, alt=alt, figure=figure
-    )
+    return Drawing(name=OVER_FREQUENCY, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def draw_improvement(result: Compared, data: ShownCampaign) -> Drawing:
@@ -141,7 +140,7 @@ def draw_improvement(result: Compared, data: ShownCampaign) -> Drawing:
         f"Ratio of final to initial deviation for {len(shares)} peaks; ratio of the means "
         f"{number(overall, 3)} percent; {worse} above 100 percent."
     )
-    return Drawing(name="improvement", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name=IMPROVEMENT, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def draw_per_experiment(result: Compared, data: ShownCampaign) -> Drawing:
@@ -173,9 +172,7 @@ def draw_per_experiment(result: Compared, data: ShownCampaign) -> Drawing:
         f"Deviations by experiment, means {_from_to(result.deviations)}; {len(beyond)} of "
         f"{len(residuals)} residuals beyond {NOTABLE_SIGMA:g} standard deviations. {worst}"
     )
-    return Drawing(
-        name="deviation_per_experiment", title=title, caption=caption, alt=alt, figure=figure
-    )
+    return Drawing(name=PER_EXPERIMENT, title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _worst_words(result: Compared, residuals: list[float]) -> str:
