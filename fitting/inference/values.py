@@ -11,6 +11,8 @@ from fitting.inference.verdict import Verdict
 from fitting.text.notation import span
 
 Floats = tuple[float, ...]
+#: Share of a period from which an interval is all of it: ends are counted in other units.
+ALL_ROUND = 1.0 - 1e-9
 
 
 class _Reported:
@@ -38,6 +40,12 @@ class _Reported:
     def likely_words(self) -> str:
         """The most likely value with what is true of its error."""
         return self.bars.words(self.likely, self.std, self.unit, self.ci95)
+
+    @property
+    def is_all_round(self) -> bool:
+        """Whether the 95 % interval is a whole period, so that the value may be anything."""
+        low, high = self.ci95
+        return self.period is not None and high - low >= ALL_ROUND * self.period
 
     @property
     def is_outside(self) -> bool:

@@ -40,14 +40,19 @@ NEARLY_ALL = 0.9
 #: Share of the width of its prior from which an interval is that of the prior alone, and up to
 #: which the prior has no part in it: the data answer for a tenth and for nine of the variance.
 PRIOR_ALONE, PRIOR_IDLE = math.sqrt(0.9), math.sqrt(0.1)
+#: Why nothing is known beyond where a walk was cut; that a larger budget would tell is said once of
+#: all values together.
+WAS_CUT = "the search was cut for its cost"
 ENDS_IN_WORDS = {
     "crossed": "the data end it",
     "prior": "priors of the drift alone end it",
     "bound": "the end of its range fits",
     "round": "it goes round",
     "lost": "the search lost its way",
-    "cost": "the search was cut for its cost: a larger --budget would tell",
+    "cost": WAS_CUT,
 }
+#: The same of both sides alike.
+ON_BOTH_SIDES = "on both sides "
 #: Ends of branches that say nothing of what lies beyond.
 CUT = ("lost", "cost")
 #: Share of an increase of chi square by priors of what drifts from which they end an interval.
@@ -472,8 +477,8 @@ def _end_words(end: str, held: Sequence[str]) -> str:
 def _both(said: Sequence[str]) -> str:
     low, high = said
     if low == high:
-        return f"on both sides {low}"
-    return f"below it {low}; above it {high}" if ":" in low else f"below it {low}, above it {high}"
+        return f"{ON_BOTH_SIDES}{low}"
+    return f"below it {low}, above it {high}"
 
 
 def _elsewhere_words(subject: _Subject, found: _Found) -> str:

@@ -139,7 +139,7 @@ def answer_block(answer: Answer) -> tuple[Line, ...]:
         answer: of a reconstruction.
     """
     values, given = (
-        tuple((known.named, known.shown) for known in part)
+        tuple((known.named, known.told) for known in part)
         for part in (answer.by_data, answer.resting)
     )
     lines = [
@@ -220,10 +220,12 @@ def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section 
     """
     if knowledge is None:
         return None
+    drawn = any(figure.kind == numbers.PROFILES for figure in figures)  # its caption says it
+    flat = "" if drawn else flat_sentence(knowledge)
     return Section(
         id="knowledge",
         title=knowledge_heading(knowledge),
-        paragraphs=tuple(filter(None, (*knowledge_words(knowledge), flat_sentence(knowledge)))),
+        paragraphs=tuple(filter(None, (*knowledge_words(knowledge), flat))),
         tables=knowledge_tables(knowledge),
         figures=figures,
     )

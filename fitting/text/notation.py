@@ -475,6 +475,17 @@ def span(low: float, high: float, unit: str = "", error: float = math.nan) -> st
     return f"{' to '.join(end.replace('-', '−') for end in ends)}{tail}"
 
 
+def signed(value: float, decimals: int) -> str:
+    """A number with its sign; what rounds to zero has none.
+
+    Args:
+        value: the value.
+        decimals: behind the decimal sign.
+    """
+    text = f"{value:+.{decimals}f}"
+    return text[1:] if float(text) == 0.0 else text.replace("-", "−")
+
+
 def percent(share: float, digits: int = 2) -> str:
     """A share as a signed percentage.
 
@@ -483,7 +494,7 @@ def percent(share: float, digits: int = 2) -> str:
         digits: significant digits.
     """
     value = 100.0 * share
-    return f"{value:+.{max(0, digits - _places(value))}f} %".replace("-", "−")
+    return f"{signed(value, max(0, digits - _places(value)))} %"
 
 
 def probability(p: float) -> str:

@@ -22,6 +22,7 @@ from fitting.cli.running.laps import Laps
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
+from fitting.report.words.answer import CUT_SHORT, NO_PROFILES
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
@@ -31,16 +32,6 @@ from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
 
 NAME = "reconstruct"
-#: Of a result that is written before the profiles are done, and stands where they never are.
-NO_PROFILES = (
-    "The command ended before the profiles were done: errors are those of the linearised "
-    "problem, and no verdict is given."
-)
-#: The same of a budget that was spent before there was any.
-CUT_SHORT = (
-    "The profiles were cut for their cost before there was any: a larger --budget would tell. "
-    "Errors are those of the linearised problem, and no verdict is given."
-)
 #: Exit code by how the fit ended; any other ending is 1.
 EXIT_CODES = {"converged": 0, "does not describe the data": 4}
 #: What goes with the result that it belongs to.
@@ -304,6 +295,6 @@ def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
         words += ["--external", text]
     flags = [name for name in ("quick", "no_profiles", "no_report") if getattr(args, name)]
     if args.resume or resume:
-        flags.insert(0, "resume")
+        flags.append("resume")
     words += [f"--{name.replace('_', '-')}" for name in flags]
     return shlex.join(words)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from fitting.text.results_folder import results_folder
 
+#: What an earlier run may have left: beside a new result it would be taken for its report.
+REPORT = "report.html"
 Run = Callable[[argparse.Namespace], int]
 
 
@@ -21,6 +23,8 @@ def writes(
     command: str, *names: str, to: Callable[[argparse.Namespace], Path | None] = _out
 ) -> Callable[[Run], Run]:
     """Open the folder of results while a command runs, see `results_folder`.
+
+    A report of an earlier run that goes, as none was written this time, is told.
 
     Args:
         command: its name.
@@ -35,8 +39,15 @@ def writes(
             folder = to(args)
             if folder is None:
                 return run(args)
+            page = folder / REPORT
             with results_folder(folder, command, names):
-                return run(args)
+                was_there = page.exists()
+                code = run(args)
+                if was_there and not page.exists():
+                    print(
+                        f"removed: {page} with its figures, of an earlier run with another result"
+                    )
+                return code
 
         return alone
 

@@ -48,8 +48,9 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
     for panel, name in zip(axes[len(groups) :], outputs, strict=False):
         plot.output_path(result, name, ax=panel)
     plot.objective_path(result, ax=axes[-1]).legend(loc="best", handlelength=2.2)
+    last = result.history[-1].parameters
     values = [
-        f"{name} = {number(p.value, 6)} {unit_text(p.unit)}".strip()
+        f"{name} = {number(last[name], 6)} {unit_text(p.unit)}".strip()
         for name, p in result.parameters.items()
     ]
     every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
@@ -57,13 +58,15 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
     levels, end = len(result.history) - 1, ""
     if ends_elsewhere(result):
         levels, end = levels - 1, " “end” is the reported end, found elsewhere, at the last ν."
+    if any(p.value != p.algorithm2 for p in result.parameters.values()):
+        end += " The curves are Algorithm 2's; the values of the report are the most likely ones."
     caption = (
         "Way of the reported chain over the levels of the regularisation ν, from its start point: "
         "fitted parameters (those of one unit as corrections to their reference), means of the "
         "derived outputs over the experiments, misfit and regularisation term. Dashed grey: value "
         f"at the reference parameters; a start far outside is told in words.{end}{warning}"
     )
-    alt = f"Values over {levels} levels of ν, ending at {listed(values)}."
+    alt = f"Values of Algorithm 2 over {levels} levels of ν, ending at {listed(values)}."
     return Drawing(name=CONVERGENCE, title=title, caption=caption, alt=alt, figure=figure)
 
 

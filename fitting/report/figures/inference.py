@@ -68,8 +68,16 @@ def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> l
 
 def _curved(knowledge: Knowledge) -> dict[str, Profile]:
     """Profiles that the data bend anywhere, few of them; a flat one is a line on the axis."""
-    bent = {n: p for n, p in knowledge.profiles.items() if max(p.delta, default=0.0) >= BENT}
-    return dict(list(bent.items())[:MOST_PROFILES])
+    return dict(list(_bent(knowledge).items())[:MOST_PROFILES])
+
+
+def _bent(knowledge: Knowledge) -> dict[str, Profile]:
+    return {n: p for n, p in knowledge.profiles.items() if max(p.delta, default=0.0) >= BENT}
+
+
+def _flat(knowledge: Knowledge) -> list[str]:
+    bent = _bent(knowledge)
+    return [name for name, p in knowledge.profiles.items() if p.values and name not in bent]
 
 
 def flat_sentence(knowledge: Knowledge) -> str:
@@ -78,11 +86,21 @@ def flat_sentence(knowledge: Knowledge) -> str:
     Args:
         knowledge: what the data determine: profiles, directions, verdicts.
     """
-    flat = {n: p for n, p in knowledge.profiles.items() if max(p.delta, default=0.0) < BENT}
-    names = [name for name, profile in flat.items() if profile.values]
+    names = _flat(knowledge)
     if not names:
         return ""
     return f"Flat, with Δχ² below 1 at every value that was tried: {listed(names)}."
+
+
+def _left_out(knowledge: Knowledge) -> str:
+    """Which profiles are not drawn, and why; empty where all are."""
+    groups = (
+        (_flat(knowledge), "flat: Δχ² is below 1 at every value that was tried"),
+        (list(_bent(knowledge))[MOST_PROFILES:], f"{MOST_PROFILES} profiles are drawn at most"),
+        ([name for name, p in knowledge.profiles.items() if not p.values], "no profile was walked"),
+    )
+    said = [f"{listed(names)} ({why})" for names, why in groups if names]
+    return f" Not drawn: {'; '.join(said)}." if said else ""
 
 
 def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
@@ -124,6 +142,7 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
             " It is wider than the curve says: what the simulation may be off by is in it, and not "
             "in the curve."
         )
+    caption += _left_out(knowledge)
     return Drawing(
         name=PROFILES,
         title=title,
@@ -208,13 +227,20 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
     legend_below(figure, handles_of(axes[0]), ncols=3)
     words = [f"{name} {knowledge.derived[name].verdict}" for name in outputs]
     caption = (
-        f"Outputs over {parameter} at every point of every profile. The bars at the right "
-        "edge are the range without data (grey) and the 95 % interval with them (blue): where both "
-        "are alike, the data say nothing of that output."
+        f"Outputs over {parameter} at every point of every profile{_no_value(knowledge, outputs)}. "
+        "The bars at the right edge are the range without data (grey) and the 95 % interval with "
+        "them (blue): where both are alike, the data say nothing of that output."
     )
     return Drawing(
         name=OUTPUTS, title=title, caption=caption, alt=f"{listed(words)}.", figure=figure
     )
+
+
+def _no_value(knowledge: Knowledge, outputs: Sequence[str]) -> str:
+    """Of which outputs points are missing, as they have no value there; mostly empty."""
+    paths = [p.path for p in knowledge.profiles.values()]
+    gaps = [n for n in outputs if any(math.isnan(v) for path in paths for v in path.get(n, ()))]
+    return f", of {listed(gaps)} where there is a value" if gaps else ""
 
 
 def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:

@@ -26,7 +26,7 @@ from fitting.report.plot.tones import (
 )
 from fitting.report.shown import ShownCampaign, ShownTones
 from fitting.result.result import Compared, Deviations
-from fitting.text.notation import listed, number, prefixed
+from fitting.text.notation import listed, number, prefixed, signed
 
 #: Drives drawn one below the other: a figure is to stay readable.
 MOST_DRIVES = 8
@@ -107,7 +107,7 @@ def draw_over_frequency(result: Compared, data: ShownCampaign) -> Drawing:
         drift = f" Shaded: range of {listed(shaded)} during the series."
     caption = (
         "Relative deviation of simulated from measured amplitude at every drive frequency, with "
-        "the start parameters (black, open) and the fitted ones (red, filled); dashed: means "
+        "the start parameters (open) and the fitted ones (filled); dashed: means "
         f"{_from_to(result.deviations)}. The marker shape tells the experiment.{drift}"
     )
     alt = (
@@ -164,7 +164,7 @@ def draw_per_experiment(result: Compared, data: ShownCampaign) -> Drawing:
     beyond, worst = notable(residuals), _worst_words(result, residuals)
     caption = (
         "Deviation of every peak, tones in the order of the experiments file (left to right within "
-        "an experiment): before the fit (black, open) and after it (red, filled), error bars one "
+        "an experiment): before the fit (open) and after it (filled), error bars one "
         "standard deviation of the measured peak. Below: what is left after the fit in units of "
         f"that standard deviation; band ±2. {worst}"
     )
@@ -181,7 +181,7 @@ def _worst_words(result: Compared, residuals: list[float]) -> str:
         return "The standard deviations of the peaks are not known."
     worst = max(known, key=lambda k: abs(residuals[k]))
     peak = result.peaks[worst]
-    value = f"{residuals[worst]:+.1f}".replace("-", "−")
+    value = signed(residuals[worst], 1)
     factor, unit = prefixed(peak.frequency_hz, "Hz")
     where = f"{peak.frequency_hz / factor:.9g} {unit} of {peak.experiment}"
     return f"The largest residual is {value} σ, at {where}."

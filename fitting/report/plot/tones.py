@@ -23,7 +23,7 @@ from fitting.report.plot.axes import (
     say_empty,
 )
 from fitting.result.result import Compared, Peak
-from fitting.text.notation import mathtext, number, scaling_for
+from fitting.text.notation import mathtext, number, scaling_for, signed
 
 #: Means this far apart are drawn on a logarithmic axis, or the lesser could not be seen.
 FAR_APART = 30.0
@@ -199,7 +199,7 @@ def residuals(result: Compared, *, ax: Axes | None = None) -> Axes:
     for k in notable(left)[:MOST_NOTES]:
         above = left[k] > 0.0
         axes.annotate(
-            f"{left[k]:+.1f}".replace("-", "−"),
+            signed(left[k], 1),
             (x[k], left[k]),
             ha="center",
             va="bottom" if above else "top",

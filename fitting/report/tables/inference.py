@@ -16,7 +16,7 @@ from fitting.inference.likelihood.knowledge import (
     Profile,
 )
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
-from fitting.report.tables.values import interval, verdict
+from fitting.report.tables.values import WHOLE, interval, verdict
 from fitting.report.words.inference import end_words, typeset
 from fitting.text.notation import (
     as_its_error,
@@ -63,6 +63,10 @@ def _std(found: Percentiles) -> Cell:
     return Cell(error_number(found.std), value=value)
 
 
+def _interval(profile: Profile, bounds: tuple[float, float]) -> Cell:
+    return Cell(WHOLE) if profile.ends == ("round", "round") else interval(bounds)
+
+
 def _precision(profile: Profile) -> Cell:
     """Half the width over the value (or period), in per cent."""
     if not math.isfinite(profile.precision):
@@ -74,8 +78,8 @@ PROFILES: tuple[Column[Named], ...] = (
     Column("value", lambda row: symbol(row[0]), role="name"),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("most likely", lambda row: _best(row[1])),
-    Column("68 %", lambda row: interval(row[1].interval68)),
-    Column("95 %", lambda row: interval(row[1].interval95)),
+    Column("68 %", lambda row: _interval(row[1], row[1].interval68)),
+    Column("95 %", lambda row: _interval(row[1], row[1].interval95)),
     Column("without data", lambda row: interval(row[1].box)),
     Column("ends below", lambda row: end_words(row[1].ends[0])),
     Column("ends above", lambda row: end_words(row[1].ends[1])),

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
+from fitting.inference.verdicts import WAS_CUT
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.words.values import Valued, offset_name, told_twice, verdict_words
@@ -33,6 +34,10 @@ BESIDE = (
 Parameter = tuple[str, ParameterResult]
 Output = tuple[str, DerivedResult]
 Found = TypeVar("Found", Parameter, Output)
+#: Said once of all values whose search was cut.
+MORE_TELLS = "Where the search was cut for its cost, a larger --budget would tell."
+#: An interval that is all of a period: its ends are one value.
+WHOLE = "whole period"
 #: Head of the column of the paper's estimate.
 PAPERS = "Algorithm 2"
 
@@ -216,14 +221,18 @@ def interval_table(result: Valued, title: str) -> Table:
         result: of a reconstruction, or what was inferred of a fit.
         title: over the table.
     """
-    return _of_values(title, INTERVALS, values_of(result))
+    rows = values_of(result)
+    is_cut = any(WAS_CUT in getattr(row.found, "reason", "") for row in rows)
+    return _of_values(title, INTERVALS, rows, MORE_TELLS if is_cut else "")
 
 
-def _of_values(title: str, columns: Sequence[Column[Value]], rows: Sequence[Value]) -> Table:
+def _of_values(
+    title: str, columns: Sequence[Column[Value]], rows: Sequence[Value], note: str = ""
+) -> Table:
     """The table; most likely values have a column where others are reported."""
     if all(row.found.is_most_likely for row in rows):
-        return tabulate(title, [c for c in columns if c is not MOST_LIKELY], rows)
-    return tabulate(title, columns, rows, BESIDE)
+        return tabulate(title, [c for c in columns if c is not MOST_LIKELY], rows, note)
+    return tabulate(title, columns, rows, " ".join(filter(None, (BESIDE, note))))
 
 
 PARAMETERS: tuple[Column[Parameter], ...] = (
@@ -231,7 +240,10 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("value", lambda row: rounded(row[1].value, row[1])),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("std", lambda row: error(row[1]), digits=2),
-    Column("95 % interval", lambda row: interval(row[1].ci95)),
+    Column(
+        "95 % interval",
+        lambda row: Cell(WHOLE) if row[1].is_all_round else interval(row[1].ci95),
+    ),
     Column("reference", lambda row: row[1].reference),
     Column("start", lambda row: row[1].start),
     Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),

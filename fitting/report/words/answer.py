@@ -17,7 +17,7 @@ from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.report.table import wrapped
-from fitting.report.words.values import reported_words, told_twice
+from fitting.report.words.values import period_words, reported_words, told_twice
 from fitting.result.result import Result
 from fitting.signal.residual_tests import TOGETHER, UNEQUAL
 from fitting.text.notation import bound, listed, number, prefixed, quantity, span, unit_text
@@ -28,6 +28,18 @@ Found = ParameterResult | DerivedResult
 CONVENTION = "± holds 68 %, intervals hold 95 %; “determined to” names half of a 95 % interval."
 #: Said in its place where the error of a value differs from side to side.
 CONVENTION_UNEVEN = CONVENTION.replace("± holds", "±, and + with −, hold")
+#: Of a result that is written before the profiles are done, and stands where they never are.
+NO_PROFILES = (
+    "The command ended before the profiles were done: errors are those of the linearised "
+    "problem, and no verdict is given."
+)
+#: The same of a budget that was spent before there was any.
+CUT_SHORT = (
+    "The profiles were cut for their cost before there was any: a larger --budget would tell. "
+    "Errors are those of the linearised problem, and no verdict is given."
+)
+#: What a value is known by that its line knows better than the fit.
+BY_SWEEP = "sweep alone"
 #: Value and standard deviation of a line, by what it is of the line.
 PARTS = {
     "frequency": lambda line: (line.frequency_hz, line.frequency_std_hz),
@@ -54,7 +66,7 @@ class Known:
 
     `fitted` is empty unless the sweep by itself knows it better; `others` are names of the same
     number; `is_even`: its error is ±, or it has none. `beyond`: which number to believe where it
-    lies beyond its box, mostly empty.
+    lies beyond its box, mostly empty. `source` is what it is known by, empty: by the fit.
     """
 
     name: str
@@ -66,6 +78,12 @@ class Known:
     apart: float = math.nan
     is_even: bool = True
     beyond: str = ""
+    source: str = ""
+
+    @property
+    def told(self) -> str:
+        """What is known of it, and by what where that is not the fit: "= 94.2 Hz (sweep alone)"."""
+        return f"{self.shown} ({self.source})" if self.source else self.shown
 
     @property
     def named(self) -> str:
@@ -123,9 +141,9 @@ class Answer:
         far = "" if math.isnan(away) else f", {number(away, 2)} standard errors away"
         return (
             *beyond,
-            f"{names} {verb} best known by the line of the sweep alone. The fit of the peaks says "
-            f"{fitted}{far}: it takes the scale from the sweep and nothing else "
-            '(use = "fit" under [sweep] would fit both together).',
+            f"{names} {verb} best known by the line of the sweep alone. The fit of the peaks, "
+            f"which the table gives, says {fitted}{far}: it takes the scale from the sweep and "
+            'nothing else (use = "fit" under [sweep] would fit both together).',
             convention,
         )
 
@@ -169,7 +187,7 @@ def answer_lines(answer: Answer) -> list[str]:
 
 
 def _values(known: Sequence[Known]) -> str:
-    return ", ".join(_whole(f"{k.named} {k.shown}") for k in known)
+    return ", ".join(_whole(f"{k.named} {k.told}") for k in known)
 
 
 def _whole(text: str) -> str:
@@ -193,7 +211,15 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
             fitted, apart = own, abs(found.likely - value) / math.hypot(std, found.std)
             is_even = found.bars.is_even
         shown, share = f"= {quantity(value, std, found.unit)}", _share(value, std)
-        return Known(name, shown, share=share, fitted=fitted, apart=apart, is_even=is_even)
+        return Known(
+            name,
+            shown,
+            share=share,
+            fitted=fitted,
+            apart=apart,
+            is_even=is_even,
+            source=BY_SWEEP,
+        )
     if verdict is Verdict.DETERMINED:
         share = _share(found.value, found.std)
         if not math.isnan(_box_end(found)):  # what Algorithm 2 says is the end of the box
@@ -275,6 +301,8 @@ def _ranges(left: dict[str, Found], why_not: str) -> tuple[str, ...]:
 
 
 def _open_words(found: Found, why_not: str) -> str:
+    if found.identifiable is Verdict.OPEN and found.is_all_round:
+        return f"may be anything: {period_words(found)} fits"
     if found.identifiable is Verdict.OPEN:
         return _range(*found.ci95, found.unit)
     if found.identifiable is Verdict.LINEARISED:
@@ -401,10 +429,17 @@ def _mistake(result: Result) -> str:
 
 
 def _profiles(result: Result) -> tuple[str, str]:
-    """That profiles come next: by the same command with them, from Python by their function."""
+    """That profiles come next: by the same command with them, from Python by their function.
+
+    Where the command ended before they were done, it goes on from the levels that it has kept.
+    """
     words, _ = _without_budget(result)
     if not words:
         return "profiles, which say what the data determine: ff.profile", ""
+    if "--no-profiles" not in words and CUT_SHORT not in result.warnings:
+        every = shlex.split(result.provenance.command)
+        kept = [*(word for word in every if word != "--resume"), "--resume"]
+        return "the profiles, which were not done:", shlex.join(kept)
     kept = [word for word in words if word != "--no-profiles"]
     return "profiles, which say what the data determine:", shlex.join(kept)
 

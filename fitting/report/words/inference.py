@@ -32,6 +32,8 @@ def profile_words(name: str, profile: Profile) -> str:
     verdict = profile.verdict
     if verdict in (Verdict.UNKNOWN, Verdict.WITHDRAWN):
         return f"{name}: {verdict} ({profile.reason})"
+    if verdict is Verdict.OPEN and profile.ends == ("round", "round"):
+        return f"{name}: {verdict} ({profile.reason})"
     if verdict is Verdict.OPEN:
         return f"{name}: {verdict}, {_range(profile)} fits ({profile.reason})"
     low, high = profile.interval95

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
+from fitting.inference.verdicts import ON_BOTH_SIDES, WAS_CUT
 from fitting.result.result import Result
 from fitting.text.notation import (
     bound,
@@ -25,6 +26,8 @@ from fitting.text.notation import (
 
 #: Values, and ends of intervals over their width, that are as near are the same.
 SAME, SAME_END = 1e-9, 0.02
+#: That a search was cut, in the cell of a table, below which the rest is said.
+IN_A_CELL = "cut for its cost"
 #: Correlations from which two errors are named as tied to each other.
 TIED = 0.95
 
@@ -111,6 +114,17 @@ def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str
     return f"{_with_prefix(found.value, found.unit)} by Algorithm 2{outside} (most likely {best})"
 
 
+def period_words(found: ParameterResult | DerivedResult) -> str:
+    """The whole period of a value that goes round: "its whole period of 3.14 rad".
+
+    Args:
+        found: value whose interval is all of its period.
+    """
+    assert found.period is not None  # noqa: S101 - asked by the caller
+    factor, unit = prefixed(found.period, found.unit)
+    return f"its whole period of {number(found.period / factor, 3)}\u00a0{unit}".rstrip()
+
+
 def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     """What the data say of a value, in the cell of a table.
 
@@ -121,17 +135,18 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     if isinstance(found, OffsetResult):
         return str(verdict)
     low, high = found.ci95
+    reason = found.reason.replace(f"{ON_BOTH_SIDES}{WAS_CUT}", IN_A_CELL)
     if verdict in (Verdict.OPEN, Verdict.UNKNOWN) and math.isnan(low):
-        return f"{verdict}: {found.reason}"
+        return f"{verdict}: {reason}"
     said = {
         Verdict.DETERMINED: f"determined {found.reason}",
         Verdict.BOUNDED: f"{verdict}, {span(low, high)}",
         Verdict.ABOVE: f"{verdict}, {bound(high, up=True)} at most",
         Verdict.BELOW: f"{verdict}, {bound(low, up=False)} at least",
-        Verdict.OPEN: f"{verdict}: {span(low, high)} fits",
+        Verdict.OPEN: f"{verdict}: {_open_range(found)} fits",
         Verdict.LINEARISED: str(verdict),
     }
-    words = said.get(verdict, f"{verdict}: {found.reason}")
+    words = said.get(verdict, f"{verdict}: {reason}")
     withdrawn = verdict is Verdict.WITHDRAWN
     if isinstance(found, ParameterResult) and not (withdrawn or math.isnan(found.box_end)):
         words += (
@@ -141,6 +156,10 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     if verdict.has_value and found.is_outside:
         words += "; the value lies outside its 95 % interval"
     return words
+
+
+def _open_range(found: ParameterResult | DerivedResult) -> str:
+    return period_words(found) if found.is_all_round else span(*found.ci95)
 
 
 def _with_prefix(value: float, unit: str) -> str:
