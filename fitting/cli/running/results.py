@@ -44,9 +44,7 @@ def writes(
                 was_there = page.exists()
                 code = run(args)
                 if was_there and not page.exists():
-                    print(
-                        f"removed: {page} with its figures, of an earlier run with another result"
-                    )
+                    print(f"removed: {page} and its figures, which told of an earlier result")
                 return code
 
         return alone
