@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from pathlib import Path
 from threading import Thread
 
 import pytest
 
 from fitting.cli.main import main
-from fitting.text.results_folder import results_folder
+from fitting.cli.running.results import writes
+from fitting.text.files import write_whole
+from fitting.text.results_folder import remove_earlier, results_folder
 
 Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
 COMMANDS = {
@@ -58,3 +61,24 @@ def test_while_another_command_writes_there_it_is_refused(
         "(--out), or to wait until it has ended\n"
     )
     assert not list(tmp_path.iterdir())
+
+
+def test_a_report_that_goes_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Beside a new result it would be taken for its report; nothing is said where none was."""
+
+    @writes("reconstruct", "report.html")
+    def run(args: Namespace) -> int:
+        write_whole(tmp_path / "result.json", str(args.number))
+        if args.report:
+            write_whole(tmp_path / "report.html", "what was found")
+        remove_earlier(tmp_path)
+        return 0
+
+    said = []
+    for number, report in enumerate((False, True, True, False, False)):
+        assert run(Namespace(out=tmp_path, number=number, report=report)) == 0
+        said.append(capsys.readouterr().out)
+    assert said[3] == (
+        f"removed: {tmp_path / 'report.html'} and its figures, which told of an earlier result\n"
+    )
+    assert said[:3] + said[4:] == [""] * 4

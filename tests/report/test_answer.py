@@ -11,8 +11,8 @@ from fitting.inference.ending import Ending
 from fitting.inference.sweep_line import LineFit
 from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
-from fitting.report.tables.values import values_table
-from fitting.report.words.answer import answer_lines, answer_of
+from fitting.report.tables.values import interval_table, parameter_table, values_table
+from fitting.report.words.answer import CUT_SHORT, NO_PROFILES, answer_lines, answer_of
 from fitting.report.words.result import further_warnings, result_lines
 from fitting.result.result import Result
 from tests.support import plot_records
@@ -60,6 +60,39 @@ def test_known_and_not_known_are_told_apart(result: Result) -> None:
     assert "lambda (63 to 781 kHz)" in answer.open_words.replace("\u00a0", " ")
 
 
+def test_a_whole_period_is_no_interval(result: Result) -> None:
+    """Any π of an angle that goes round at π is all of it; a little less is an interval."""
+    theta = replace(result.parameters["theta"], period=math.pi, ci95=(0.31, 0.31 + math.pi))
+    for found, answered, row in (
+        (theta, "theta (may be anything: its whole period of 3.14 rad fits)", "whole period"),
+        (replace(theta, ci95=(0.31, 3.4)), "theta (0.31 to 3.40 rad)", "0.31 to 3.40 fits"),
+    ):
+        there = replace(result, parameters={**result.parameters, "theta": found})
+        assert answered in answer_of(there).open_words.replace("\u00a0", " ")
+        [line] = [line for line in text_lines(values_table(there, "")) if line.startswith("theta")]
+        assert row in line
+        [cells] = [cells for cells in parameter_table(there).rows if cells[0].text == "theta"]
+        assert cells[4].text == ("whole period" if found is theta else "0.31 to 3.40")
+
+
+def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> None:
+    """What would help is said once, below the table."""
+    nowhere = (math.nan, math.nan)
+    cut = {
+        name: replace(
+            p,
+            identifiable=Verdict.UNKNOWN,
+            ci95=nowhere,
+            reason="on both sides the search was cut for its cost",
+        )
+        for name, p in result.parameters.items()
+    }
+    table = interval_table(replace(result, parameters=cut), "")
+    assert [row[-1].text for row in table.rows[:2]] == ["not known: cut for its cost"] * 2
+    assert table.note == "Where the search was cut for its cost, a larger --budget would tell."
+    assert not interval_table(result, "").note
+
+
 def test_what_holds_under_a_condition_alone_stands_with_it(result: Result) -> None:
     said = (
         "theta and d1 hold only if g2 = 0, which nobody measured and these data do not tell: with "
@@ -82,6 +115,9 @@ def test_the_sweep_s_own_line_is_told_where_it_knows_better(result: Result) -> N
     answer = answer_of(with_width(result, line.width_hz + 1.25, 0.7))
     known = next(k for k in answer.known if k.name == "d1")
     assert known.shown.replace("\u00a0", " ") == f"= {line.width_hz:.2f} ± 0.24 Hz"
+    assert known.told == f"{known.shown} (sweep alone)"
+    [first] = [said for said in answer_lines(answer) if said.startswith("known:")]
+    assert f"d1 = {line.width_hz:.2f} ± 0.24 Hz (sweep alone)" in first.replace("\u00a0", " ")
     # hypot(0.7, 0.24) = 0.74 Hz
     assert known.apart == pytest.approx(1.25 / 0.74)
     assert answer.notes[0].startswith("d1 is best known by the line of the sweep alone.")
@@ -127,6 +163,18 @@ def test_the_next_step_is_a_command_that_can_be_copied(result: Result) -> None:
     )
     [line] = [line for line in answer_lines(answer) if line.startswith("next:")]
     assert answer.command in line
+
+
+def test_profiles_that_were_not_done_are_gone_on_with(result: Result) -> None:
+    """Only one command is offered, that with --resume, and it keeps the budget."""
+    asked = "fmu-fit reconstruct a.toml --budget 900 --no-report"
+    origin = replace(result.provenance, command=asked)
+    ended = replace(result, provenance=origin, warnings=(*result.warnings, NO_PROFILES))
+    assert answer_of(ended).command == f"{asked} --resume"
+    again = replace(origin, command=f"{asked} --resume")
+    assert answer_of(replace(ended, provenance=again)).command == f"{asked} --resume"
+    spent = replace(ended, warnings=(CUT_SHORT,))
+    assert answer_of(spent).command == "fmu-fit reconstruct a.toml --no-report"
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from fitting.report import plot
 from fitting.report.figures import style as plots_style
 from fitting.report.figures.file import FigureFile
 from fitting.report.figures.fit import draw_convergence, draw_derived
+from fitting.report.figures.inference import draw_outputs, draw_profiles
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.reconstruction import (
     figures_of,
@@ -383,6 +385,37 @@ def test_convergence_has_a_panel_per_quantity_and_the_objective(
     lines = figure.axes[0].get_lines()
     assert len(xs(lines[1])) == 3  # theta's start is far off
     assert any("start: 0 rad" in t.get_text() for t in figure.findobj(Annotation))
+
+
+def test_convergence_tells_what_its_curves_show(result: Result, data: ShownCampaign) -> None:
+    """Where the most likely values are reported, the curves end elsewhere: 93.424576, not 99."""
+    likely = replace(result.parameters["d1"], value=99.0)
+    with style():
+        drawing = draw_convergence(
+            replace(result, parameters={**result.parameters, "d1": likely}), data
+        )
+    assert "d1 = 93.4246 Hz" in drawing.alt
+    assert "The curves are Algorithm 2's" in drawing.caption
+    same = {n: replace(p, algorithm2=p.value) for n, p in result.parameters.items()}
+    with style():
+        own = draw_convergence(replace(result, parameters=same), data)
+    assert "The curves are" not in own.caption
+
+
+def test_what_is_not_drawn_of_profiles_is_said() -> None:
+    """A flat profile has no panel, and an output no points where it has no value."""
+    known = knowledge()
+    with style():
+        assert "Not drawn" not in draw_profiles(known, "", synthetic=False).caption
+        flat = replace(known.parameters["d2"], delta=(0.2,) * 7)
+        some = replace(known, parameters={**known.parameters, "d2": flat})
+        assert "Not drawn: d2 (flat" in draw_profiles(some, "", synthetic=False).caption
+        assert "every profile." in draw_outputs(known, "", synthetic=False).caption
+        path = known.derived["lambda"].path
+        gaps = {**path, "lambda": (math.nan, *path["lambda"][1:])}
+        missing = replace(known, derived={"lambda": replace(known.derived["lambda"], path=gaps)})
+        caption = draw_outputs(missing, "", synthetic=False).caption
+        assert "every profile, of lambda where there is a value." in caption
 
 
 def test_parameters_of_one_unit_share_a_panel_of_corrections(data: ShownCampaign) -> None:

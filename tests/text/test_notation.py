@@ -314,3 +314,11 @@ def test_a_plural_of_its_own() -> None:
 def test_an_error_has_two_digits(error: float, shown: str) -> None:
     """A column of errors said 0.6 where its value stood to two digits behind the point."""
     assert notation.error_number(error) == shown
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(-4e-5, "0.00 %"), (4e-5, "0.00 %"), (-6e-5, "−0.01 %"), (0.0534, "+5.34 %")],
+)
+def test_a_share_that_rounds_to_zero_has_no_sign(share: float, text: str) -> None:
+    assert notation.percent(share) == text
