@@ -105,7 +105,7 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
         {"solver": RK4},
         (
             ("averaged envelope", {"solver": ENVELOPE}, "envelope_error", 0.5),
-            ("periodic start", {"periodic_start": True}, None, 40.0),
+            ("periodic start", {"periodic_start": True}, None, 1.3),
             ("linear model", {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}, None, 0.05),
         ),
     )
