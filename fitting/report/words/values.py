@@ -135,7 +135,7 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     if isinstance(found, OffsetResult):
         return str(verdict)
     low, high = found.ci95
-    reason = found.reason.replace(f"{ON_BOTH_SIDES}{WAS_CUT}", IN_A_CELL)
+    reason = found.reason.replace(f"{ON_BOTH_SIDES}{WAS_CUT}", WAS_CUT).replace(WAS_CUT, IN_A_CELL)
     if verdict in (Verdict.OPEN, Verdict.UNKNOWN) and math.isnan(low):
         return f"{verdict}: {reason}"
     said = {
