@@ -32,6 +32,7 @@ from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import answered_apart, output_means_beyond, runs_of_outputs
+from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
 
 #: Points of the box at which a model may fail before the failure is passed on.
@@ -290,6 +291,7 @@ class LikelihoodEvaluator:
         self._stage, self._before = "", 0
         self.evaluations = self.derived = self.runs = self.failures = 0
         self.cuts = 0
+        self._reading = self._read = 0  # who reads outputs at present, and runs that are counted
 
     def begin(self, stage: str) -> None:
         """What is evaluated from here on belongs to another stage.
@@ -399,11 +401,23 @@ class LikelihoodEvaluator:
         if not xs or not names:
             return [np.empty(0) for _ in xs]
         self.derived += len(xs)
-        response = self.likelihood.objective.response
-        before = runs_of_outputs(response)
-        means = output_means_beyond(response, self.likelihood.parameters, xs, names)
-        self.runs += runs_of_outputs(response) - before
+        with self._counting_outputs(self.likelihood.objective.response) as response:
+            means = output_means_beyond(response, self.likelihood.parameters, xs, names)
         return list(np.stack([means[name] for name in names], axis=1))
+
+    @contextmanager
+    def _counting_outputs(self, response: Response) -> Iterator[Response]:
+        """Runs in which outputs are read count once, whoever else reads meanwhile."""
+        if not self._reading:
+            self._read = runs_of_outputs(response)
+        self._reading += 1
+        try:
+            yield response
+        finally:
+            self._reading -= 1
+            read = runs_of_outputs(response)
+            self.runs += read - self._read
+            self._read = read
 
     def one(self, x: FloatArray) -> Sample:
         """Rows and outputs at one search vector.

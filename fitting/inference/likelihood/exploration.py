@@ -161,7 +161,8 @@ def explore(
     explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
     range_ends = explored.range_ends
     shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
-    branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
+    for part in _in_turn(optimum, [q for q in wide if q not in shown]):
+        branches |= _walked(evaluator, optimum, part, range_ends)
     branches |= {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
     explored = _with_outputs(evaluator, replace(explored, branches=branches))
     explored = replace(explored, around=explored.branches)
@@ -180,11 +181,14 @@ def explore(
 
 
 def _in_turn(optimum: Optimum, chosen: Sequence[Quantity]) -> list[list[Quantity]]:
-    """All side by side; where walks are dear outputs first, which are what is asked for."""
+    """All side by side; where walks are dear one by one, so that a budget does not cut all of them.
+
+    Outputs first, which are what is asked for; of these those first that the data see best.
+    """
     own = sum(bool(p.experiments) for p in optimum.likelihood.parameters)
     if own <= FEW_OWN:
         return [list(chosen)]
-    return [[q for q in chosen if (q.output >= 0) is output] for output in (True, False)]
+    return [[q] for q in sorted(chosen, key=lambda q: (q.output < 0, q.sigma / q.width))]
 
 
 def _both_ends(chosen: Sequence[Quantity]) -> list[tuple[Quantity, int]]:
