@@ -49,8 +49,9 @@ def test_the_first_error_ends_them_all() -> None:
     def stumbling() -> None:
         raise KeyboardInterrupt
 
+    works: list[Callable[[], None]] = [tidy, stumbling, partial(told.append, "begun")]
     with pytest.raises(KeyboardInterrupt):
-        in_turn([tidy, stumbling, partial(told.append, "begun")])
+        in_turn(works)
     assert told == ["tidied up"]
 
 
@@ -60,7 +61,10 @@ def test_pieces_of_a_piece_have_turns_of_their_own() -> None:
     def both() -> list[str]:
         return in_turn([partial(piece, told, "a", 1), partial(piece, told, "b", 1)])
 
-    assert in_turn([both, partial(lambda: [piece(told, "c", 1)])]) == [["a", "b"], ["c"]]
+    def one() -> list[str]:
+        return [piece(told, "c", 1)]
+
+    assert in_turn([both, one]) == [["a", "b"], ["c"]]
     assert told == ["a0", "b0", "a ends", "b ends", "c0", "c ends"]
 
 

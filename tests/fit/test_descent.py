@@ -508,9 +508,10 @@ def test_tasks_side_by_side_are_asked_in_one_batch_and_told_when_there_is_no_mor
         batches.append(len(requests))
         return [[] for _ in requests]
 
-    assert run_in_lockstep([counting(1), counting(9), hard()], evaluate) == [1, -3, None]
+    # the first, third and fifth are one group
+    tasks = [counting(1), counting(0), counting(9), counting(0), hard()]
+    assert run_in_lockstep(tasks, evaluate) == [1, 0, -3, 0, None]
     assert batches == [3, 2, 2]
-    assert run_in_lockstep([counting(0), counting(0)], evaluate) == [0, 0]
 
 
 def test_of_many_tasks_one_half_is_answered_while_the_other_waits() -> None:

@@ -21,7 +21,7 @@ from fitting.fit.likelihood.descent import (
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
-from fitting.inference.likelihood.inverses import Branches, RangeEnds, inverses, told_twice
+from fitting.inference.likelihood.inverses import Branches, inverses, told_twice
 from fitting.inference.likelihood.limits import released
 from fitting.inference.likelihood.profiles import (
     EXCLUDED,
@@ -106,12 +106,24 @@ class Exploration:
         ]
 
 
+@dataclass(frozen=True)
+class Extent:
+    """How far an exploration goes.
+
+    `only` names the values that are profiled, all if empty. Where walks are dear, it ends after the
+    first of them of whose points `until` says so.
+    """
+
+    only: tuple[str, ...] = ()
+    until: Callable[[Sequence[ProfilePoint]], bool] = lambda points: False
+
+
 def explore(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     ranges: Mapping[str, OutputRange],
     minima: Sequence[ProfilePoint],
-    only: Sequence[str] = (),
+    extent: Extent,
     known: Sequence[ProfilePoint] = (),
 ) -> Exploration:
     """Profiles, those first that the data see: each step is one set of batches.
@@ -127,7 +139,7 @@ def explore(
         optimum: the most likely point and its likelihood.
         ranges: of the outputs without data, by name.
         minima: from other starts that fit.
-        only: names of the values that are profiled; all if empty.
+        extent: what is profiled, and what ends it.
         known: points not excluded which another exploration came by.
 
     Raises:
@@ -135,7 +147,7 @@ def explore(
     """
     every = quantities(optimum, ranges)
     free = ~(optimum.likelihood.inverse_prior_sigma > 0.0)
-    wanted = tuple(q for q in every if not only or q.name in only)
+    wanted = tuple(q for q in every if not extent.only or q.name in extent.only)
     twice = inverses(evaluator, optimum, data_covariance(optimum), wanted)
     chosen = tuple(q for q in wanted if all(q is not inverse.quantity for inverse in twice))
     wide = [
@@ -143,28 +155,29 @@ def explore(
         for q in chosen
         if not q.round and q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)
     ]
-    branches: dict[str, Branches] = {}
-    for part in _in_turn(optimum, [q for q in chosen if q not in wide]):
-        branches |= _walked(evaluator, optimum, part, {})
     explored = Exploration(
         optimum=optimum,
         quantities=chosen,
-        branches=branches,
+        branches={},
         range_ends={q.name: (None, None) for q in chosen},
         minima=tuple(minima),
         known=tuple(known),
         parameters=tuple(q for q in every if q.index >= 0 and not q.round and free[q.index]),
         ranges=ranges,
     )
+    for part in _in_turn(optimum, [q for q in chosen if q not in wide]):
+        explored = _with_walks(evaluator, explored, part)
+        if _are_dear(optimum) and extent.until(explored.points):
+            return _with_outputs(evaluator, explored)
     explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
     explored = _with_outputs(evaluator, explored)
     explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
-    range_ends = explored.range_ends
-    shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
+    shown = [q for q in wide if all(point is not None for point in explored.range_ends[q.name])]
     for part in _in_turn(optimum, [q for q in wide if q not in shown]):
-        branches |= _walked(evaluator, optimum, part, range_ends)
-    branches |= {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
-    explored = _with_outputs(evaluator, replace(explored, branches=branches))
+        explored = _with_walks(evaluator, explored, part)
+    both_fit = {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
+    explored = replace(explored, branches={**explored.branches, **both_fit})
+    explored = _with_outputs(evaluator, explored)
     explored = replace(explored, around=explored.branches)
     explored = _with_ways(evaluator, explored)
     explored = extended(evaluator, explored)
@@ -180,13 +193,17 @@ def explore(
     )
 
 
+def _are_dear(optimum: Optimum) -> bool:
+    """Whether walks are, as those of a long series are, whose places have values of their own."""
+    return sum(bool(p.experiments) for p in optimum.likelihood.parameters) > FEW_OWN
+
+
 def _in_turn(optimum: Optimum, chosen: Sequence[Quantity]) -> list[list[Quantity]]:
     """All side by side; where walks are dear one by one, so that a budget does not cut all of them.
 
     Outputs first, which are what is asked for; of these those first that the data see best.
     """
-    own = sum(bool(p.experiments) for p in optimum.likelihood.parameters)
-    if own <= FEW_OWN:
+    if not _are_dear(optimum):
         return [list(chosen)]
     return [[q] for q in sorted(chosen, key=lambda q: (q.output < 0, q.sigma / q.width))]
 
@@ -256,21 +273,23 @@ def _nearest_to_end(explored: Exploration, quantity: Quantity, side: int) -> lis
     return begins
 
 
-def _walked(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    chosen: Sequence[Quantity],
-    range_ends: Mapping[str, RangeEnds],
-) -> dict[str, Branches]:
-    """Both branches of some quantities, in common batches; few strides to ends that fit."""
+def _with_walks(
+    evaluator: LikelihoodEvaluator, explored: Exploration, chosen: Sequence[Quantity]
+) -> Exploration:
+    """The same with both branches of some quantities, in common batches.
+
+    There are few strides to ends that fit.
+    """
     traces = []
     for q in chosen:
-        for direction, end in zip((-1.0, 1.0), range_ends.get(q.name, (None, None)), strict=True):
+        ends = explored.range_ends[q.name]
+        for direction, end in zip((-1.0, 1.0), ends, strict=True):
             steps = STEPS if end is None else OPEN_STEPS
-            traces.append(trace_branch(optimum, q, direction, steps))
+            traces.append(trace_branch(explored.optimum, q, direction, steps))
     none = ProfileBranch(points=(), end="cost", at_68=math.nan, at_95=math.nan)
     found = [branch or none for branch in run_in_lockstep(traces, evaluator)]
-    return {q.name: (found[2 * k], found[2 * k + 1]) for k, q in enumerate(chosen)}
+    walked = {q.name: (found[2 * k], found[2 * k + 1]) for k, q in enumerate(chosen)}
+    return replace(explored, branches={**explored.branches, **walked})
 
 
 def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
