@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -110,8 +110,8 @@ class Exploration:
 class Extent:
     """How far an exploration goes.
 
-    `only` names the values that are profiled, all if empty. Where walks are dear, it ends after the
-    first of them of whose points `until` says so.
+    `only` names the values that are profiled, all if empty. Where walks are dear, `until` ends it
+    by the points in hand.
     """
 
     only: tuple[str, ...] = ()
@@ -155,7 +155,7 @@ def explore(
         for q in chosen
         if not q.round and q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)
     ]
-    explored = Exploration(
+    nothing = Exploration(
         optimum=optimum,
         quantities=chosen,
         branches={},
@@ -165,19 +165,10 @@ def explore(
         parameters=tuple(q for q in every if q.index >= 0 and not q.round and free[q.index]),
         ranges=ranges,
     )
-    for part in _in_turn(optimum, [q for q in chosen if q not in wide]):
-        explored = _with_walks(evaluator, explored, part)
+    explored = nothing
+    for explored in _profiled(evaluator, nothing, wide):
         if _are_dear(optimum) and extent.until(explored.points):
-            return _with_outputs(evaluator, explored)
-    explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
-    explored = _with_outputs(evaluator, explored)
-    explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
-    shown = [q for q in wide if all(point is not None for point in explored.range_ends[q.name])]
-    for part in _in_turn(optimum, [q for q in wide if q not in shown]):
-        explored = _with_walks(evaluator, explored, part)
-    both_fit = {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
-    explored = replace(explored, branches={**explored.branches, **both_fit})
-    explored = _with_outputs(evaluator, explored)
+            return explored
     explored = replace(explored, around=explored.branches)
     explored = _with_ways(evaluator, explored)
     explored = extended(evaluator, explored)
@@ -191,6 +182,33 @@ def explore(
         around=told_twice(explored.around, twice),
         range_ends={**ends, **{i.quantity.name: i.range_ends(ends[i.of]) for i in twice}},
     )
+
+
+def _profiled(
+    evaluator: LikelihoodEvaluator, explored: Exploration, wide: Sequence[Quantity]
+) -> Iterator[Exploration]:
+    """Further and further explored, to the profiles of all quantities around the optimum.
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        explored: nothing yet.
+        wide: quantities that a linearisation calls open.
+    """
+    optimum, chosen = explored.optimum, explored.quantities
+    for part in _in_turn(optimum, [q for q in chosen if q not in wide]):
+        explored = _with_outputs(evaluator, _with_walks(evaluator, explored, part))
+        yield explored
+    explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
+    explored = _with_outputs(evaluator, explored)
+    yield explored
+    explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
+    yield explored
+    shown = [q for q in wide if all(point is not None for point in explored.range_ends[q.name])]
+    for part in _in_turn(optimum, [q for q in wide if q not in shown]):
+        explored = _with_outputs(evaluator, _with_walks(evaluator, explored, part))
+        yield explored
+    both_fit = {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
+    yield _with_outputs(evaluator, replace(explored, branches={**explored.branches, **both_fit}))
 
 
 def _are_dear(optimum: Optimum) -> bool:
