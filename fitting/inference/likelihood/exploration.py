@@ -48,6 +48,9 @@ WORTH_REACHING = 0.3
 BEYOND, EXTENSIONS = 0.02, 2
 #: Points from which an end is tried once more where a branch lost its way.
 NEAREST = 2
+#: Share of what is left of a budget that a dear walk may take of what a linearisation calls open:
+#: along a bent valley it takes any.
+FOR_AN_OPEN_WALK = 0.5
 #: Share of the way to the end of the room that counts as there.
 AT_ROOM = 1e-6
 #: Strides towards an end of a range that is known to fit: they only show what is between.
@@ -204,8 +207,11 @@ def _profiled(
     explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
     yield explored
     shown = [q for q in wide if all(point is not None for point in explored.range_ends[q.name])]
+    share = FOR_AN_OPEN_WALK if _are_dear(optimum) else 1.0
     for part in _in_turn(optimum, [q for q in wide if q not in shown]):
-        explored = _with_outputs(evaluator, _with_walks(evaluator, explored, part))
+        with evaluator.within(share):
+            explored = _with_walks(evaluator, explored, part)
+        explored = _with_outputs(evaluator, explored)
         yield explored
     both_fit = {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
     yield _with_outputs(evaluator, replace(explored, branches={**explored.branches, **both_fit}))
