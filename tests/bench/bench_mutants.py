@@ -238,7 +238,7 @@ def _failed(report: str) -> list[str]:
 
 def _rcfile(folder: Path) -> Path:
     path = folder / "coveragerc"
-    path.write_text("[run]\nsource = fitting,fmu_src\ncore = ctrace\n")
+    path.write_text("[run]\nsource = fitting,fmu_src\ncore = ctrace\nconcurrency = thread,greenlet\n")
     return path
 
 
