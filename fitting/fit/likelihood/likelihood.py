@@ -53,8 +53,8 @@ class Likelihood:
 
     `noise` is the covariance V of the rows as it is stated, `inflation` k; `inverse_prior_sigma`
     (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted from the residuals (a synthetic
-    data set of the bootstrap). `lower`, `upper` (n,) are hard
-    limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
+    data set of the bootstrap), `prior_shift` (n,) from x in the rows of the priors. `lower`,
+    `upper` (n,) are hard limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
     that can go round between them, else infinity: such a parameter has no limits here. `names` of
     the outputs. `bounded` is what the simulation may be off by (`fitting.fit.noise`): it takes no
     part in chi square. `scatter` (m,) is above zero for rows whose noise is that of the residuals
@@ -72,6 +72,7 @@ class Likelihood:
     inflation: float = 1.0
     bounded: BoundedErrors = field(default_factory=BoundedErrors.none)
     scatter: FloatArray = field(default_factory=lambda: np.empty(0))
+    prior_shift: FloatArray | float = 0.0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -109,7 +110,7 @@ class Likelihood:
             point: evaluated, with residuals of shape (m,).
         """
         data = self.noise.whitened(point.residuals - self.shift) / self.inflation
-        return np.concatenate([data, point.x * self.inverse_prior_sigma])
+        return np.concatenate([data, (point.x - self.prior_shift) * self.inverse_prior_sigma])
 
     def folded(self, x: FloatArray) -> FloatArray:
         """The same system inside the limits: parameters that go round brought back, the rest cut.

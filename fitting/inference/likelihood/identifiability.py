@@ -93,10 +93,12 @@ def _said(likelihood: Likelihood, change: _Change | None) -> dict[str, Any]:
 
 
 def _met_exactly(optimum: Optimum) -> Likelihood:
-    """The likelihood of data that the model meets exactly at the optimum."""
+    """The likelihood of data that the model meets exactly at the optimum, and of priors there."""
     likelihood = optimum.likelihood
     left = likelihood.residuals(optimum.expansion.sample.rows[: likelihood.data_rows])
-    return replace(likelihood, shift=likelihood.shift + left)
+    return replace(
+        likelihood, shift=likelihood.shift + left, prior_shift=np.array(optimum.expansion.x)
+    )
 
 
 def _unseen(optimum: Optimum, exact: Likelihood, row: FloatArray) -> Task[_Change | None]:
