@@ -54,11 +54,12 @@ class Likelihood:
     `noise` is the covariance V of the rows as it is stated, `inflation` k; `inverse_prior_sigma`
     (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted from the residuals (a synthetic
     data set of the bootstrap), `prior_shift` (n,) from x in the rows of the priors. `lower`,
-    `upper` (n,) are hard limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
-    that can go round between them, else infinity: such a parameter has no limits here. `names` of
-    the outputs. `bounded` is what the simulation may be off by (`fitting.fit.noise`): it takes no
-    part in chi square. `scatter` (m,) is above zero for rows whose noise is that of the residuals
-    themselves, see `fitting.fit.noise.RowNoise`; empty: all noise is known.
+    `upper` (n,) are hard limits: the box, or the room that profiles have. `periods` (n,) hold the
+    period of a parameter that can go round between them, else infinity: such a parameter has no
+    limits here. `names` of the outputs. `bounded` is what the simulation may be off by
+    (`fitting.fit.noise`): it takes no part in chi square. `scatter` (m,) is above zero for rows
+    whose noise is that of the residuals themselves, see `fitting.fit.noise.RowNoise`; empty: all
+    noise is known.
     """
 
     objective: Objective
