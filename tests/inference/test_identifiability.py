@@ -126,6 +126,22 @@ def test_a_prior_that_pulls_hides_no_direction() -> None:
     assert np.max(np.abs(rows(moved) - rows(best))) <= 1.05 * unseen.largest <= 0.0105
 
 
+def test_values_of_single_experiments_are_told_together() -> None:
+    """A level, and an offset of each experiment that no row can tell from it."""
+    level = parameter("level", 1.0, 9.0, start=5.0)
+    single = [parameter(f"o{k}", -1.0, 1.0, unit="Hz", experiment=f"e{k}") for k in range(4)]
+
+    def rows(x: FloatArray) -> FloatArray:
+        return np.asarray((x[0] + x[1:] - 5.0) / 0.1)
+
+    known = learnt(whitened(rows, level, *single))
+    [unseen] = [each for each in known.directions if each.sentence]
+    by = unseen.change["level"]
+    assert abs(by) > 0.01
+    assert [unseen.change[each.name] for each in single] == pytest.approx([-by] * 4, abs=1e-3)
+    assert f"with 4 values of single experiments by {abs(by):.4g} Hz at most" in unseen.sentence
+
+
 def test_with_the_cross_response_everything_is_determined(
     seeing: tuple[Objective, Knowledge],
 ) -> None:
