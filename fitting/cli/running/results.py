@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
 
-from fitting.text.notation import how_many, listed
 from fitting.text.results_folder import results_folder
 
 #: What an earlier run may have left: beside a new result it would be taken for its report.
@@ -60,6 +59,8 @@ def _files(folder: Path, patterns: Iterable[str]) -> set[Path]:
 
 def _removed_words(folder: Path, gone: set[Path]) -> str:
     """Which files went, figures counted."""
+    from fitting.text.notation import how_many, listed  # loads numpy, which --help does not take
+
     beside = sorted(path.name for path in gone if path.parent == folder)
     figures = len(gone) - len(beside)
     files = [*beside, *([how_many(figures, "file of figures", "files of figures")] * bool(figures))]
