@@ -87,7 +87,7 @@ def _mixed(response: DriveResponse, units: Mapping[str, str]) -> list[str]:
             said.append(f"{name}: {len(mixed) - len(shown)} smaller lines are in lines.csv")
     if said:
         said.append(
-            "Accuracy is that of the tones: lines at their combinations are known less well."
+            "The accuracy is that of the tones: lines at combinations are known less well."
         )
     return said
 
