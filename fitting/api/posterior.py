@@ -29,8 +29,9 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.chain import Walk, sampler_library, walked
+from fitting.inference.posterior.follow import Follow
 from fitting.inference.posterior.kept import Kept, keep, kept_in
-from fitting.inference.posterior.learnt import REACHES, TRIED, learnt, worth
+from fitting.inference.posterior.learnt import TRIED, learning, learnt, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.outputs import outputs_of, read_outputs
 from fitting.inference.posterior.start import Mixture
@@ -72,8 +73,6 @@ __all__ = [
 FIRST, LONGER = 200, 1.5
 #: Share of independent draws among the proposals about the minima from which nothing is learnt.
 GOOD = 0.3
-#: First walks from which is learnt; places of every walker, and steps between them.
-LEARNING, PLACES, EVERY = 2, 8, 12
 #: Walkers where nothing is said, at least.
 FEWEST = 24
 #: Standard deviation of parameters, over their scales, that is as good as none.
@@ -331,12 +330,6 @@ def _structure(problem: Problem, place: FloatArray) -> Structure | None:
     return curve_structure(objective, point, matrix, noise)
 
 
-def _late(walk: Walk) -> FloatArray:
-    """Places of a first walk about which is learnt, (k, n): of all walkers, the last apart."""
-    late = walk.places[-1 : walk.steps // 2 : -EVERY][:PLACES]
-    return late.reshape(-1, late.shape[-1])
-
-
 class _Job:
     """What is drawn from, where walkers begin, and what that has cost."""
 
@@ -365,31 +358,27 @@ class _Job:
         found = minima_of(self.target, self._fit.places)
         self.minima = found[: self.walkers]
         self.mixture = Mixture.of(self.minima)
+        self.follow: Follow | None = None
 
     def set_out(self, progress: Callable[[str], None]) -> tuple[FloatArray, FloatArray]:
-        """Where the walk begins, with a mixture that follows the posterior where it is bent.
+        """Where the walk begins, with proposals that follow the posterior where it is bent.
 
         Args:
             progress: is called with a line.
         """
         progress("where walkers begin")
         begin, random = self.begin(), np.random.RandomState(self.asked.seed % 2**32 + 1)
-        about_minima = self.mixture
-        if worth(about_minima, self._in_box, random) > GOOD:
+        if worth(self.mixture, self._in_box, random) > GOOD:
             return begin
-        for k in range(LEARNING):
-            progress(f"first walk, {k + 1} of {LEARNING}")
-            first = walked(self._in_box, self.mixture, begin, FIRST, (self.asked.seed, k, 1))
-            begin = first.places[-1], first.log[-1]
-            self.mixture = learnt(self.target, _late(first), about_minima, self._in_box, random)
+        self.follow, begin = learnt(self.target, begin, self.mixture, random, progress)
+        if self.follow is not None:
+            self.mixture = self.follow.mixture
         return begin
 
     @property
     def learning(self) -> int:
-        """Evaluations of all first walks, at most."""
-        jacobians = self.walkers * PLACES * (2 * len(self.problem.names) + 1)
-        each = self.walkers * FIRST + jacobians + (1 + len(REACHES)) * TRIED
-        return TRIED + LEARNING * each
+        """Evaluations before draws begin, at most."""
+        return TRIED + learning(self.walkers, len(self.problem.names))
 
     def begin(self) -> tuple[FloatArray, FloatArray]:
         """Places (walkers, n) in units of the box to begin at, and ln of the posterior there."""
@@ -425,7 +414,7 @@ class _Job:
                     keep(
                         path,
                         self._fingerprint,
-                        Kept(walk, self.mixture, self.evaluations, self.failed),
+                        Kept(walk, self.mixture, self.follow, self.evaluations, self.failed),
                     )
                 found = reached(self.target, self.minima, walk)
                 progress(found.told(self.problem.names))
@@ -467,7 +456,8 @@ class _Job:
             done = 0 if walk is None else walk.steps
             total = min(self.asked.steps, max(FIRST, math.ceil(LONGER * done)))
             begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
-            part = walked(self._in_box, self.mixture, begin, total - done, (self.asked.seed, done))
+            seed = (self.asked.seed, done)
+            part = walked(self._in_box, self.mixture, begin, total - done, seed, self.follow)
             walk = part if walk is None else walk.with_more(part)
             yield walk
 
@@ -477,7 +467,7 @@ class _Job:
         kept = kept_in(path, self._fingerprint)
         if kept is None:
             return None
-        self.mixture = kept.mixture
+        self.mixture, self.follow = kept.mixture, kept.follow
         self.evaluations += kept.evaluations
         self.failed += kept.failed
         return kept.walk
