@@ -83,27 +83,31 @@ def learnt(
     Returns:
         None for the proposals where the model has no residuals at any of the places.
     """
-    u, log = begin
-    known = _known(target, u)
+    places, many = begin[0], len(begin[0])
+    known = _known(target, places)
     if known is None:
         return None, begin
     before = 0.0
     for k in range(ROUNDS):
         surrogate = Surrogate.through(known, _periods(target))
-        follow, ends = _walked(surrogate, minima, u, rng, MADE)
-        found = target.log(target.in_units(ends))
-        possible = np.isfinite(found)
-        u, log = np.where(possible[:, None], ends, u), np.where(possible, found, log)
-        share = _share(found - surrogate.log(ends - surrogate.turns(ends)))
+        _, ends = _walked(surrogate, minima, places, rng, MADE)
+        log = target.log(target.in_units(ends))
+        weights = log - surrogate.log(ends - surrogate.turns(ends))
+        share = _share(weights)
         progress(f"learning where it is likely, round {k + 1}: {100.0 * share:.0f} %")
+        off = np.abs(weights - np.median(weights))
+        if np.any(np.isfinite(log)):
+            places = ends[np.isfinite(log)]
         if min(share, before) > ENOUGH:
             break
         before = share
-        more = _known(target, u[possible])
+        more = _known(target, ends[np.argsort(-np.where(np.isfinite(log), off, -1.0))[:many]])
         known = known if more is None else known.beside(more)
-    surrogate = Surrogate.through(known, _periods(target))
-    follow, _ = _walked(surrogate, minima, u, rng, LAST)
-    return follow, (u, log)
+    follow, _ = _walked(Surrogate.through(known, _periods(target)), minima, places, rng, LAST)
+    likely = np.isfinite(log)
+    if np.sum(likely) < many:
+        return follow, begin
+    return follow, (ends[likely][:many], log[likely][:many])
 
 
 def learning(walkers: int, n: int) -> int:
@@ -114,7 +118,7 @@ def learning(walkers: int, n: int) -> int:
         n: parameters.
     """
     rows = walkers * (2 * n + 1)
-    return rows + ROUNDS * (rows + walkers)
+    return rows + ROUNDS * (rows + max(WALKS, walkers))
 
 
 def _share(log: FloatArray) -> float:
@@ -160,7 +164,7 @@ def _walked(
             passed.append(u)
         places = np.concatenate(passed)
     follow = Follow(surrogate, _mixture(surrogate, places, minima, rng))
-    return follow, u[rng.permutation(len(u))[: len(begin)]]
+    return follow, u[rng.permutation(len(u))]
 
 
 def _mixture(
