@@ -20,7 +20,7 @@ import numpy as np
 
 from fitting.inference.posterior.start import Mixture, log_sum
 from fitting.inference.posterior.surrogate import Surrogate
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray, IntArray
 
 #: Steps on the surrogate of each proposal.
 WALKED = 250
@@ -60,7 +60,7 @@ class Follow:
         return u + turns, begun - log
 
     def _step(
-        self, u: FloatArray, parts: FloatArray, anywhere: FloatArray, rng: np.random.RandomState
+        self, u: FloatArray, parts: FloatArray, anywhere: BoolArray, rng: np.random.RandomState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """v, the mixture's parts there, and ln q(u|v)/q(v|u)."""
         width = NEAR / np.sqrt(u.shape[1])
@@ -83,7 +83,7 @@ def _about(parts: FloatArray, shift: FloatArray) -> FloatArray:
     return np.asarray(log_sum(parts + shift) - log_sum(parts))
 
 
-def _chosen(parts: FloatArray, rng: np.random.RandomState) -> FloatArray:
+def _chosen(parts: FloatArray, rng: np.random.RandomState) -> IntArray:
     """The number of a part for each place, by their shares there, (k,)."""
     sums = np.cumsum(np.exp(parts - np.max(parts, axis=0)), axis=0)
     return np.asarray(np.sum(sums < sums[-1] * rng.random_sample(parts.shape[1]), axis=0))

@@ -46,8 +46,10 @@ def keep(path: Path, job: str, kept: Kept) -> None:
         BadInput: the file cannot be written.
     """
     content = io.BytesIO()
+    arrays = _followed(kept.follow)
     np.savez(
         content,
+        allow_pickle=False,
         job=np.array(job),
         places=kept.walk.places,
         log=kept.walk.log,
@@ -56,7 +58,7 @@ def keep(path: Path, job: str, kept: Kept) -> None:
         roots=kept.mixture.roots,
         weights=kept.mixture.weights,
         counts=np.array([kept.evaluations, kept.failed]),
-        **_followed(kept.follow),
+        **arrays,
     )
     write_whole(path, content.getvalue())
 

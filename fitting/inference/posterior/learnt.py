@@ -43,7 +43,7 @@ TRIED = 256
 #: Share of draws about the minima that a learnt mixture keeps.
 KEPT = 0.1
 #: Rounds at most, and the share of the weights that ends them where it is reached in two of them.
-ROUNDS, ENOUGH = 12, 0.9
+ROUNDS, ENOUGH = 12, 0.98
 #: Mixtures that are made one from another in a round, and after the last.
 MADE, LAST = 2, 4
 #: Walks on a surrogate, at how many places of each a mixture has parts, and steps between them.

@@ -155,12 +155,12 @@ class Mixture:
     @cached_property
     def _stacked(self) -> FloatArray:
         """All roots, one below the other, (K n, n): one product for all of them."""
-        return self.roots.reshape(-1, self.roots.shape[2])
+        return np.asarray(self.roots.reshape(-1, self.roots.shape[2]))
 
     @cached_property
     def _turned_centres(self) -> FloatArray:
         """R c, one below the other, (K n, 1)."""
-        return np.einsum("kij,kj->ki", self.roots, self.centres).reshape(-1, 1)
+        return np.asarray(np.einsum("kij,kj->ki", self.roots, self.centres).reshape(-1, 1))
 
     @cached_property
     def _sizes(self) -> FloatArray:

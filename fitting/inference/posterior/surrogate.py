@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 
 #: Lengths that are tried, in units of the box, and the share of places that judge them: one in so
 #: many.
@@ -28,7 +28,7 @@ LENGTHS, JUDGES = (0.3, 1.0, 3.0), 4
 #: Of the variance of what is known, added to it: rounding must not decide.
 ROUNDING = 1e-10
 #: Values and derivatives of one residual that are made use of, at most: equations are solved.
-MOST = 2500
+MOST = 3000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class Places:
             slopes=np.concatenate([self.slopes, other.slopes])[-most:],
         )
 
-    def some(self, which: FloatArray) -> Places:
+    def some(self, which: BoolArray) -> Places:
         """A part of them.
 
         Args:
