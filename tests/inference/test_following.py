@@ -133,6 +133,21 @@ def test_modes_of_unequal_weight_are_each_drawn_as_often_as_they_are_likely() ->
     assert uniform(np.interp(ends[:, 0], x, whole)) > 1e-3
 
 
+def test_steps_about_a_place_count_how_wide_they_are_at_either_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A Gaussian of width 0.1 by steps that are five times as wide on one side as on the other."""
+    monkeypatch.setattr("fitting.inference.posterior.follow.ANYWHERE", 0.0)
+    u, slopes = np.array([[0.5, 0.5], [0.3, 0.6]]), np.repeat(10.0 * np.eye(2)[None], 2, axis=0)
+    known = Places(places=u, rows=10.0 * (u - 0.5), slopes=slopes)
+    roots = np.array([np.eye(2) / 0.03, np.eye(2) / 0.15])
+    mixture = Mixture(np.array([[0.4, 0.5], [0.6, 0.5]]), roots, np.array([0.5, 0.5]))
+    follow = Follow(Surrogate(known=known, periods=NONE, length=3.0), mixture)
+    ends, _ = follow.proposed(np.full((2000, 2), 0.5), np.random.RandomState(3), 60)
+    assert uniform(ndtr((ends[:, 0] - 0.5) / 0.1)) > 1e-3
+    assert uniform(ndtr((ends[:, 1] - 0.5) / 0.1)) > 1e-3
+
+
 def ring() -> Target:
     """-2 ln p = ((x^2 + y^2 - 1)/0.05)^2 in the box -2 ... 2: the angle is uniform."""
 
