@@ -169,7 +169,7 @@ def test_a_ring_is_learnt_from_one_place_and_drawn_all_around(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The angle is uniform, x^2 + y^2 a normal number, as dx dy = d(x^2 + y^2) d(angle)/2."""
-    for name, few in (("WALKS", 64), ("LAST", 2)):
+    for name, few in (("ROUNDS", 6), ("WALKS", 48), ("LAST", 1)):
         monkeypatch.setattr(f"fitting.inference.posterior.learnt.{name}", few)
     target = ring()
     minimum: Minimum = minima_of(target, [("a fit", np.array([1.0, 0.0]))])[0]
@@ -178,7 +178,7 @@ def test_a_ring_is_learnt_from_one_place_and_drawn_all_around(
     begin = (start, target.log(target.in_units(start)))
     follow, (u, _) = learnt(target, begin, mixture, rng, lambda words: None)
     assert follow is not None
-    found = drawn(follow, lambda t: target.log(target.in_units(t)), np.resize(u, (240, 2)), 40)
+    found = drawn(follow, lambda t: target.log(target.in_units(t)), np.resize(u, (120, 2)), 40)
     p = target.in_units(found)
     assert uniform(np.arctan2(p[:, 1], p[:, 0]) / (2.0 * math.pi) + 0.5) > 1e-3
     assert uniform(ndtr((np.sum(p**2, axis=1) - 1.0) / 0.05)) > 1e-3
