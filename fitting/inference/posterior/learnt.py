@@ -45,9 +45,9 @@ KEPT = 0.1
 #: Rounds at most, and the share of the weights that ends them where it is reached in two of them.
 ROUNDS, ENOUGH = 12, 0.98
 #: Mixtures that are made one from another in a round, and after the last.
-MADE, LAST = 2, 4
-#: Walks on a surrogate, at how many places of each a mixture has parts, and steps between them.
-WALKS, EACH, BETWEEN = 128, 3, 40
+MADE, LAST = 2, 8
+#: Walks on a surrogate, places of each that are looked at, steps between them; parts of a mixture.
+WALKS, EACH, BETWEEN, PARTS = 128, 8, 15, 500
 
 
 def worth(
@@ -162,9 +162,18 @@ def _walked(
         for _ in range(EACH):
             u, _ = follow.proposed(u, rng, BETWEEN)
             passed.append(u)
-        places = np.concatenate(passed)
+        places = _chosen(follow, np.unique(np.concatenate(passed), axis=0), rng)
     follow = Follow(surrogate, _mixture(surrogate, places, minima, rng))
     return follow, u[rng.permutation(len(u))]
+
+
+def _chosen(follow: Follow, places: FloatArray, rng: np.random.RandomState) -> FloatArray:
+    """Some of the places: those that the mixture proposes most seldom for what they are worth."""
+    folded = places - follow.surrogate.turns(places)
+    seldom = follow.surrogate.log(folded) - follow.mixture.log_density(folded)
+    order = np.argsort(-seldom)
+    others = rng.permutation(order[PARTS // 2 :])[: PARTS - PARTS // 2]
+    return folded[np.concatenate([order[: PARTS // 2], others])]
 
 
 def _mixture(
