@@ -173,7 +173,7 @@ def _chosen(follow: Follow, places: FloatArray, rng: np.random.RandomState) -> F
     seldom = follow.surrogate.log(folded) - follow.mixture.log_density(folded)
     order = np.argsort(-seldom)
     others = rng.permutation(order[PARTS // 2 :])[: PARTS - PARTS // 2]
-    return folded[np.concatenate([order[: PARTS // 2], others])]
+    return np.asarray(folded[np.concatenate([order[: PARTS // 2], others])])
 
 
 def _mixture(
