@@ -7,13 +7,15 @@ import os
 import re
 import time
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import connection
 from pathlib import Path
 from types import TracebackType
 from typing import Literal
 
+from fitting.engine.turns import pass_on
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.isolation import Isolation
@@ -78,6 +80,7 @@ class _Job:
     results: dict[int, FloatArray]
     todo: dict[int, list[int]]  # by worker: numbers of the runs that it has still to do
     repeated: set[int] = field(default_factory=set)  # workers that were killed and replaced
+    failure: FmuFailure | None = None
 
 
 class FmuWorkers:
@@ -121,6 +124,7 @@ class FmuWorkers:
         self._timeout_name = timeout_name
         self._isolation = isolation
         self._requests = RunRequests(self.description)
+        self._under_way: _Job | None = None
         self._open = _Open([None] * workers)
         self._finaliser = weakref.finalize(self, self._open.close)
         self._verdicts = [ReuseDecision() for _ in range(workers)]
@@ -184,32 +188,59 @@ class FmuWorkers:
         Raises FmuFailure for the first run found to fail, with the FMU's words and the start values
         of that run; BadInput for names and values that do not fit the FMU.
         """
-        self.latest_warnings = ()
         requests = self._requests.take_all(runs)
-        job = _Job(
-            runs=runs,
-            requests=requests,
-            results={},
-            todo=self._shares(len(requests)),
-        )
-        try:
+        if self._under_way is not None:  # of another piece of work, whose turn it was before
+            self._complete(self._under_way)
+        job = self._begin(runs, requests)
+        pass_on()
+        self._complete(job)
+        if job.failure is not None:
+            raise job.failure
+        return [job.results[i] for i in range(len(requests))]
+
+    def _begin(self, runs: Sequence[Run], requests: list[RunRequest]) -> _Job:
+        """Send what the workers can take at once."""
+        self.latest_warnings = ()
+        job = _Job(runs=runs, requests=requests, results={}, todo=self._shares(len(requests)))
+        self._under_way = job
+        with self._guarded(job):
             self._start_missing()
             for number in job.todo:
                 self._send(number, job)
+        return job
+
+    def _complete(self, job: _Job) -> None:
+        """Wait for the results of a batch, or its failure."""
+        with self._guarded(job):
             while job.todo:
                 self._wait(job)
+        if self._under_way is job:
+            self._under_way = None
+
+    @contextmanager
+    def _guarded(self, job: _Job) -> Iterator[None]:
+        """A failure stays with its batch, and no answer to it comes into the next one."""
+        try:
+            yield
         except FmuFailure as failure:
             self._spare(job)
             failure.answers = job.results
+            job.failure = failure
+            self._drop(job)
+        except BaseException:
+            self._drop(job)
+            self._under_way = None
             raise
-        finally:
-            # after a failure, the others would answer into the next batch
-            for number in job.todo:
-                self._kill(number)
-        return [job.results[i] for i in range(len(requests))]
+
+    def _drop(self, job: _Job) -> None:
+        """End the workers that are at a batch that nobody waits for."""
+        for number in job.todo:
+            self._kill(number)
+        job.todo.clear()
 
     def close(self) -> None:
         """End the processes and remove the unpacked FMU."""
+        self._under_way = None
         self._open.close()
 
     def _spare(self, job: _Job) -> None:

@@ -40,6 +40,7 @@ from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
     OTHER_STARTS,
     Exploration,
+    Extent,
     cut_sides,
     explore,
     extended,
@@ -301,17 +302,21 @@ def _explore(
     minima: Sequence[ProfilePoint],
     boxes: Mapping[str, OutputRange],
     options: InferenceOptions,
-    known: Sequence[ProfilePoint] = (),
+    known: Sequence[ProfilePoint] | None = None,
 ) -> Exploration:
     """Profiles around a point; a look around it where the model does not describe the data.
 
     No interval is told then: walks serve to find a better point, if the search of the box did not.
+    `known` are points of an exploration before; without one, a better point may end this one.
     """
     evaluator.begin(Stage.WALKS)
     ranges = _ranges(optimum, boxes, options)
     share = 1.0 if _adequacy(optimum, options).describes else FOR_MISFIT
+    extent = Extent(options.only)
+    if known is None:
+        extent = replace(extent, until=lambda points: _better(optimum, points) is not None)
     with evaluator.within(share):
-        return explore(evaluator, optimum, ranges, minima, options.only, known)
+        return explore(evaluator, optimum, ranges, minima, extent, known or ())
 
 
 def _adequacy(optimum: Optimum, options: InferenceOptions) -> Adequacy:

@@ -90,8 +90,8 @@ class FmuResponse:
     ) -> list[Evaluation]:
         batch = Batch()
         tasks = [m.predict(models[m.series], table, batch, whole=whole) for m in self.measurements]
-        with self._known.evaluation():
-            columns = self._answered(tasks, batch)
+        with self._known.evaluation() as workers:
+            columns = _answered(tasks, batch, workers)
         runs = batch.count(len(table))
         return [
             Evaluation(tuple(column[k] for column in columns), int(runs[k]), self._promised)
@@ -108,20 +108,6 @@ class FmuResponse:
     def _known(self) -> KnownAnswers:
         return KnownAnswers(self.workers)
 
-    def _answered(self, tasks: Sequence[Predicting], batch: Batch) -> list[list[Prediction]]:
-        """Predictions of every measurement; in each round all simulate what they asked for."""
-        found: dict[int, list[Prediction]] = {}
-        while len(found) < len(tasks):
-            for k, task in enumerate(tasks):
-                if k not in found:
-                    try:
-                        next(task)
-                    except StopIteration as ended:
-                        found[k] = ended.value
-            if len(found) < len(tasks):
-                batch.simulate(self._known)
-        return [found[k] for k in range(len(tasks))]
-
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         """Derived outputs after initialisation, per experiment (the sweep, if there is none).
 
@@ -130,10 +116,12 @@ class FmuResponse:
         """
         known = self._read_already
         keys = [np.asarray(p, dtype=float).tobytes() for p in ps]
-        new = {key: p for key, p in zip(keys, ps, strict=True) if key not in known}
-        found = dict(zip(new, self._derived(list(new.values())) if new else (), strict=True))
-        answers = [known[key] if key in known else found[key] for key in keys]
-        known.update(found)
+        found = {key: known[key] for key in keys if key in known}  # others may drop it meanwhile
+        new = {key: p for key, p in zip(keys, ps, strict=True) if key not in found}
+        read = dict(zip(new, self._derived(list(new.values())) if new else (), strict=True))
+        found.update(read)
+        answers = [found[key] for key in keys]
+        known.update(read)
         each = sum(values.size for values in answers[0].values()) if answers else 0
         while len(known) * each > MOST_KEPT:
             known.pop(next(iter(known)))
@@ -240,3 +228,20 @@ class FmuResponse:
         return max(
             (tone_misfit(s.window, batch.samples(s.run, s.output)) for s in sampled), default=0.0
         )
+
+
+def _answered(
+    tasks: Sequence[Predicting], batch: Batch, workers: Workers
+) -> list[list[Prediction]]:
+    """Predictions of every measurement; in each round all simulate what they asked for."""
+    found: dict[int, list[Prediction]] = {}
+    while len(found) < len(tasks):
+        for k, task in enumerate(tasks):
+            if k not in found:
+                try:
+                    next(task)
+                except StopIteration as ended:
+                    found[k] = ended.value
+        if len(found) < len(tasks):
+            batch.simulate(workers)
+    return [found[k] for k in range(len(tasks))]

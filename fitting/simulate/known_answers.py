@@ -24,29 +24,46 @@ _Key: TypeAlias = tuple[object, ...]
 
 @dataclass(frozen=True, eq=False)
 class KnownAnswers:
-    """Workers that know what the runs of evaluations gave that came to no end.
+    """What the runs of evaluations gave that came to no end.
 
     ``workers`` simulate everything else.
     """
 
     workers: Workers
-    _latest: list[tuple[Run, FloatArray]] = field(default_factory=list)
-    _results: dict[_Key, FloatArray] = field(default_factory=dict)
-    _failures: dict[_Key, FmuFailure] = field(default_factory=dict)
+    results: dict[_Key, FloatArray] = field(default_factory=dict)
+    failures: dict[_Key, FmuFailure] = field(default_factory=dict)
 
     @contextmanager
-    def evaluation(self) -> Iterator[None]:
-        """What is run in this context is kept if the context ends in an error."""
-        self._latest.clear()
+    def evaluation(self) -> Iterator[_Evaluation]:
+        """Workers for one evaluation: what they give is kept if the context ends in an error.
+
+        Several evaluations may be under way, each in a context of its own.
+        """
+        workers = _Evaluation(self)
         try:
-            yield
+            yield workers
         except NoAnswer:  # nobody asks again
             raise
         except Exception:
-            self._keep()
+            self._keep(workers.latest)
             raise
-        finally:
-            self._latest.clear()
+
+    def _keep(self, latest: Sequence[tuple[Run, FloatArray]]) -> None:
+        """Keep answers, in place of the oldest where that is too much."""
+        self.results.update((_key(run), answer) for run, answer in latest)
+        size = sum(answer.size for answer in self.results.values())
+        while size > MOST_KEPT:
+            size -= self.results.pop(next(iter(self.results))).size
+        while len(self.failures) > MOST_FAILURES:
+            self.failures.pop(next(iter(self.failures)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Evaluation:
+    """Workers of one evaluation: what is known, and what it has simulated so far."""
+
+    known: KnownAnswers
+    latest: list[tuple[Run, FloatArray]] = field(default_factory=list)
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         """Outputs of each run, shape (samples, outputs).
@@ -57,38 +74,31 @@ class KnownAnswers:
         Raises:
             FmuFailure: one of them failed, now or before.
         """
-        if not self._results and not self._failures:
+        results, failures = self.known.results, self.known.failures
+        if not results and not failures:
             return self._simulated(runs)
         keys = [_key(run) for run in runs]
         for key in keys:
-            if key in self._failures:
-                raise _again(self._failures[key])
-        missing = [run for run, key in zip(runs, keys, strict=True) if key not in self._results]
+            if key in failures:
+                raise _again(failures[key])
+        found = {key: results[key] for key in keys if key in results}
+        missing = [run for run, key in zip(runs, keys, strict=True) if key not in found]
         new = iter(self._simulated(missing) if missing else ())
-        return [self._results[key] if key in self._results else next(new) for key in keys]
+        return [found[key] if key in found else next(new) for key in keys]
 
     def _simulated(self, runs: Sequence[Run]) -> list[FloatArray]:
         try:
-            answers = self.workers.run(runs)
+            answers = self.known.workers.run(runs)
         except NoAnswer:
             raise
         except FmuFailure as failure:
             if failure.at is not None:
-                self._failures[_key(runs[failure.at])] = _again(failure)
-            self._latest.extend((runs[k], answer) for k, answer in failure.answers.items())
+                self.known.failures[_key(runs[failure.at])] = _again(failure)
+            self.latest.extend((runs[k], answer) for k, answer in failure.answers.items())
             failure.answers = {}
             raise
-        self._latest.extend(zip(runs, answers, strict=True))
+        self.latest.extend(zip(runs, answers, strict=True))
         return answers
-
-    def _keep(self) -> None:
-        """Keep the latest answers, in place of the oldest where that is too much."""
-        self._results.update((_key(run), answer) for run, answer in self._latest)
-        size = sum(answer.size for answer in self._results.values())
-        while size > MOST_KEPT:
-            size -= self._results.pop(next(iter(self._results))).size
-        while len(self._failures) > MOST_FAILURES:
-            self._failures.pop(next(iter(self._failures)))
 
 
 def _again(failure: FmuFailure) -> FmuFailure:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import shlex
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fitting.campaign.parameters import to_search
 from fitting.cli.main import main
+from fitting.fit.objective import Objective
+from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.verdict import Verdict
 from fitting.measurements.measurement import Evaluation, Response
 from fitting.report.words.inference import open_values_sentence
@@ -79,6 +82,51 @@ def test_the_usual_budget_is_enough_where_every_evaluation_takes_many_runs() -> 
     both = learnt(costly).derived["both"]
     assert both.verdict is Verdict.DETERMINED
     assert both.interval95[0] < 3.5 < both.interval95[1]
+
+
+def of_a_long_series(s: Callable[[float], list[float]]) -> Objective:
+    """a = 5, k = 0.7, s by its rows, and fourteen offsets of single experiments, all of them 0."""
+    shared = (
+        parameter("a", 1.0, 20.0, start=6.0),
+        parameter("k", 0.1, 3.0, start=1.0),
+        parameter("s", -2.0, 2.0, start=1.0),
+    )
+    single = [parameter(f"o{k}", -3.0, 3.0, start=0.5, experiment=f"e{k}") for k in range(14)]
+
+    def rows(x: FloatArray) -> FloatArray:
+        return np.concatenate([decays(np.append(x[:2], 0.4)), s(x[2]), x[3:] / 0.5])
+
+    return whitened(
+        rows, *shared, *single, both=lambda x: float(x[0] * x[1]), place=lambda x: float(x[2])
+    )
+
+
+def known_of_a_long_series(found: Knowledge) -> set[str]:
+    """What is known besides the offsets; each holds its truth."""
+    profiles = {**found.derived, **found.parameters}
+    known = {n for n, p in profiles.items() if p.verdict is not Verdict.UNKNOWN and n[0] != "o"}
+    for name, truth in (("a", 5.0), ("k", 0.7), ("both", 3.5), ("s", -1.0), ("place", -1.0)):
+        low, high = profiles[name].interval95
+        assert low < truth < high
+    return known
+
+
+def test_what_a_budget_leaves_of_dear_walks_are_whole_ones_outputs_first() -> None:
+    objective = of_a_long_series(lambda s: [(s + 1.0) / 0.5])
+    told = [known_of_a_long_series(learnt(objective, budget=n)) for n in (300, 500, 700, 3000)]
+    every = {"a", "k", "both", "s", "place"}
+    assert told[0] <= {"both", "place"}
+    assert {"both", "place"} <= told[1]
+    assert told[0] <= told[1] <= told[2] <= told[3] == every
+
+
+def test_a_better_point_ends_dear_walks_and_the_budget_is_for_those_around_it() -> None:
+    """s begins in a valley of chi square 3.1; on its way out is that of none, at -1."""
+    objective = of_a_long_series(lambda s: [2.0 * (s**2 - 1.0), 0.9 * (s + 1.0)])
+    begin = [to_search(objective.parameters, np.array([p.start for p in objective.parameters]))]
+    found = learnt(objective, budget=1500, minima=begin)
+    assert found.chi_square < 0.01
+    assert known_of_a_long_series(found) == {"a", "k", "both", "s", "place"}
 
 
 def test_a_budget_without_a_best_fit_says_so_and_does_not_blame_the_model() -> None:

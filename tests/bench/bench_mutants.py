@@ -238,7 +238,8 @@ def _failed(report: str) -> list[str]:
 
 def _rcfile(folder: Path) -> Path:
     path = folder / "coveragerc"
-    path.write_text("[run]\nsource = fitting,fmu_src\ncore = ctrace\n")
+    told = ("source = fitting,fmu_src", "core = ctrace", "concurrency = thread,greenlet")
+    path.write_text("\n".join(("[run]", *told, "")))
     return path
 
 

@@ -11,12 +11,14 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 
+from fitting.engine.turns import in_turn
 from fitting.fmu import (
     FmuWorkers,
     InputSignal,
@@ -410,6 +412,61 @@ def test_several_workers_give_what_one_gives(good: Path) -> None:
     with FmuWorkers(good) as one, FmuWorkers(good, workers=3) as three:
         assert all((a == b).all() for a, b in zip(one.run(runs), three.run(runs), strict=True))
         assert three.run([]) == []
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_batches_in_turn_give_what_each_gives_alone(good: Path, workers: int) -> None:
+    sent: list[float] = []
+
+    def batches(first_s: float) -> list[np.ndarray]:
+        found = []
+        for settle_s in (first_s, first_s + 0.01):
+            sent.append(settle_s)
+            late = [replace(PULLED, settle_s=settle_s + k * 1e-3) for k in range(5)]
+            found += pool.run(late)
+        return found
+
+    with FmuWorkers(good, workers=workers) as pool:
+        found = in_turn([partial(batches, 0.0), partial(batches, 0.1)])
+    assert sent == [0.0, 0.1, 0.01, 0.11]
+    for first_s, answers in zip((0.0, 0.1), found, strict=True):
+        for k, answer in enumerate(answers):
+            settle_s = first_s + 0.01 * (k // 5) + k % 5 * 1e-3
+            expected = step_response(settle_s + np.arange(6) * 1e-3)
+            np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("misbehave", [FAILS_IN_STEP, CRASHES])
+def test_a_batch_that_fails_is_no_failure_of_the_next_one(good: Path, misbehave: int) -> None:
+    bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
+
+    def failing() -> None:
+        with pytest.raises(FmuFailure) as failed:
+            pool.run([PULLED, bad, PULLED])
+        assert failed.value.parameters["misbehave"] == misbehave
+
+    def answered() -> None:
+        [answer] = pool.run([PULLED])
+        expected = step_response(np.arange(6) * 1e-3)
+        np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-11)
+
+    with FmuWorkers(good, workers=2) as pool:
+        pool.run([PULLED, PULLED])
+        in_turn([failing, answered])
+        in_turn([answered, failing])
+
+
+def test_a_batch_that_nobody_waits_for_any_more_is_none_of_the_next_ones(good: Path) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    with FmuWorkers(good, workers=2) as pool:
+        late = replace(PULLED, settle_s=0.05)
+        with pytest.raises(KeyboardInterrupt):
+            in_turn([lambda: pool.run([late, late, late]), interrupted])
+        [answer] = pool.run([PULLED])
+        expected = step_response(np.arange(6) * 1e-3)
+        np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-11)
 
 
 @pytest.mark.parametrize("name", ["Gerät (neu)", "mit Leerzeichen"])

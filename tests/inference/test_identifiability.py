@@ -21,6 +21,7 @@ from fitting.text.records import to_plain
 from tests.support import closed_form
 from tests.support.datasets import answer, dataset
 from tests.support.shipped_runs import ShippedRun
+from tests.support.whitened import learnt, parameter, whitened
 
 DATA = Path(__file__).parents[2] / "data"
 TRUTH = np.array([1.9498, 120.0, 90.0])
@@ -106,6 +107,39 @@ def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Knowle
     before, after = evaluate_many(objective, xs)
     sigma = objective.data.sigma
     assert np.max(np.abs(after.residuals - before.residuals) / sigma) <= 1.05 * most
+
+
+def test_a_prior_that_pulls_hides_no_direction() -> None:
+    """The data say that o is 1, its prior that it is 0; along a b = 6 both are as content."""
+
+    def rows(x: FloatArray) -> FloatArray:
+        a, b, o = x
+        return np.array([(a * b + o - 7.0) / 0.1, (a * b - o - 5.0) / 0.1])
+
+    own = parameter("a", 1.0, 6.0, start=2.0), parameter("b", 1.0, 6.0, start=3.0)
+    drift = parameter("o", -4.0, 4.0, start=0.0, prior_sigma=0.1)
+    known = learnt(whitened(rows, *own, drift))
+    [unseen] = [each for each in known.directions if each.sentence]
+    assert abs(unseen.change["a"]) > 0.1
+    best = np.array([known.parameters[name].best for name in ("a", "b", "o")])
+    moved = best + [unseen.change.get(name, 0.0) for name in ("a", "b", "o")]
+    assert np.max(np.abs(rows(moved) - rows(best))) <= 1.05 * unseen.largest <= 0.0105
+
+
+def test_values_of_single_experiments_are_told_together() -> None:
+    """A level, and an offset of each experiment that no row can tell from it."""
+    level = parameter("level", 1.0, 9.0, start=5.0)
+    single = [parameter(f"o{k}", -1.0, 1.0, unit="Hz", experiment=f"e{k}") for k in range(4)]
+
+    def rows(x: FloatArray) -> FloatArray:
+        return np.asarray((x[0] + x[1:] - 5.0) / 0.1)
+
+    known = learnt(whitened(rows, level, *single))
+    [unseen] = [each for each in known.directions if each.sentence]
+    by = unseen.change["level"]
+    assert abs(by) > 0.01
+    assert [unseen.change[each.name] for each in single] == pytest.approx([-by] * 4, abs=1e-3)
+    assert f"with 4 values of single experiments by {abs(by):.4g} Hz at most" in unseen.sentence
 
 
 def test_with_the_cross_response_everything_is_determined(

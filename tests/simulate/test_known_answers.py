@@ -29,15 +29,15 @@ def test_what_a_failed_evaluation_got_answered_is_not_run_again(tmp_path: Path) 
         known = KnownAnswers(workers)
 
         def evaluate() -> None:
-            with known.evaluation():
-                known.run([PULLED])
-                known.run([LATE, BAD, LATER])
+            with known.evaluation() as evaluation:
+                evaluation.run([PULLED])
+                evaluation.run([LATE, BAD, LATER])
 
         with pytest.raises(FmuFailure, match="cannot step"):
             evaluate()
         before = workers.counts.runs
-        with known.evaluation():
-            pulled, later, late = known.run([PULLED, LATER, LATE])
+        with known.evaluation() as evaluation:
+            pulled, later, late = evaluation.run([PULLED, LATER, LATE])
         assert workers.counts.runs == before + 1  # the one behind the failure
         for answer, settle_s in ((pulled, 0.0), (late, 0.05), (later, 0.08)):
             expected = step_response(settle_s + np.arange(6) * 1e-3)
@@ -47,11 +47,11 @@ def test_what_a_failed_evaluation_got_answered_is_not_run_again(tmp_path: Path) 
 def test_a_run_that_failed_fails_again_with_its_words_and_without_a_run(tmp_path: Path) -> None:
     with FmuWorkers(build_c_fmu(tmp_path)) as workers:
         known = KnownAnswers(workers)
-        with pytest.raises(FmuFailure) as first, known.evaluation():
-            known.run([BAD])
+        with pytest.raises(FmuFailure) as first, known.evaluation() as evaluation:
+            evaluation.run([BAD])
         before = workers.counts
-        with pytest.raises(FmuFailure) as second, known.evaluation():
-            known.run([PULLED, BAD])
+        with pytest.raises(FmuFailure) as second, known.evaluation() as evaluation:
+            evaluation.run([PULLED, BAD])
         assert str(second.value) == str(first.value)
         assert workers.counts == before
 
@@ -59,11 +59,11 @@ def test_a_run_that_failed_fails_again_with_its_words_and_without_a_run(tmp_path
 def test_what_came_to_its_end_is_not_kept(tmp_path: Path) -> None:
     with FmuWorkers(build_c_fmu(tmp_path)) as workers:
         known = KnownAnswers(workers)
-        with known.evaluation():
-            known.run([PULLED])
+        with known.evaluation() as evaluation:
+            evaluation.run([PULLED])
         before = workers.counts.runs
-        with known.evaluation():
-            known.run([PULLED])
+        with known.evaluation() as evaluation:
+            evaluation.run([PULLED])
         assert workers.counts.runs > before
 
 

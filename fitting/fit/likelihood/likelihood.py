@@ -32,6 +32,7 @@ from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import answered_apart, output_means_beyond, runs_of_outputs
+from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
 
 #: Points of the box at which a model may fail before the failure is passed on.
@@ -52,12 +53,13 @@ class Likelihood:
 
     `noise` is the covariance V of the rows as it is stated, `inflation` k; `inverse_prior_sigma`
     (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted from the residuals (a synthetic
-    data set of the bootstrap). `lower`, `upper` (n,) are hard
-    limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
-    that can go round between them, else infinity: such a parameter has no limits here. `names` of
-    the outputs. `bounded` is what the simulation may be off by (`fitting.fit.noise`): it takes no
-    part in chi square. `scatter` (m,) is above zero for rows whose noise is that of the residuals
-    themselves, see `fitting.fit.noise.RowNoise`; empty: all noise is known.
+    data set of the bootstrap), `prior_shift` (n,) from x in the rows of the priors. `lower`,
+    `upper` (n,) are hard limits: the box, or the room that profiles have. `periods` (n,) hold the
+    period of a parameter that can go round between them, else infinity: such a parameter has no
+    limits here. `names` of the outputs. `bounded` is what the simulation may be off by
+    (`fitting.fit.noise`): it takes no part in chi square. `scatter` (m,) is above zero for rows
+    whose noise is that of the residuals themselves, see `fitting.fit.noise.RowNoise`; empty: all
+    noise is known.
     """
 
     objective: Objective
@@ -71,6 +73,7 @@ class Likelihood:
     inflation: float = 1.0
     bounded: BoundedErrors = field(default_factory=BoundedErrors.none)
     scatter: FloatArray = field(default_factory=lambda: np.empty(0))
+    prior_shift: FloatArray | float = 0.0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -108,7 +111,7 @@ class Likelihood:
             point: evaluated, with residuals of shape (m,).
         """
         data = self.noise.whitened(point.residuals - self.shift) / self.inflation
-        return np.concatenate([data, point.x * self.inverse_prior_sigma])
+        return np.concatenate([data, (point.x - self.prior_shift) * self.inverse_prior_sigma])
 
     def folded(self, x: FloatArray) -> FloatArray:
         """The same system inside the limits: parameters that go round brought back, the rest cut.
@@ -290,6 +293,7 @@ class LikelihoodEvaluator:
         self._stage, self._before = "", 0
         self.evaluations = self.derived = self.runs = self.failures = 0
         self.cuts = 0
+        self._reading = self._read = 0  # who reads outputs at present, and runs that are counted
 
     def begin(self, stage: str) -> None:
         """What is evaluated from here on belongs to another stage.
@@ -399,11 +403,23 @@ class LikelihoodEvaluator:
         if not xs or not names:
             return [np.empty(0) for _ in xs]
         self.derived += len(xs)
-        response = self.likelihood.objective.response
-        before = runs_of_outputs(response)
-        means = output_means_beyond(response, self.likelihood.parameters, xs, names)
-        self.runs += runs_of_outputs(response) - before
+        with self._counting_outputs(self.likelihood.objective.response) as response:
+            means = output_means_beyond(response, self.likelihood.parameters, xs, names)
         return list(np.stack([means[name] for name in names], axis=1))
+
+    @contextmanager
+    def _counting_outputs(self, response: Response) -> Iterator[Response]:
+        """Runs in which outputs are read count once, whoever else reads meanwhile."""
+        if not self._reading:
+            self._read = runs_of_outputs(response)
+        self._reading += 1
+        try:
+            yield response
+        finally:
+            self._reading -= 1
+            read = runs_of_outputs(response)
+            self.runs += read - self._read
+            self._read = read
 
     def one(self, x: FloatArray) -> Sample:
         """Rows and outputs at one search vector.

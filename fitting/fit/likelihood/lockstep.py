@@ -2,18 +2,24 @@
 
 A search is a generator that yields a `Request` and is sent the answers. A fit whose simulations
 run in worker processes is fast only if there is work for all of them at a time; one branch
-of a profile has one point to try. Twenty branches have twenty.
+of a profile has one point to try. Twenty branches have twenty. They are two groups, so that there
+is work for the workers while this process takes steps, and the other way about.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
+from fitting.engine.turns import in_turn
 from fitting.text.arrays import FloatArray
 
 T = TypeVar("T")
+
+#: Searches from which on they are two groups that take turns.
+GROUPED = 2
 
 
 class Exhausted(Exception):
@@ -49,13 +55,28 @@ def run_in_lockstep(
 ) -> list[T | None]:
     """Run all tasks to their ends, one batch per round; None where `Exhausted` ended one.
 
-    `evaluate` answers the requests of a round in their order, and raises `Exhausted` where it may
-    not any more.
+    Many tasks are two groups with batches of their own: while the one is simulated, the other takes
+    its steps. `evaluate` answers the requests of a round in their order, and raises `Exhausted`
+    where it may not any more.
 
     Args:
         tasks: searches that have not begun.
         evaluate: answers requests with samples, in one batch.
     """
+    if len(tasks) < GROUPED:
+        return _in_rounds(tasks, evaluate)
+    results: list[T | None] = [None] * len(tasks)
+    groups = [tasks[0::2], tasks[1::2]]
+    results[0::2], results[1::2] = in_turn(
+        [partial(_in_rounds, group, evaluate) for group in groups]
+    )
+    return results
+
+
+def _in_rounds(
+    tasks: Sequence[Task[T]], evaluate: Callable[[Sequence[Request]], list[list[Sample]]]
+) -> list[T | None]:
+    """All to their ends, one batch per round."""
     results: list[T | None] = [None] * len(tasks)
     waiting: dict[int, Request] = {}
     for k in range(len(tasks)):

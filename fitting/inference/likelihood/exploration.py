@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from fitting.fit.likelihood.descent import (
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
-from fitting.inference.likelihood.inverses import Branches, RangeEnds, inverses, told_twice
+from fitting.inference.likelihood.inverses import Branches, inverses, told_twice
 from fitting.inference.likelihood.limits import released
 from fitting.inference.likelihood.profiles import (
     EXCLUDED,
@@ -48,6 +48,9 @@ WORTH_REACHING = 0.3
 BEYOND, EXTENSIONS = 0.02, 2
 #: Points from which an end is tried once more where a branch lost its way.
 NEAREST = 2
+#: Share of what is left of a budget that a dear walk may take of what a linearisation calls open:
+#: along a bent valley it takes any.
+FOR_AN_OPEN_WALK = 0.5
 #: Share of the way to the end of the room that counts as there.
 AT_ROOM = 1e-6
 #: Strides towards an end of a range that is known to fit: they only show what is between.
@@ -106,12 +109,24 @@ class Exploration:
         ]
 
 
+@dataclass(frozen=True)
+class Extent:
+    """How far an exploration goes.
+
+    `only` names the values that are profiled, all if empty. Where walks are dear, `until` ends it
+    by the points in hand.
+    """
+
+    only: tuple[str, ...] = ()
+    until: Callable[[Sequence[ProfilePoint]], bool] = lambda points: False
+
+
 def explore(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     ranges: Mapping[str, OutputRange],
     minima: Sequence[ProfilePoint],
-    only: Sequence[str] = (),
+    extent: Extent,
     known: Sequence[ProfilePoint] = (),
 ) -> Exploration:
     """Profiles, those first that the data see: each step is one set of batches.
@@ -127,7 +142,7 @@ def explore(
         optimum: the most likely point and its likelihood.
         ranges: of the outputs without data, by name.
         minima: from other starts that fit.
-        only: names of the values that are profiled; all if empty.
+        extent: what is profiled, and what ends it.
         known: points not excluded which another exploration came by.
 
     Raises:
@@ -135,7 +150,7 @@ def explore(
     """
     every = quantities(optimum, ranges)
     free = ~(optimum.likelihood.inverse_prior_sigma > 0.0)
-    wanted = tuple(q for q in every if not only or q.name in only)
+    wanted = tuple(q for q in every if not extent.only or q.name in extent.only)
     twice = inverses(evaluator, optimum, data_covariance(optimum), wanted)
     chosen = tuple(q for q in wanted if all(q is not inverse.quantity for inverse in twice))
     wide = [
@@ -143,27 +158,20 @@ def explore(
         for q in chosen
         if not q.round and q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)
     ]
-    branches: dict[str, Branches] = {}
-    for part in _in_turn(optimum, [q for q in chosen if q not in wide]):
-        branches |= _walked(evaluator, optimum, part, {})
-    explored = Exploration(
+    nothing = Exploration(
         optimum=optimum,
         quantities=chosen,
-        branches=branches,
+        branches={},
         range_ends={q.name: (None, None) for q in chosen},
         minima=tuple(minima),
         known=tuple(known),
         parameters=tuple(q for q in every if q.index >= 0 and not q.round and free[q.index]),
         ranges=ranges,
     )
-    explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
-    explored = _with_outputs(evaluator, explored)
-    explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
-    range_ends = explored.range_ends
-    shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
-    branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
-    branches |= {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
-    explored = _with_outputs(evaluator, replace(explored, branches=branches))
+    explored = nothing
+    for explored in _profiled(evaluator, nothing, wide):
+        if _are_dear(optimum) and extent.until(explored.points):
+            return explored
     explored = replace(explored, around=explored.branches)
     explored = _with_ways(evaluator, explored)
     explored = extended(evaluator, explored)
@@ -179,12 +187,49 @@ def explore(
     )
 
 
+def _profiled(
+    evaluator: LikelihoodEvaluator, explored: Exploration, wide: Sequence[Quantity]
+) -> Iterator[Exploration]:
+    """Further and further explored, to the profiles of all quantities around the optimum.
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        explored: nothing yet.
+        wide: quantities that a linearisation calls open.
+    """
+    optimum, chosen = explored.optimum, explored.quantities
+    for part in _in_turn(optimum, [q for q in chosen if q not in wide]):
+        explored = _with_outputs(evaluator, _with_walks(evaluator, explored, part))
+        yield explored
+    explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
+    explored = _with_outputs(evaluator, explored)
+    yield explored
+    explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
+    yield explored
+    shown = [q for q in wide if all(point is not None for point in explored.range_ends[q.name])]
+    share = FOR_AN_OPEN_WALK if _are_dear(optimum) else 1.0
+    for part in _in_turn(optimum, [q for q in wide if q not in shown]):
+        with evaluator.within(share):
+            explored = _with_walks(evaluator, explored, part)
+        explored = _with_outputs(evaluator, explored)
+        yield explored
+    both_fit = {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
+    yield _with_outputs(evaluator, replace(explored, branches={**explored.branches, **both_fit}))
+
+
+def _are_dear(optimum: Optimum) -> bool:
+    """Whether walks are, as those of a long series are, whose places have values of their own."""
+    return sum(bool(p.experiments) for p in optimum.likelihood.parameters) > FEW_OWN
+
+
 def _in_turn(optimum: Optimum, chosen: Sequence[Quantity]) -> list[list[Quantity]]:
-    """All side by side; where walks are dear outputs first, which are what is asked for."""
-    own = sum(bool(p.experiments) for p in optimum.likelihood.parameters)
-    if own <= FEW_OWN:
+    """All side by side; where walks are dear one by one, so that a budget does not cut all of them.
+
+    Outputs first, which are what is asked for; of these those first that the data see best.
+    """
+    if not _are_dear(optimum):
         return [list(chosen)]
-    return [[q for q in chosen if (q.output >= 0) is output] for output in (True, False)]
+    return [[q] for q in sorted(chosen, key=lambda q: (q.output < 0, q.sigma / q.width))]
 
 
 def _both_ends(chosen: Sequence[Quantity]) -> list[tuple[Quantity, int]]:
@@ -252,21 +297,23 @@ def _nearest_to_end(explored: Exploration, quantity: Quantity, side: int) -> lis
     return begins
 
 
-def _walked(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    chosen: Sequence[Quantity],
-    range_ends: Mapping[str, RangeEnds],
-) -> dict[str, Branches]:
-    """Both branches of some quantities, in common batches; few strides to ends that fit."""
+def _with_walks(
+    evaluator: LikelihoodEvaluator, explored: Exploration, chosen: Sequence[Quantity]
+) -> Exploration:
+    """The same with both branches of some quantities, in common batches.
+
+    There are few strides to ends that fit.
+    """
     traces = []
     for q in chosen:
-        for direction, end in zip((-1.0, 1.0), range_ends.get(q.name, (None, None)), strict=True):
+        ends = explored.range_ends[q.name]
+        for direction, end in zip((-1.0, 1.0), ends, strict=True):
             steps = STEPS if end is None else OPEN_STEPS
-            traces.append(trace_branch(optimum, q, direction, steps))
+            traces.append(trace_branch(explored.optimum, q, direction, steps))
     none = ProfileBranch(points=(), end="cost", at_68=math.nan, at_95=math.nan)
     found = [branch or none for branch in run_in_lockstep(traces, evaluator)]
-    return {q.name: (found[2 * k], found[2 * k + 1]) for k, q in enumerate(chosen)}
+    walked = {q.name: (found[2 * k], found[2 * k + 1]) for k, q in enumerate(chosen)}
+    return replace(explored, branches={**explored.branches, **walked})
 
 
 def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:

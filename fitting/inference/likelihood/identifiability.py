@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
+from fitting.campaign.parameters import Parameter, canonical, search_bounds, to_model, to_search
 from fitting.fit.likelihood.descent import Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
@@ -29,6 +29,8 @@ UNSEEN = 1.0
 NO_CHANGE, IDLE = 0.01, 0.1
 #: Shares of the box that are tried as a change, the largest first.
 SHARES = (0.05, 0.01, 0.002)
+#: Values of single experiments from which on a sentence does not name each.
+FEW_TOLD = 3
 #: Points closer than this share of the box are one minimum.
 SAME = 0.02
 
@@ -93,10 +95,12 @@ def _said(likelihood: Likelihood, change: _Change | None) -> dict[str, Any]:
 
 
 def _met_exactly(optimum: Optimum) -> Likelihood:
-    """The likelihood of data that the model meets exactly at the optimum."""
+    """The likelihood of data that the model meets exactly at the optimum, and of priors there."""
     likelihood = optimum.likelihood
     left = likelihood.residuals(optimum.expansion.sample.rows[: likelihood.data_rows])
-    return replace(likelihood, shift=likelihood.shift + left)
+    return replace(
+        likelihood, shift=likelihood.shift + left, prior_shift=np.array(optimum.expansion.x)
+    )
 
 
 def _unseen(optimum: Optimum, exact: Likelihood, row: FloatArray) -> Task[_Change | None]:
@@ -153,13 +157,25 @@ def _largest_move(exact: Likelihood, rows: FloatArray) -> float:
 
 
 def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: float) -> str:
-    units = {p.name: unit_text(p.unit) for p in likelihood.parameters}
+    """The change in words; values of single experiments may be many and are told together."""
+    told = {p.name: p for p in likelihood.parameters}
     (first, value), *rest = change.items()
-    others = [f"{name} {_signed(v)} {units[name]}".rstrip() for name, v in rest]
+    alone = [name for name, _ in rest if told[name].experiments]
+    if len(alone) < FEW_TOLD:
+        alone = []
+    others = [_moved(told[name], v) for name, v in rest if name not in alone]
+    for unit in dict.fromkeys(told[name].unit for name in alone):
+        own = [change[name] for name in alone if told[name].unit == unit]
+        most = f"{number(max(map(abs, own)), 4)} {unit_text(unit)}".rstrip()
+        others.append(f"{len(own)} values of single experiments by {most} at most")
     with_ = f" with {', '.join(others)}" if others else ""
-    most = max(math.ceil(largest * 1000.0) / 1000.0, 0.001)
-    head = f"a change of {first} by {_signed(value)} {units[first]}".rstrip()
-    return f"{head}{with_} changes no measured value by more than {most:.2g} sigma"
+    most_sigma = max(math.ceil(largest * 1000.0) / 1000.0, 0.001)
+    head = f"a change of {first} by {_signed(value)} {unit_text(told[first].unit)}".rstrip()
+    return f"{head}{with_} changes no measured value by more than {most_sigma:.2g} sigma"
+
+
+def _moved(parameter: Parameter, by: float) -> str:
+    return f"{parameter.name} {_signed(by)} {unit_text(parameter.unit)}".rstrip()
 
 
 def _signed(value: float) -> str:
