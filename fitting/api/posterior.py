@@ -34,6 +34,7 @@ from fitting.inference.posterior.kept import Kept, keep, kept_in
 from fitting.inference.posterior.learnt import TRIED, learning, learnt, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.outputs import outputs_of, read_outputs
+from fitting.inference.posterior.pace import pace_of
 from fitting.inference.posterior.start import Mixture
 from fitting.inference.posterior.summary import (
     CONVERGED,
@@ -169,19 +170,21 @@ class PosteriorCost:
     """What draws will cost: ``evaluations`` of the model, least and most, and seconds of each.
 
     Of ``walkers``, from ``minima``; ``seconds_each`` was measured where the walkers begin, which is
-    a batch of as many evaluations.
+    a batch of as many evaluations. ``surrogate_s`` is what a surrogate takes beside them for all
+    steps, as measured on one of the same size; it is made where the posterior is bent alone.
     """
 
     walkers: int
     minima: int
     evaluations: tuple[int, int]
     seconds_each: float
+    surrogate_s: float
 
     @property
     def seconds(self) -> tuple[float, float]:
-        """Least and most, s."""
+        """Least, without a surrogate, and most, with one, s."""
         least, most = self.evaluations
-        return least * self.seconds_each, most * self.seconds_each
+        return least * self.seconds_each, most * self.seconds_each + self.surrogate_s
 
 
 @one_thread()
@@ -232,7 +235,7 @@ def posterior(
 def posterior_cost(
     problem: Problem, at: Valued | Result, options: Sampling | None = None
 ) -> PosteriorCost:
-    """What `posterior` will cost, from one evaluation of every walker.
+    """What `posterior` will cost, from one evaluation of every walker and a walk on a surrogate.
 
     Args:
         problem: As `posterior` takes it.
@@ -249,6 +252,7 @@ def posterior_cost(
     begun = time.perf_counter()
     job.begin()
     each = (time.perf_counter() - begun) / (job.evaluations - set_out)
+    pace = pace_of(job.target, job.mixture, job.walkers)
     return PosteriorCost(
         walkers=job.walkers,
         minima=sum(m.copy_of < 0 for m in job.minima),
@@ -257,6 +261,7 @@ def posterior_cost(
             set_out + job.learning + job.walkers * (1 + asked.steps),
         ),
         seconds_each=each,
+        surrogate_s=pace.learning_s + asked.steps * pace.step_s,
     )
 
 
@@ -370,7 +375,9 @@ class _Job:
         begin, random = self.begin(), np.random.RandomState(self.asked.seed % 2**32 + 1)
         if worth(self.mixture, self._in_box, random) > GOOD:
             return begin
-        self.follow, begin = learnt(self.target, begin, self.mixture, random, progress)
+        best = self.target.in_units(self.minima[0].centre)
+        target = replace(self.target, rows=lambda p: self._rows(p, best))
+        self.follow, begin = learnt(target, begin, self.mixture, random, progress)
         if self.follow is not None:
             self.mixture = self.follow.mixture
         return begin
@@ -492,9 +499,12 @@ class _Job:
     def _in_box(self, u: FloatArray) -> FloatArray:
         return self._log(self.target.in_units(u))
 
-    def _rows(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-        self.evaluations += 2 * p.size + 1
-        return self.problem.white_rows(p)
+    def _rows(
+        self, p: FloatArray, scatter_at: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        more = scatter_at is not None and bool(self.problem.unknown_noise)
+        self.evaluations += 2 * p.size + 1 + more
+        return self.problem.white_rows(p, scatter_at)
 
     @property
     def _fingerprint(self) -> str:

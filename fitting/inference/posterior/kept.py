@@ -86,8 +86,8 @@ def kept_in(path: Path, job: str) -> Kept | None:
         raise BadInput(f"{path}: is no chain of draws that can be gone on from") from error
     if str(found["job"]) != job:
         raise BadInput(
-            f"{path}: belongs to other data, another FMU, fit or settings; wanted the same as now "
-            "(leave out --resume to start afresh)"
+            f"{path}: belongs to other data, another FMU, fit, version or settings; wanted the "
+            "same as now (leave out --resume to start afresh)"
         )
     walk = Walk(places=found["places"], log=found["log"], accepted=float(found["accepted"]))
     evaluations, failed = map(int, found["counts"])

@@ -29,7 +29,7 @@ import numpy as np
 from fitting.inference.posterior.follow import Follow
 from fitting.inference.posterior.minima import WHOLE, Target
 from fitting.inference.posterior.start import Mixture
-from fitting.inference.posterior.surrogate import Places, Surrogate
+from fitting.inference.posterior.surrogate import MOST, Places, Surrogate
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
@@ -46,6 +46,8 @@ KEPT = 0.1
 ROUNDS, ENOUGH = 12, 0.98
 #: Mixtures that are made one from another in a round, and after the last.
 MADE, LAST = 2, 8
+#: No more parameters than these, and no larger arrays, bytes: with more there is no surrogate.
+DIMENSIONS, LARGEST = 12, 200e6
 #: Walks on a surrogate, places of each that are looked at, steps between them; parts of a mixture.
 WALKS, EACH, BETWEEN, PARTS = 128, 8, 15, 500
 
@@ -81,16 +83,18 @@ def learnt(
         progress: Is called with a line.
 
     Returns:
-        None for the proposals where the model has no residuals at any of the places.
+        None for the proposals where the model has no residuals at any of the places, or more of
+        them, or of parameters, than a surrogate is made for.
     """
     places, many = begin[0], len(begin[0])
     known = _known(target, places)
     if known is None:
+        progress("nothing is learnt: no residuals where walkers begin, or too many for a surrogate")
         return None, begin
     before = 0.0
     for k in range(ROUNDS):
-        surrogate = Surrogate.through(known, _periods(target))
-        _, ends = _walked(surrogate, minima, places, rng, MADE)
+        surrogate = Surrogate.through(known, periods_of(target))
+        _, ends = walked_on(surrogate, minima, places, rng, MADE)
         log = target.log(target.in_units(ends))
         weights = log - surrogate.log(ends - surrogate.turns(ends))
         share = _share(weights)
@@ -103,11 +107,22 @@ def learnt(
         before = share
         more = _known(target, ends[np.argsort(-np.where(np.isfinite(log), off, -1.0))[:many]])
         known = known if more is None else known.beside(more)
-    follow, _ = _walked(Surrogate.through(known, _periods(target)), minima, places, rng, LAST)
+    follow, _ = walked_on(Surrogate.through(known, periods_of(target)), minima, places, rng, LAST)
     likely = np.isfinite(log)
     if np.sum(likely) < many:
         return follow, begin
     return follow, (ends[likely][:many], log[likely][:many])
+
+
+def fits(n: int, m: int = 0) -> bool:
+    """Whether a surrogate is made: of n parameters, and m residuals where these are known.
+
+    Args:
+        n: parameters.
+        m: residuals, those of priors among them.
+    """
+    points = max(PARTS * BENT, MOST // (n + 1))
+    return n <= DIMENSIONS and 8.0 * points * m * (n + 1) <= LARGEST
 
 
 def learning(walkers: int, n: int) -> int:
@@ -117,7 +132,9 @@ def learning(walkers: int, n: int) -> int:
         walkers: how many.
         n: parameters.
     """
-    rows = walkers * (2 * n + 1)
+    if not fits(n):
+        return 0
+    rows = walkers * (2 * n + 2)  # one for the scatter of unknown noise
     return rows + ROUNDS * (rows + max(WALKS, walkers))
 
 
@@ -129,17 +146,23 @@ def _share(log: FloatArray) -> float:
     return float(np.sum(weights) ** 2 / (weights.size * np.sum(weights**2)))
 
 
-def _periods(target: Target) -> FloatArray:
-    """Periods in units of the box where this holds a whole one, else inf."""
+def periods_of(target: Target) -> FloatArray:
+    """Periods (n,) in units of the box where this holds a whole one, else inf.
+
+    Args:
+        target: the posterior.
+    """
     _, width = target.box
     parts = [(p.period or math.inf) / w for p, w in zip(target.parameters, width, strict=True)]
     return np.array([part if part * (1.0 - WHOLE) <= 1.0 else math.inf for part in parts])
 
 
 def _known(target: Target, places: FloatArray) -> Places | None:
-    """Residuals at places in units of the box, as far as the model has them."""
+    """Residuals at places in units of the box, as far as the model has them, and not too many."""
     _, width = target.box
-    known = []
+    known: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    if not fits(len(width)):
+        return None
     for place in places:
         try:
             rows, slopes = target.rows(target.in_units(place))
@@ -147,14 +170,24 @@ def _known(target: Target, places: FloatArray) -> Places | None:
             raise
         except (FmuFailure, NoScale):
             continue  # beside a place where the model has no value
+        if not fits(*slopes.shape[::-1]):
+            return None
         known.append((place, rows, slopes * width))
     return Places.of(known) if known else None
 
 
-def _walked(
+def walked_on(
     surrogate: Surrogate, minima: Mixture, begin: FloatArray, rng: np.random.RandomState, made: int
 ) -> tuple[Follow, FloatArray]:
-    """Proposals with a mixture about places of walks on a surrogate, and where these end."""
+    """Proposals with a mixture about places of walks on a surrogate, and where these end, (k, n).
+
+    Args:
+        surrogate: what is walked on.
+        minima: mixture about the minima.
+        begin: where walks begin, (k, n) in units of the box.
+        rng: of the walks.
+        made: mixtures that are made one from another.
+    """
     u, places = np.resize(begin, (max(WALKS, len(begin)), begin.shape[1])), begin
     for _ in range(made):
         follow = Follow(surrogate, _mixture(surrogate, places, minima, rng))
