@@ -21,7 +21,7 @@ LEARNT = "fitting.inference.posterior.learnt"
 def always_and_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """A surrogate whatever the posterior, learnt in no time."""
     monkeypatch.setattr("fitting.api.posterior.GOOD", 1.1)
-    monkeypatch.setattr("fitting.inference.posterior.follow.WALKED", 20)
+    monkeypatch.setattr("fitting.inference.posterior.follow.WALKED", 10)
     for name, few in (("ROUNDS", 2), ("WALKS", 32), ("LAST", 1), ("PARTS", 20)):
         monkeypatch.setattr(f"{LEARNT}.{name}", few)
 

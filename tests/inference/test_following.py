@@ -70,6 +70,15 @@ def test_a_surrogate_has_the_residuals_of_a_bent_valley_and_their_derivatives() 
     assert outside.tolist() == [pytest.approx(0.0, abs=1e-3), -math.inf]
 
 
+def test_places_that_are_as_good_as_one_make_a_surrogate_of_it() -> None:
+    """As walkers leave them whose posterior is a dot in its box: nothing but rounding between."""
+    u = 0.5 + 1e-9 * np.random.default_rng(1).standard_normal((300, 2))
+    rows, slopes = bent(u)
+    made = Surrogate.through(Places(places=u, rows=rows, slopes=slopes), NONE)
+    asked = np.array([[0.5, 0.5]])
+    assert made.rows(asked) == pytest.approx(bent(asked)[0], abs=1e-3)
+
+
 def test_a_periodic_value_is_known_a_period_off() -> None:
     """r = sin(2 pi u/0.25) in a box of four periods, known in the first of them."""
     u = np.linspace(0.0, 0.25, 8, endpoint=False)[:, None]

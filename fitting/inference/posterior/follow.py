@@ -38,20 +38,20 @@ class Follow:
     mixture: Mixture
 
     def proposed(
-        self, old: FloatArray, rng: np.random.RandomState, steps: int = WALKED
+        self, old: FloatArray, rng: np.random.RandomState, steps: int | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Where walks end, (k, n), and ln s(u)/s(v), (k,), as `emcee` wants it of a proposal.
 
         Args:
             old: where they begin, (k, n), in units of the box.
             rng: of the steps.
-            steps: of each walk.
+            steps: of each walk; None: `WALKED`.
         """
         turns = self.surrogate.turns(old)
         u = old - turns
         begun = self.surrogate.log(u)
         log, parts = begun.copy(), self.mixture.log_parts(u)
-        for _ in range(steps):
+        for _ in range(steps or WALKED):
             anywhere = rng.random_sample(len(u)) < ANYWHERE
             v, there, ratio = self._step(u, parts, anywhere, rng)
             new = self.surrogate.log(v)

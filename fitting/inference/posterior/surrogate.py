@@ -18,15 +18,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: Lengths that are tried, in units of the box, and the share of places that judge them: one in so
 #: many.
 LENGTHS, JUDGES = (0.3, 1.0, 3.0), 4
-#: Of the variance of what is known, added to it: rounding must not decide.
-ROUNDING = 1e-10
+#: Of the variance of what is known, added to it, the least by which equations can be solved:
+#: rounding must not decide.
+ROUNDINGS = (1e-10, 1e-8, 1e-6, 1e-4)
 #: Values and derivatives of one residual that are made use of, at most: equations are solved.
 MOST = 3000
 
@@ -172,13 +173,24 @@ class Surrogate:
         between = (kernel[..., None] * by_second).reshape(k, k * n)
         within = (kernel[..., None, None] * both).transpose(0, 2, 1, 3).reshape(k * n, k * n)
         whole = np.block([[kernel, between], [between.T, within]])
-        whole[np.diag_indices_from(whole)] *= 1.0 + ROUNDING
         told = np.vstack(
             [self.known.rows - self._mean, self.known.slopes.transpose(0, 2, 1).reshape(-1, m)]
         )
-        solved = cho_solve(cho_factor(whole, lower=True), told)
+        solved = _solved(whole, told)
         along = np.einsum("bfn,bnm->bfm", turned, solved[k:].reshape(k, n, m))
         return solved[:k] - np.einsum("bf,bfm->bm", self._x, along), along
+
+
+def _solved(whole: FloatArray, told: FloatArray) -> FloatArray:
+    """What a covariance solves; places that are as good as one leave nothing but rounding of it."""
+    diagonal = np.diag(whole).copy()
+    for rounding in ROUNDINGS:
+        np.fill_diagonal(whole, (1.0 + rounding) * diagonal)
+        try:
+            return np.asarray(cho_solve(cho_factor(whole, lower=True), told))
+        except LinAlgError:
+            continue
+    raise RuntimeError("a covariance without a root")
 
 
 def _features(
