@@ -96,10 +96,26 @@ def test_noise_that_is_not_known_makes_student_s_t_with_a_surrogate_too() -> Non
     assert value.interval95[1] - value.interval95[0] == pytest.approx(2.0 * half, rel=1.5 * error)
 
 
+def test_rows_with_the_scatter_of_one_place_have_the_derivatives_that_are_told() -> None:
+    """z = p^2 + noise, twelve times; with the scatter of each place they have others."""
+    seen = 40.0 + 3.0 + 0.1 * np.random.default_rng(5).standard_normal(12)
+    formula = closed.Formula(lambda p: np.repeat(p**2, 12, axis=1) + 40.0)
+    problem = closed.problem(formula, [closed.parameter("p", 0.0, 20.0, 1.0)], seen, np.zeros(12))
+    best, p, step = [math.sqrt(3.0)], 1.5, 1e-4
+    rows, slopes = problem.white_rows([p], best)
+    further, _ = problem.white_rows([p + step], best)
+    assert (further - rows) / step == pytest.approx(slopes[:, 0], rel=1e-3)
+    there, _ = problem.white_rows(best)
+    assert there @ there == pytest.approx(12.0, rel=1e-6)  # rows
+    own, _ = problem.white_rows([p])
+    assert own @ own == pytest.approx(12.0, rel=1e-6)
+    assert rows @ rows > 100.0
+
+
 def test_a_surrogate_is_not_made_of_what_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    assert fits(8, 500)
-    assert not fits(8, 5000)
+    assert fits(8, 1388)
+    assert not fits(8, 1389)
     assert fits(12)
     assert not fits(13)
 
@@ -114,7 +130,7 @@ def test_what_is_too_large_is_drawn_without_a_surrogate(
     found = ff.posterior(problem, at, ff.Sampling(steps=200), progress=told.append)
     assert any("nothing is learnt" in words for words in told)
     assert not any("round" in words for words in told)
-    assert np.mean(np.std(found.draws, axis=0)) > 0.0
+    assert np.mean(np.sum(found.draws**2, axis=2)) == pytest.approx(1.0, abs=0.04)
     assert ff.posterior_cost(problem, at).surrogate_s == 0.0
 
 
