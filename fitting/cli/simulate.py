@@ -83,8 +83,8 @@ def _add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--accuracy",
         type=relative_accuracy("--accuracy"),
-        help="wanted relative accuracy of every amplitude: plans settling, window, solver and "
-        "model, and says what it may be off by (1e-6)",
+        help="wanted relative accuracy of the amplitudes at the tones: plans settling, window, "
+        "solver and model, and says what it may be off by (1e-6)",
     )
     parser.add_argument("--plan", action="store_true", help="only print the plan")
     for name, what in (("force", "take"), ("forbid", "do not take")):

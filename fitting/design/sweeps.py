@@ -28,9 +28,9 @@ from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.plan import Plan
-from fitting.measurements.response_curve import ResponseCurve, together
+from fitting.measurements.response_curve import ResponseCurve
 from fitting.signal.magnitude import mean_magnitude
-from fitting.simulate.batch import Batch, answered
+from fitting.simulate.batch import Batch, answered, together
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 

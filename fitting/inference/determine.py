@@ -206,7 +206,7 @@ def determine(
             *outside_sentences(optimum),
             *beyond_sentences(optimum.likelihood, outside, profiles),
             *held_sentences(profiles),
-            *identifiability.sentences(profiles, directions, idle, equivalents),
+            *identifiability.sentences(optimum, profiles, directions, idle, equivalents),
             *sampling_sentences(rates, profiles, equivalents),
         ),
         effort=spent,

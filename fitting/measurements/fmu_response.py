@@ -19,9 +19,9 @@ from fitting.fmu import Run
 from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.few_places import evenly
-from fitting.measurements.measurement import Evaluation, Measurement, Predicting, Prediction
+from fitting.measurements.measurement import Evaluation, Measurement
 from fitting.signal.window import tone_misfit
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch, Workers, answered, together
 from fitting.simulate.known_answers import KnownAnswers
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
@@ -91,7 +91,7 @@ class FmuResponse:
         batch = Batch()
         tasks = [m.predict(models[m.series], table, batch, whole=whole) for m in self.measurements]
         with self._known.evaluation() as workers:
-            columns = _answered(tasks, batch, workers)
+            columns = answered(together(tasks), batch, workers)
         runs = batch.count(len(table))
         return [
             Evaluation(tuple(column[k] for column in columns), int(runs[k]), self._promised)
@@ -228,20 +228,3 @@ class FmuResponse:
         return max(
             (tone_misfit(s.window, batch.samples(s.run, s.output)) for s in sampled), default=0.0
         )
-
-
-def _answered(
-    tasks: Sequence[Predicting], batch: Batch, workers: Workers
-) -> list[list[Prediction]]:
-    """Predictions of every measurement; in each round all simulate what they asked for."""
-    found: dict[int, list[Prediction]] = {}
-    while len(found) < len(tasks):
-        for k, task in enumerate(tasks):
-            if k not in found:
-                try:
-                    next(task)
-                except StopIteration as ended:
-                    found[k] = ended.value
-        if len(found) < len(tasks):
-            batch.simulate(workers)
-    return [found[k] for k in range(len(tasks))]

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,8 +21,6 @@ from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Variation, Workers
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 
-Answer = TypeVar("Answer")
-Other = TypeVar("Other")
 #: Yields whenever what it has asked of the batch is wanted; returns the response, (k, m) phasors.
 Responding = Generator[None, None, ComplexArray]
 
@@ -269,41 +266,3 @@ class ResponseCurve:
             points = drafts[0].points
             found[rest] = yield from self._simulated(table, first[rest], points, batch)
         return found
-
-
-def together(tasks: Sequence[Generator[None, None, Answer]]) -> Generator[None, None, list[Answer]]:
-    """Step several predictions of one batch side by side, so that they share its rounds.
-
-        phasors = yield from together([c.predict(table, f, batch) for c, f in curves])
-
-    Args:
-        tasks: predictions of one kind of answer, not yet begun.
-
-    Returns:
-        What each of them returns, in their order.
-    """
-    found: dict[int, Answer] = {}
-    while True:
-        for k, task in enumerate(tasks):
-            if k not in found:
-                try:
-                    next(task)
-                except StopIteration as ended:
-                    found[k] = ended.value
-        if len(found) == len(tasks):
-            return [found[k] for k in range(len(tasks))]
-        yield
-
-
-def both(
-    one: Generator[None, None, Answer], other: Generator[None, None, Other]
-) -> Generator[None, None, tuple[Answer, Other]]:
-    """Step two predictions of different answers side by side, as `together` does.
-
-    Args:
-        one: not yet begun.
-        other: likewise.
-    """
-    tasks: list[Generator[None, None, Any]] = [one, other]
-    first, second = yield from together(tasks)
-    return first, second

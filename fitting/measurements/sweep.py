@@ -30,7 +30,7 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
-from fitting.measurements.response_curve import ResponseCurve, both
+from fitting.measurements.response_curve import ResponseCurve
 from fitting.signal.peaks import ADDED, OFFSET, SLOPE, Resonance, along, fit_resonance
 from fitting.signal.scale import (
     FINE_POINTS,
@@ -45,7 +45,7 @@ from fitting.signal.scale import (
     nodes_around,
     refine_maximum,
 )
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch, Workers, both
 from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.settling import SAFETY

@@ -10,13 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, Setup, SweepData
+from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Fit
 from fitting.fit.problem import Problem
 from fitting.measurements.figure import Figure
 from fitting.result.result import DeviationSet, Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import listed, number, settings_words
+from fitting.text.notation import how_many, listed, number, settings_words, unit_text
 from fitting.text.units import convert
 
 
@@ -176,12 +177,23 @@ def _settings(bound: BoundCampaign) -> dict[str, str]:
         "wanted accuracy of amplitudes": number(bound.setup.accuracy),
     }
     for name, (before, after) in bound.drift.ends.items():
+        corrections = [p for p in bound.parameters if p.experiments and name in p.adds_to]
         settings[f"drift of {name}"] = (
-            f"{number(before, 12)} to {number(after, 12)}, linear over the series (FMU's unit)"
+            f"{number(before, 12)} to {number(after, 12)} over the series (FMU's unit), "
+            f"{_course_words(corrections)}"
         )
     if bound.sweep is not None:
         settings["sweep"] = _sweep_words(bound.sweep)
     return settings
+
+
+def _course_words(corrections: Sequence[Parameter]) -> str:
+    """How eigenfrequencies go between the ends of a drift."""
+    if not corrections:
+        return "linear"
+    priors = {f"{number(p.prior_sigma)} {unit_text(p.unit)}" for p in corrections if p.prior_sigma}
+    held = f" with a prior of {listed(sorted(priors))}" if priors else ""
+    return f"linear but for {how_many(len(corrections), 'fitted correction')}{held}"
 
 
 def _settling_words(setup: Setup) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 #: What the tool applies to inputs during a run.
 Signal = InputSignal | HeldSignal | None
 Answer = TypeVar("Answer")
+Other = TypeVar("Other")
 
 
 class Workers(Protocol):
@@ -227,3 +228,41 @@ def answered(task: Generator[None, None, Answer], batch: Batch, workers: Workers
         except StopIteration as ended:
             return ended.value  # type: ignore[no-any-return]
         batch.simulate(workers)
+
+
+def together(tasks: Sequence[Generator[None, None, Answer]]) -> Generator[None, None, list[Answer]]:
+    """Step several predictions of one batch side by side, so that they share its rounds.
+
+        phasors = yield from together([c.predict(table, f, batch) for c, f in curves])
+
+    Args:
+        tasks: predictions of one kind of answer, not yet begun.
+
+    Returns:
+        What each of them returns, in their order.
+    """
+    found: dict[int, Answer] = {}
+    while True:
+        for k, task in enumerate(tasks):
+            if k not in found:
+                try:
+                    next(task)
+                except StopIteration as ended:
+                    found[k] = ended.value
+        if len(found) == len(tasks):
+            return [found[k] for k in range(len(tasks))]
+        yield
+
+
+def both(
+    one: Generator[None, None, Answer], other: Generator[None, None, Other]
+) -> Generator[None, None, tuple[Answer, Other]]:
+    """Step two predictions of different answers side by side, as `together` does.
+
+    Args:
+        one: not yet begun.
+        other: likewise.
+    """
+    tasks: list[Generator[None, None, Any]] = [one, other]
+    first, second = yield from together(tasks)
+    return first, second

@@ -66,11 +66,15 @@ def test_while_another_command_writes_there_it_is_refused(
 def test_a_report_that_goes_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Beside a new result it would be taken for its report; nothing is said where none was."""
 
-    @writes("reconstruct", "report.html")
+    @writes("reconstruct", "result.json", "report.html", "values.csv", "figures/*.png")
     def run(args: Namespace) -> int:
         write_whole(tmp_path / "result.json", str(args.number))
         if args.report:
             write_whole(tmp_path / "report.html", "what was found")
+            write_whole(tmp_path / "values.csv", "numbers")
+            (tmp_path / "figures").mkdir(exist_ok=True)
+            for name in ("a", "b"):
+                write_whole(tmp_path / "figures" / f"{name}.png", "drawn")
         remove_earlier(tmp_path)
         return 0
 
@@ -79,6 +83,7 @@ def test_a_report_that_goes_is_told(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert run(Namespace(out=tmp_path, number=number, report=report)) == 0
         said.append(capsys.readouterr().out)
     assert said[3] == (
-        f"removed: {tmp_path / 'report.html'} and its figures, which told of an earlier result\n"
+        f"removed from {tmp_path}: report.html, values.csv and 2 files of figures, which went with "
+        "an earlier report\n"
     )
     assert said[:3] + said[4:] == [""] * 4

@@ -23,8 +23,8 @@ from fitting.measurements.curve_plan import CurvePlan
 from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
-from fitting.measurements.response_curve import ResponseCurve, together
-from fitting.simulate.batch import Batch, Workers
+from fitting.measurements.response_curve import ResponseCurve
+from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.words import decision_in_words
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar

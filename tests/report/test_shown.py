@@ -13,6 +13,7 @@ from fitting.inference.joint_result import JointResult, SeriesPart
 from fitting.report.shown import shares_of, shown_campaign, shown_problem
 from tests.support import closed_form
 from tests.support import report_records as records
+from tests.support.whitened import parameter
 
 
 def campaign(folder: Path) -> BoundCampaign:
@@ -41,7 +42,21 @@ def test_what_drifts_is_shown_in_hertz_where_it_is_a_frequency(tmp_path: Path) -
     units = {"eta": "MHz", "temperature": "K", "bare": "1"}
     shown = shown_campaign(replace(campaign(tmp_path / "a"), drift=Drift(ends, units)))
     assert shown.drift_hz == {"eta": (6.9e6, 6.8e6), "bare": (5.0, 6.0)}
-    assert shown.settings["drift of temperature"].startswith("300 to 301, ")
+    told = shown.settings["drift of temperature"]
+    assert told == "300 to 301 over the series (FMU's unit), linear"
+
+
+def test_a_drift_that_is_corrected_is_not_called_linear(tmp_path: Path) -> None:
+    bound = replace(
+        campaign(tmp_path / "a"),
+        drift=Drift({"eta": (6.9, 6.8)}, {"eta": "MHz"}),
+        parameters=tuple(
+            parameter(f"offset[{k}]", -180.0, 180.0, unit="Hz", prior_sigma=30.0) for k in range(3)
+        ),
+    )
+    own = tuple(replace(p, experiment=p.name, adds_to=("eta",)) for p in bound.parameters)
+    told = shown_campaign(replace(bound, parameters=own)).settings["drift of eta"]
+    assert told.endswith("linear but for 3 fitted corrections with a prior of 30 Hz")
 
 
 def test_campaigns_fitted_together_have_shares_of_their_own(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
 
@@ -39,14 +39,29 @@ def writes(
             folder = to(args)
             if folder is None:
                 return run(args)
-            page = folder / REPORT
             with results_folder(folder, command, names):
-                was_there = page.exists()
+                before = _files(folder, names)
                 code = run(args)
-                if was_there and not page.exists():
-                    print(f"removed: {page} and its figures, which told of an earlier result")
+                gone = before - _files(folder, names)
+                if folder / REPORT in gone:
+                    print(_removed_words(folder, gone))
                 return code
 
         return alone
 
     return opened
+
+
+def _files(folder: Path, patterns: Iterable[str]) -> set[Path]:
+    """What is there of the files that a command writes."""
+    return {path for pattern in patterns for path in folder.glob(pattern)}
+
+
+def _removed_words(folder: Path, gone: set[Path]) -> str:
+    """Which files went, figures counted."""
+    from fitting.text.notation import how_many, listed  # loads numpy, which --help does not take
+
+    beside = sorted(path.name for path in gone if path.parent == folder)
+    figures = len(gone) - len(beside)
+    files = [*beside, *([how_many(figures, "file of figures", "files of figures")] * bool(figures))]
+    return f"removed from {folder}: {listed(files)}, which went with an earlier report"

@@ -21,7 +21,7 @@ from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import as_known, number, unit_text
+from fitting.text.notation import as_known, listed, number, unit_text
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
 UNSEEN = 1.0
@@ -31,6 +31,8 @@ NO_CHANGE, IDLE = 0.01, 0.1
 SHARES = (0.05, 0.01, 0.002)
 #: Values of single experiments from which on a sentence does not name each.
 FEW_TOLD = 3
+#: Share by which changes may differ that are told as one; share of the box that is no change.
+ALIKE, TRIFLE = 0.02, 1e-6
 #: Points closer than this share of the box are one minimum.
 SAME = 0.02
 
@@ -135,8 +137,10 @@ def _tried(
     if valley is None:
         return None
     p = to_model(exact.parameters, x)
+    by = to_model(exact.parameters, valley.x) - p
+    by[np.abs(valley.x - x) < TRIFLE * widths] = 0.0
     for digits in (2, 3, 4):
-        shown = np.array([_rounded(v, digits) for v in to_model(exact.parameters, valley.x) - p])
+        shown = np.array([_rounded(v, digits) for v in by])
         rows = yield from _rows_at(to_search(exact.parameters, p + shown))
         largest = _largest_move(exact, rows)
         if largest <= NO_CHANGE:
@@ -166,20 +170,28 @@ def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: 
     others = [_moved(told[name], v) for name, v in rest if name not in alone]
     for unit in dict.fromkeys(told[name].unit for name in alone):
         own = [change[name] for name in alone if told[name].unit == unit]
-        most = f"{number(max(map(abs, own)), 4)} {unit_text(unit)}".rstrip()
-        others.append(f"{len(own)} values of single experiments by {most} at most")
+        others.append(f"{len(own)} values of single experiments {_all_by(own, unit_text(unit))}")
     with_ = f" with {', '.join(others)}" if others else ""
     most_sigma = max(math.ceil(largest * 1000.0) / 1000.0, 0.001)
-    head = f"a change of {first} by {_signed(value)} {unit_text(told[first].unit)}".rstrip()
+    head = f"from the most likely values, a change of {first} by {_signed(value)} "
+    head = f"{head}{unit_text(told[first].unit)}".rstrip()
     return f"{head}{with_} changes no measured value by more than {most_sigma:.2g} sigma"
+
+
+def _all_by(changes: Sequence[float], unit: str) -> str:
+    """By how much several values change: all about alike, or the most of them."""
+    low, high = min(changes), max(changes)
+    if high - low <= ALIKE * max(abs(low), abs(high)):
+        return f"by about {_signed(0.5 * (low + high), 3)} {unit} each".replace("  ", " ")
+    return f"by {number(max(abs(low), abs(high)), 3)} {unit}".rstrip() + " at most"
 
 
 def _moved(parameter: Parameter, by: float) -> str:
     return f"{parameter.name} {_signed(by)} {unit_text(parameter.unit)}".rstrip()
 
 
-def _signed(value: float) -> str:
-    return f"{'+' if value >= 0.0 else '-'}{number(abs(value), 4)}"
+def _signed(value: float, digits: int = 4) -> str:
+    return f"{'+' if value >= 0.0 else '−'}{number(abs(value), digits)}"
 
 
 def _rounded(value: float, digits: int) -> float:
@@ -310,7 +322,21 @@ def _equivalent_words(
     return said
 
 
+def _idle_words(optimum: Optimum, name: str) -> str:
+    """That a parameter has no effect, and where: elsewhere it may have one."""
+    parameters = optimum.likelihood.parameters
+    best = canonical(parameters, to_model(parameters, optimum.expansion.x))
+    others = [
+        f"{p.name} = {number(float(value), 4)} {unit_text(p.unit)}".rstrip()
+        for p, value in zip(parameters, best, strict=True)
+        if p.name != name and not p.experiments
+    ]
+    where = f", where {listed(others)}" if others else ""
+    return f"{name} alone has no effect on these data, anywhere in its box{where}."
+
+
 def sentences(
+    optimum: Optimum,
     profiles: Mapping[str, Profile],
     unseen: Sequence[Direction],
     idle: Sequence[str],
@@ -319,6 +345,7 @@ def sentences(
     """What was found beside the profiles, in words, for terminal and report.
 
     Args:
+        optimum: the most likely point and its likelihood.
         profiles: by name.
         unseen: directions, those that the data see among them.
         idle: names of parameters without effect.
@@ -329,10 +356,7 @@ def sentences(
         for direction in unseen
         if direction.sentence
     ]
-    said += [
-        f"{name} alone has no effect on these data, anywhere in its box, the others as they are."
-        for name in idle
-    ]
+    said += [_idle_words(optimum, name) for name in idle]
     said += [f"Another minimum: {other.sentence}." for other in others]
     for end, why, more in (
         ("cost", "were cut for their cost", ": a larger --budget would tell"),

@@ -37,9 +37,9 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
-from fitting.measurements.response_curve import ResponseCurve, together
+from fitting.measurements.response_curve import ResponseCurve
 from fitting.measurements.tones import PLATEAU
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput

@@ -42,12 +42,12 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
-from fitting.measurements.response_curve import ResponseCurve, together
+from fitting.measurements.response_curve import ResponseCurve
 from fitting.signal.chi_square import joined_freedom
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput

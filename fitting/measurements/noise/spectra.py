@@ -37,8 +37,8 @@ from fitting.measurements.noise.figure import noise_figure
 from fitting.measurements.noise.levels import best_levels
 from fitting.measurements.noise.record import THERMAL, NoiseRecord
 from fitting.measurements.plan import Plan
-from fitting.measurements.response_curve import ResponseCurve, together
-from fitting.simulate.batch import Batch, Workers
+from fitting.measurements.response_curve import ResponseCurve
+from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput

@@ -445,14 +445,14 @@ def _profiles(result: Result) -> tuple[str, str]:
 
 
 def _more_budget(result: Result) -> tuple[str, str]:
-    """That what was cut for its cost comes next: by the same command with ten times the budget."""
+    """What was cut for its cost comes next: the same with ten times the budget, or the usual."""
     words, budget = _without_budget(result)
     if not words:
         return "the rest of the search, which was cut for its cost: ff.profile, a larger budget", ""
     if budget is None:  # the usual one, which it has spent
         spent = 0 if result.knowledge is None else result.knowledge.effort.fmu_runs
         budget = max(BUDGET, spent)
-    more = [*words, "--budget", str(MORE * budget)]
+    more = words if MORE * budget <= BUDGET else [*words, "--budget", str(MORE * budget)]
     return "the rest of the search, which was cut for its cost:", shlex.join(more)
 
 
