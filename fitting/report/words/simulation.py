@@ -86,9 +86,7 @@ def _mixed(response: DriveResponse, units: Mapping[str, str]) -> list[str]:
         if len(mixed) > len(shown):
             said.append(f"{name}: {len(mixed) - len(shown)} smaller lines are in lines.csv")
     if said:
-        said.append(
-            "The accuracy is that of the tones: lines at combinations are known less well."
-        )
+        said.append("The accuracy is that of the tones: lines at combinations are known less well.")
     return said
 
 
