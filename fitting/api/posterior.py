@@ -29,10 +29,12 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.chain import Walk, sampler_library, walked
+from fitting.inference.posterior.follow import Follow
 from fitting.inference.posterior.kept import Kept, keep, kept_in
-from fitting.inference.posterior.learnt import REACHES, TRIED, learnt, worth
+from fitting.inference.posterior.learnt import TRIED, learning, learnt, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.outputs import outputs_of, read_outputs
+from fitting.inference.posterior.pace import pace_of
 from fitting.inference.posterior.start import Mixture
 from fitting.inference.posterior.summary import (
     CONVERGED,
@@ -72,8 +74,6 @@ __all__ = [
 FIRST, LONGER = 200, 1.5
 #: Share of independent draws among the proposals about the minima from which nothing is learnt.
 GOOD = 0.3
-#: First walks from which is learnt; places of every walker, and steps between them.
-LEARNING, PLACES, EVERY = 2, 8, 12
 #: Walkers where nothing is said, at least.
 FEWEST = 24
 #: Standard deviation of parameters, over their scales, that is as good as none.
@@ -170,19 +170,21 @@ class PosteriorCost:
     """What draws will cost: ``evaluations`` of the model, least and most, and seconds of each.
 
     Of ``walkers``, from ``minima``; ``seconds_each`` was measured where the walkers begin, which is
-    a batch of as many evaluations.
+    a batch of as many evaluations. ``surrogate_s`` is what a surrogate takes beside them for all
+    steps, as measured on one of the same size; it is made where the posterior is bent alone.
     """
 
     walkers: int
     minima: int
     evaluations: tuple[int, int]
     seconds_each: float
+    surrogate_s: float
 
     @property
     def seconds(self) -> tuple[float, float]:
-        """Least and most, s."""
+        """Least, without a surrogate, and most, with one, s."""
         least, most = self.evaluations
-        return least * self.seconds_each, most * self.seconds_each
+        return least * self.seconds_each, most * self.seconds_each + self.surrogate_s
 
 
 @one_thread()
@@ -233,7 +235,7 @@ def posterior(
 def posterior_cost(
     problem: Problem, at: Valued | Result, options: Sampling | None = None
 ) -> PosteriorCost:
-    """What `posterior` will cost, from one evaluation of every walker.
+    """What `posterior` will cost, from one evaluation of every walker and a walk on a surrogate.
 
     Args:
         problem: As `posterior` takes it.
@@ -250,6 +252,7 @@ def posterior_cost(
     begun = time.perf_counter()
     job.begin()
     each = (time.perf_counter() - begun) / (job.evaluations - set_out)
+    pace = pace_of(job.target, job.mixture, job.walkers)
     return PosteriorCost(
         walkers=job.walkers,
         minima=sum(m.copy_of < 0 for m in job.minima),
@@ -258,6 +261,7 @@ def posterior_cost(
             set_out + job.learning + job.walkers * (1 + asked.steps),
         ),
         seconds_each=each,
+        surrogate_s=pace.learning_s + asked.steps * pace.step_s,
     )
 
 
@@ -331,12 +335,6 @@ def _structure(problem: Problem, place: FloatArray) -> Structure | None:
     return curve_structure(objective, point, matrix, noise)
 
 
-def _late(walk: Walk) -> FloatArray:
-    """Places of a first walk about which is learnt, (k, n): of all walkers, the last apart."""
-    late = walk.places[-1 : walk.steps // 2 : -EVERY][:PLACES]
-    return late.reshape(-1, late.shape[-1])
-
-
 class _Job:
     """What is drawn from, where walkers begin, and what that has cost."""
 
@@ -365,31 +363,29 @@ class _Job:
         found = minima_of(self.target, self._fit.places)
         self.minima = found[: self.walkers]
         self.mixture = Mixture.of(self.minima)
+        self.follow: Follow | None = None
 
     def set_out(self, progress: Callable[[str], None]) -> tuple[FloatArray, FloatArray]:
-        """Where the walk begins, with a mixture that follows the posterior where it is bent.
+        """Where the walk begins, with proposals that follow the posterior where it is bent.
 
         Args:
             progress: is called with a line.
         """
         progress("where walkers begin")
         begin, random = self.begin(), np.random.RandomState(self.asked.seed % 2**32 + 1)
-        about_minima = self.mixture
-        if worth(about_minima, self._in_box, random) > GOOD:
+        if worth(self.mixture, self._in_box, random) > GOOD:
             return begin
-        for k in range(LEARNING):
-            progress(f"first walk, {k + 1} of {LEARNING}")
-            first = walked(self._in_box, self.mixture, begin, FIRST, (self.asked.seed, k, 1))
-            begin = first.places[-1], first.log[-1]
-            self.mixture = learnt(self.target, _late(first), about_minima, self._in_box, random)
+        best = self.target.in_units(self.minima[0].centre)
+        target = replace(self.target, rows=lambda p: self._rows(p, best))
+        self.follow, begin = learnt(target, begin, self.mixture, random, progress)
+        if self.follow is not None:
+            self.mixture = self.follow.mixture
         return begin
 
     @property
     def learning(self) -> int:
-        """Evaluations of all first walks, at most."""
-        jacobians = self.walkers * PLACES * (2 * len(self.problem.names) + 1)
-        each = self.walkers * FIRST + jacobians + (1 + len(REACHES)) * TRIED
-        return TRIED + LEARNING * each
+        """Evaluations before draws begin, at most."""
+        return TRIED + learning(self.walkers, len(self.problem.names))
 
     def begin(self) -> tuple[FloatArray, FloatArray]:
         """Places (walkers, n) in units of the box to begin at, and ln of the posterior there."""
@@ -425,7 +421,7 @@ class _Job:
                     keep(
                         path,
                         self._fingerprint,
-                        Kept(walk, self.mixture, self.evaluations, self.failed),
+                        Kept(walk, self.mixture, self.follow, self.evaluations, self.failed),
                     )
                 found = reached(self.target, self.minima, walk)
                 progress(found.told(self.problem.names))
@@ -467,7 +463,8 @@ class _Job:
             done = 0 if walk is None else walk.steps
             total = min(self.asked.steps, max(FIRST, math.ceil(LONGER * done)))
             begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
-            part = walked(self._in_box, self.mixture, begin, total - done, (self.asked.seed, done))
+            seed = (self.asked.seed, done)
+            part = walked(self._in_box, self.mixture, begin, total - done, seed, self.follow)
             walk = part if walk is None else walk.with_more(part)
             yield walk
 
@@ -477,7 +474,7 @@ class _Job:
         kept = kept_in(path, self._fingerprint)
         if kept is None:
             return None
-        self.mixture = kept.mixture
+        self.mixture, self.follow = kept.mixture, kept.follow
         self.evaluations += kept.evaluations
         self.failed += kept.failed
         return kept.walk
@@ -502,9 +499,12 @@ class _Job:
     def _in_box(self, u: FloatArray) -> FloatArray:
         return self._log(self.target.in_units(u))
 
-    def _rows(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-        self.evaluations += 2 * p.size + 1
-        return self.problem.white_rows(p)
+    def _rows(
+        self, p: FloatArray, scatter_at: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        more = scatter_at is not None and bool(self.problem.unknown_noise)
+        self.evaluations += 2 * p.size + 1 + more
+        return self.problem.white_rows(p, scatter_at)
 
     @property
     def _fingerprint(self) -> str:

@@ -392,14 +392,18 @@ class Problem:
             found[inside] = self.logl(flat[inside]) + self._logprior(flat[inside])
         return found.reshape(table.shape[:-1])
 
-    def white_rows(self, p: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def white_rows(
+        self, p: npt.ArrayLike, scatter_at: npt.ArrayLike | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Rows of unit variance and their derivatives: r^T dr/dp = -d ln(posterior)/dp.
 
         Gaussian priors are rows, too: (p - reference)/prior_sigma. Shapes (m + k,), (m + k, n).
-        Rows of unknown noise have the scatter that they have at p, sqrt(S/nu).
+        Rows of unknown noise have the scatter that they have at p, sqrt(S/nu). With that of one
+        place, instead, they are functions of p with these derivatives.
 
         Args:
             p: Parameters, shape (n,), in their units, inside the box.
+            scatter_at: Where rows of unknown noise are asked for their scatter; None: at p.
 
         Raises:
             BadInput: as `logl`.
@@ -413,7 +417,8 @@ class Problem:
         r, jac, known = self.residuals(place), self.jac(place), self._is_known
         scatter = 1.0
         if self._freedom > 0.0:
-            squares = float(self._squares(r[None, ~known])[0])
+            there = r if scatter_at is None else self.residuals(self._checked(scatter_at))
+            squares = float(self._squares(there[None, ~known])[0])
             scatter = math.sqrt(squares / (self._freedom * self._share))
         rows = np.concatenate([noise.whitened(r[known]), r[~known] / scatter, off / sigmas])
         slopes = [noise.whitened(jac[known]), jac[~known] / scatter, unit / sigmas[:, None]]

@@ -86,6 +86,11 @@ def tell_cost(args: argparse.Namespace) -> int:
         f"measured: {1e3 * found.seconds_each:.3g} ms an evaluation, where the walkers begin; "
         "points outside of the box cost nothing"
     )
+    if found.surrogate_s > 0.0:
+        print(
+            f"of this time, a surrogate takes {time_words((0.0, found.surrogate_s))} beside the "
+            "model: nothing where the posterior is not bent"
+        )
     return 0
 
 

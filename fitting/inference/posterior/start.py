@@ -116,24 +116,77 @@ class Mixture:
         Args:
             table: points in units of the box, (k, n).
         """
+        return np.asarray(log_sum(self.log_parts(table)))
+
+    def log_parts(self, table: FloatArray) -> FloatArray:
+        """ln of every part of q, (K, k), but for the same constant.
+
+        Args:
+            table: points in units of the box, (k, n).
+        """
         n = table.shape[1]
-        off = np.einsum("kij,kpj->kpi", self.roots, table[None] - self.centres[:, None])
-        squares = np.sum(off**2, axis=2)
-        logs = self._sizes[:, None] - 0.5 * (FREEDOM + n) * np.log1p(squares / FREEDOM)
-        return np.asarray(logsumexp(logs, axis=0))
+        squares = self._squares(self._stacked @ table.T - self._turned_centres)
+        return np.asarray(self._sizes[:, None] - 0.5 * (FREEDOM + n) * np.log1p(squares / FREEDOM))
+
+    def steps(self, whose: IntArray, rng: np.random.RandomState) -> FloatArray:
+        """Gaussian steps as wide as parts are, (k, n).
+
+        Args:
+            whose: numbers of the parts, (k,).
+            rng: of the steps.
+        """
+        normal = rng.standard_normal((len(whose), self.centres.shape[1], 1))
+        return np.asarray(np.linalg.solve(self.roots[whose], normal)[..., 0])
+
+    def log_steps(self, steps: FloatArray) -> FloatArray:
+        """ln of the density of steps as wide as every part is, (K, k), but for a constant.
+
+        Args:
+            steps: (k, n), in units of the box.
+        """
+        squares = self._squares(self._stacked @ steps.T)
+        return np.asarray(self._determinants[:, None] - 0.5 * squares)
+
+    def _squares(self, turned: FloatArray) -> FloatArray:
+        """|R u|^2 of (K n, k), (K, k)."""
+        parts = turned.reshape(*self.centres.shape, -1)
+        return np.asarray(np.einsum("kip,kip->kp", parts, parts))
+
+    @cached_property
+    def _stacked(self) -> FloatArray:
+        """All roots, one below the other, (K n, n): one product for all of them."""
+        return np.asarray(self.roots.reshape(-1, self.roots.shape[2]))
+
+    @cached_property
+    def _turned_centres(self) -> FloatArray:
+        """R c, one below the other, (K n, 1)."""
+        return np.asarray(np.einsum("kij,kj->ki", self.roots, self.centres).reshape(-1, 1))
 
     @cached_property
     def _sizes(self) -> FloatArray:
         """ln of weight and |det R|, (K,)."""
+        return np.asarray(np.log(self.weights) + self._determinants)
+
+    @cached_property
+    def _determinants(self) -> FloatArray:
+        """ln |det R|, (K,)."""
         diagonals = np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
-        return np.asarray(np.log(self.weights) + np.sum(np.log(diagonals), axis=1))
+        return np.asarray(np.sum(np.log(diagonals), axis=1))
 
     def _about(self, whose: IntArray, rng: np.random.RandomState) -> FloatArray:
-        n = self.centres.shape[1]
-        normal = rng.standard_normal((whose.size, n, 1))
+        steps = self.steps(whose, rng)
         wide = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, whose.size))
-        steps = np.linalg.solve(self.roots[whose], normal)[..., 0]
         return np.asarray(self.centres[whose] + wide[:, None] * steps)
+
+
+def log_sum(logs: FloatArray) -> FloatArray:
+    """ln of the sum over the first axis of what is given by its ln, finite for each of the others.
+
+    Args:
+        logs: (K, ...).
+    """
+    most = np.max(logs, axis=0)
+    return np.asarray(most + np.log(np.sum(np.exp(logs - most), axis=0)))
 
 
 def _reflected(table: FloatArray) -> FloatArray:
