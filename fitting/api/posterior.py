@@ -29,9 +29,10 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.chain import Walk, sampler_library, walked
+from fitting.inference.posterior.first_walks import LEARNING, about_walk, evaluations
 from fitting.inference.posterior.follow import Follow
 from fitting.inference.posterior.kept import Kept, keep, kept_in
-from fitting.inference.posterior.learnt import TRIED, learning, learnt, worth
+from fitting.inference.posterior.learnt import TRIED, fits, learning, learnt, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.outputs import outputs_of, read_outputs
 from fitting.inference.posterior.pace import pace_of
@@ -378,14 +379,35 @@ class _Job:
         best = self.target.in_units(self.minima[0].centre)
         target = replace(self.target, rows=lambda p: self._rows(p, best))
         self.follow, begin = learnt(target, begin, self.mixture, random, progress)
-        if self.follow is not None:
-            self.mixture = self.follow.mixture
+        if self.follow is None:
+            return self._first_walks(begin, random, progress)
+        self.mixture = self.follow.mixture
+        return begin
+
+    def _first_walks(
+        self,
+        begin: tuple[FloatArray, FloatArray],
+        random: np.random.RandomState,
+        progress: Callable[[str], None],
+    ) -> tuple[FloatArray, FloatArray]:
+        """Where first walks end; the mixture follows them, as no surrogate does."""
+        about_minima = self.mixture
+        for k in range(LEARNING):
+            progress(f"first walk, {k + 1} of {LEARNING}")
+            first = walked(self._in_box, self.mixture, begin, FIRST, (self.asked.seed, k, 1))
+            begin = first.places[-1], first.log[-1]
+            self.mixture = about_walk(self.target, first, about_minima, self._in_box, random)
         return begin
 
     @property
     def learning(self) -> int:
         """Evaluations before draws begin, at most."""
-        return TRIED + learning(self.walkers, len(self.problem.names))
+        parameters = self.problem.record.parameters
+        n = len(parameters)
+        rows = self.problem.record.data.sigma.size + sum(bool(p.prior_sigma) for p in parameters)
+        if not fits(n, rows):
+            return TRIED + evaluations(self.walkers, n, FIRST)
+        return TRIED + learning(self.walkers, n)
 
     def begin(self) -> tuple[FloatArray, FloatArray]:
         """Places (walkers, n) in units of the box to begin at, and ln of the posterior there."""

@@ -128,7 +128,8 @@ def test_what_is_too_large_is_drawn_without_a_surrogate(
     problem, told = ring(), list[str]()
     at = fitted(problem)
     found = ff.posterior(problem, at, ff.Sampling(steps=200), progress=told.append)
-    assert any("nothing is learnt" in words for words in told)
+    assert any("no surrogate" in words for words in told)
+    assert any("first walk, 2 of 2" in words for words in told)
     assert not any("round" in words for words in told)
     assert np.mean(np.sum(found.draws**2, axis=2)) == pytest.approx(1.0, abs=0.04)
     assert ff.posterior_cost(problem, at).surrogate_s == 0.0

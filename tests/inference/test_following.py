@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from fitting.inference.posterior.chain import Walk
+from fitting.inference.posterior.first_walks import about_walk
 from fitting.inference.posterior.follow import Follow
-from fitting.inference.posterior.learnt import learnt
+from fitting.inference.posterior.learnt import learnt, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.start import Minimum, Mixture
 from fitting.inference.posterior.surrogate import Places, Surrogate
@@ -191,3 +193,19 @@ def test_a_ring_is_learnt_from_one_place_and_drawn_all_around(
     p = target.in_units(found)
     assert uniform(np.arctan2(p[:, 1], p[:, 0]) / (2.0 * math.pi) + 0.5) > 1e-3
     assert uniform(ndtr((np.sum(p**2, axis=1) - 1.0) / 0.05)) > 1e-3
+
+
+def test_a_mixture_about_places_of_a_walk_hits_a_ring_that_one_about_a_minimum_misses() -> None:
+    target = ring()
+    minima = Mixture.of(minima_of(target, [("a fit", np.array([1.0, 0.0]))]))
+    angle = np.random.default_rng(3).uniform(0.0, 2.0 * math.pi, (96, 24))
+    on_it = 0.5 + 0.25 * np.stack([np.cos(angle), np.sin(angle)], axis=2)
+    walk = Walk(places=on_it, log=np.zeros((96, 24)), accepted=0.5)
+
+    def log(u: FloatArray) -> FloatArray:
+        return target.log(target.in_units(u))
+
+    rng = np.random.RandomState(1)
+    found = about_walk(target, walk, minima, log, rng)
+    assert worth(minima, log, rng) < 0.1
+    assert worth(found, log, rng) > 0.3

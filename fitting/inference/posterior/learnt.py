@@ -87,9 +87,9 @@ def learnt(
         them, or of parameters, than a surrogate is made for.
     """
     places, many = begin[0], len(begin[0])
-    known = _known(target, places)
+    known = known_at(target, places)
     if known is None:
-        progress("nothing is learnt: no residuals where walkers begin, or too many for a surrogate")
+        progress("no surrogate: no residuals where walkers begin, or too many for one")
         return None, begin
     before = 0.0
     for k in range(ROUNDS):
@@ -105,7 +105,7 @@ def learnt(
         if min(share, before) > ENOUGH:
             break
         before = share
-        more = _known(target, ends[np.argsort(-np.where(np.isfinite(log), off, -1.0))[:many]])
+        more = known_at(target, ends[np.argsort(-np.where(np.isfinite(log), off, -1.0))[:many]])
         known = known if more is None else known.beside(more)
     follow, _ = walked_on(Surrogate.through(known, periods_of(target)), minima, places, rng, LAST)
     likely = np.isfinite(log)
@@ -157,11 +157,17 @@ def periods_of(target: Target) -> FloatArray:
     return np.array([part if part * (1.0 - WHOLE) <= 1.0 else math.inf for part in parts])
 
 
-def _known(target: Target, places: FloatArray) -> Places | None:
-    """Residuals at places in units of the box, as far as the model has them, and not too many."""
+def known_at(target: Target, places: FloatArray, *, any_size: bool = False) -> Places | None:
+    """Residuals at places in units of the box, as far as the model has them.
+
+    Args:
+        target: the posterior.
+        places: (k, n) in units of the box.
+        any_size: whether they may be more than a surrogate is made of; None without, else.
+    """
     _, width = target.box
     known: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    if not fits(len(width)):
+    if not (any_size or fits(len(width))):
         return None
     for place in places:
         try:
@@ -170,7 +176,7 @@ def _known(target: Target, places: FloatArray) -> Places | None:
             raise
         except (FmuFailure, NoScale):
             continue  # beside a place where the model has no value
-        if not fits(*slopes.shape[::-1]):
+        if not (any_size or fits(*slopes.shape[::-1])):
             return None
         known.append((place, rows, slopes * width))
     return Places.of(known) if known else None
@@ -215,10 +221,10 @@ def _mixture(
     """Parts about places, each as far as the sheet is straight there, and those of the minima."""
     places = places - surrogate.turns(places)
     rows, slopes = surrogate.rows(places), surrogate.slopes(places)
-    centres, roots = _about(places, rows, slopes, REACHES[-1])
+    centres, roots = about(places, rows, slopes, REACHES[-1])
     wanted = np.full(len(places), True)  # whose reach is not known
     for reach in REACHES:
-        wide = _about(places, rows, slopes, reach)
+        wide = about(places, rows, slopes, reach)
         straight = wanted & (_bend(surrogate, (places, rows, slopes), wide, rng) < STRAIGHT)
         centres[straight], roots[straight] = wide[0][straight], wide[1][straight]
         wanted &= ~straight
@@ -226,10 +232,17 @@ def _mixture(
     return parts.beside(minima, 1.0 - KEPT)
 
 
-def _about(
+def about(
     places: FloatArray, rows: FloatArray, slopes: FloatArray, reach: float
 ) -> tuple[FloatArray, FloatArray]:
-    """c and R of each place; see the module."""
+    """c (k, n) and R (k, n, n) of each place; see the module.
+
+    Args:
+        places: (k, n) in units of the box.
+        rows: residuals there, (k, m).
+        slopes: their derivatives, (k, m, n).
+        reach: along the sheet, in units of the box.
+    """
     k, n = places.shape
     held = np.broadcast_to(np.eye(n) / reach, (k, n, n))
     turned, roots = np.linalg.qr(np.concatenate([slopes, held], axis=1))
