@@ -145,9 +145,9 @@ def test_angles_that_differ_by_a_period_are_one_system() -> None:
 
 def test_what_asks_for_too_much_is_told_and_ends() -> None:
     objective = string_objective()
-    evaluator = evaluator_of(objective, limit=10)
+    evaluator = evaluator_of(objective, limit=20)
     with pytest.raises(Exhausted):
-        evaluator([Request(tuple(np.zeros(3) for _ in range(11)))])
+        evaluator([Request(tuple(np.zeros(3) for _ in range(21)))])
     searches = [expansion_at(evaluator.likelihood, np.zeros(3)) for _ in range(6)]
     assert run_in_lockstep(searches, evaluator) == [None] * 6
 
