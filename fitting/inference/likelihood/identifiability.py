@@ -89,8 +89,8 @@ def _said(likelihood: Likelihood, change: _Change | None) -> dict[str, Any]:
         return {"change": {}, "largest": math.nan, "sentence": ""}
     named = {
         q.name: float(value)
-        for q, value, width in zip(likelihood.parameters, change.by, likelihood.widths, strict=True)
-        if abs(value) > 1e-9 * width * q.scale
+        for q, value in zip(likelihood.parameters, change.by, strict=True)
+        if value
     }
     sentence = _change_words(likelihood, named, change.largest)
     return {"change": named, "largest": change.largest, "sentence": sentence}
@@ -139,6 +139,8 @@ def _tried(
     p = to_model(exact.parameters, x)
     by = to_model(exact.parameters, valley.x) - p
     by[np.abs(valley.x - x) < TRIFLE * widths] = 0.0
+    if not np.any(by):  # back where it began
+        return None
     for digits in (2, 3, 4):
         shown = np.array([_rounded(v, digits) for v in by])
         rows = yield from _rows_at(to_search(exact.parameters, p + shown))

@@ -126,14 +126,12 @@ def fits(n: int, m: int = 0) -> bool:
 
 
 def learning(walkers: int, n: int) -> int:
-    """Evaluations of the posterior that `learnt` takes, at most.
+    """Evaluations of the posterior that `learnt` takes to make a surrogate, at most.
 
     Args:
         walkers: how many.
         n: parameters.
     """
-    if not fits(n):
-        return 0
     rows = walkers * (2 * n + 2)  # one for the scatter of unknown noise
     return rows + ROUNDS * (rows + max(WALKS, walkers))
 
