@@ -5,7 +5,9 @@
 The scene is the 7 MHz string under its two tones, from rest, sampled every 10 us; after each step
 one getReal fetches both hybridised displacements. ``three modes`` are those of CoupledModes3, with
 and without a pump. A start sets one parameter, initialises and
-reads all outputs. Calls go through fmpy, whose share is in both columns; ``loop`` is the time of as
+reads all outputs. A derivative is that of one output along one parameter, at the last of seven
+samples, beside a whole run of seven, which is what a difference takes instead; the FMU in Python
+has none. Calls go through fmpy, whose share is in both columns; ``loop`` is the time of as
 many calls of an FMU that does next to nothing, getInteger. A fit is ``fmu-fit reconstruct`` of a
 shipped campaign with the one FMU or the other, its worker processes included, without the report;
 each value of both follows, and how far they are apart in standard deviations. ``--quick`` takes
@@ -35,6 +37,7 @@ from tests.support.fmus import Instance, Unpacked, unpack
 
 ROOT = Path(build_fmu.__file__).parent
 STEP_S = 1e-5
+SAMPLES = 7
 OUTPUTS = ("q1_hybrid", "q2_hybrid", "q1", "q2")
 PUMP = {"depth_f1": 1e-5, "pump_hz": 3.1e5}
 THREE: dict[str, dict[str, Any]] = {
@@ -48,6 +51,8 @@ SOLVERS: dict[str, dict[str, Any]] = {
     "far mode left out": {"other_mode": 2},
     "rk4": {"solver": 2},
 }
+#: Starts from which whole runs and derivatives are timed.
+RUNS: dict[str, dict[str, Any]] = {"from rest": {}, "periodic": {"periodic_start": True}}
 
 
 def microseconds(calls: Callable[[], int]) -> float:
@@ -94,6 +99,36 @@ def loop(fmu: Instance, count: int) -> float:
         for _ in range(count):
             fmu.slave.getInteger([solver])
             fmu.slave.getInteger([solver])
+        return count
+
+    return microseconds(run)
+
+
+def runs(fmu: Instance, values: dict[str, Any], count: int) -> float:
+    """Microseconds of a reset, a start with another damping, and as many samples of one output."""
+    output = next(name for name in fmu.outputs() if name in OUTPUTS)
+
+    def run() -> int:
+        for k in range(count):
+            fmu.slave.reset()
+            fmu.start(**values, d1=100.0 + 0.1 * k)
+            for sample in range(SAMPLES):
+                fmu.step(sample * STEP_S, STEP_S)
+                fmu.get(output)
+        return count
+
+    return microseconds(run)
+
+
+def derivatives(fmu: Instance, values: dict[str, Any], count: int) -> float:
+    """Microseconds of a directional derivative of an output along a parameter."""
+    output = next(name for name in fmu.outputs() if name in OUTPUTS)
+    unknown, known = (fmu._variables[name].valueReference for name in (output, "d1"))
+    runs(fmu, values, 1)
+
+    def run() -> int:
+        for _ in range(count):
+            fmu.slave.getDirectionalDerivative([unknown], [known], [1.0])
         return count
 
     return microseconds(run)
@@ -153,6 +188,11 @@ def table(
                 few = max(1, count // 50) if label == "rk4" and title == "step" else count
                 a, b = (measure(fmu, values, few) for fmu in (slow, quick))
                 print(f"{title + ', ' + label:<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
+        for label, values in RUNS.items():
+            a, b = (runs(fmu, values, options.starts) for fmu in (slow, quick))
+            print(f"{'run of 7, ' + label:<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
+            b = derivatives(quick, values, options.starts)
+            print(f"{'derivative, ' + label:<28}{'-':>10}{b:>10.1f}{'-':>8}")
         a, b = (loop(fmu, options.steps) for fmu in (slow, quick))
         print(f"{'loop, ' + model:<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
 
