@@ -312,6 +312,17 @@ def test_slopes_are_carried_over_good_steps_and_are_those_of_the_end_where_it_en
     assert end.end.outward.shape == ((1, 6) if output else (0, 6))
 
 
+def test_slopes_are_carried_where_a_few_values_belong_to_single_experiments() -> None:
+    """The same minimum with five values of single experiments, within as many evaluations."""
+    own = [parameter(f"x{i}", -10.0, 10.0, experiment=f"pair{i}") for i in range(1, 6)]
+    evaluator = evaluator_of(whitened(bent, parameter("x0", -10.0, 10.0), *own))
+    end, evaluations = held_at_three(evaluator, 6)
+    assert end.reached
+    assert evaluations <= 7 + 3
+    assert end.end.x == pytest.approx([3.0, *[0.18] * 5], abs=2e-3)
+    assert end.end.matrix[1:6, 0] == pytest.approx(np.full(5, -0.12), abs=2e-3)
+
+
 @pytest.mark.parametrize(("stiff", "bend", "most"), [(2.0, 0.08, 5), (3.0, 0.2, 7)])
 def test_carried_slopes_lead_as_near_to_the_minimum_as_new_ones(
     stiff: float, bend: float, most: int

@@ -47,8 +47,9 @@ ASTRAY = 20.0
 #: Steps at most over which slopes are carried on; share of the promise of a step that it must gain,
 #: and chi square beyond what it foresees that it may end at, for them to be good enough.
 CARRIED, KEPT_SHARE, KEPT_EXCESS = 3, 0.7, 1.0
-#: Parameters of single experiments up to which slopes are not carried.
-FEW_OWN = 12
+#: Parameters of single experiments that are few, and steps at most over which slopes are carried
+#: then: their nodes share most runs with their point's own, and each step of few is a batch.
+FEW_OWN, CARRIED_OF_FEW = 12, 2
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
 #: Chi square by which the data may be described better with wider noise, and times that a descent
@@ -250,12 +251,7 @@ class _Walker:
         self.moved = constraint.index < 0
         self.steps = self.age = 0
         self.damping, self.hope, self.pace = LEAST_DAMPING, np.inf, _Pace(wanted)
-        # free descents are few, and which of several minima is the lowest hangs on their last step;
-        # nodes of what belongs to single experiments share most runs with their point's own: of few
-        # of them slopes are as good as carried ones; of many all of a walk's cost is in its slopes
-        own = sum(bool(p.experiments) for p in likelihood.parameters)
-        taken = constraint == UNCONSTRAINED or 0 < own <= FEW_OWN
-        self._oldest = 0 if taken else CARRIED
+        self._oldest = _most_carried(likelihood, constraint)
         self._led_by_carried = False
         self._sound = here, self.moved  # where slopes were taken last
 
@@ -372,6 +368,14 @@ class _Walker:
         trial = Expansion(sample, self.here.matrix, self.here.outward)
         if _merit(trial, self.constraint) < self.merit:
             self.here = trial
+
+
+def _most_carried(likelihood: Likelihood, constraint: Constraint) -> int:
+    """Steps at most over which slopes are carried."""
+    if constraint == UNCONSTRAINED:
+        return 0  # these are few, and which of several minima is lowest hangs on their last step
+    own = sum(bool(p.experiments) for p in likelihood.parameters)
+    return CARRIED_OF_FEW if 0 < own <= FEW_OWN else CARRIED
 
 
 class _Pace:
