@@ -228,7 +228,8 @@ class Value:
             open_ = self.interval95 if math.isfinite(self.interval95[0]) else self.range
             text = f"{self.name}: {self.verdict}, {span(*open_, self.unit)}"
         else:
-            text = f"{self.name} = {self._reported()}, {self.verdict}"
+            where = "" if self.profile is None else self.profile.condition
+            text = f"{self.name} = {self._reported()}, {self.verdict}{where}"
         return text.replace("\u00a0", " ")
 
     def _reported(self) -> str:

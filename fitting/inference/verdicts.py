@@ -150,6 +150,7 @@ def withdrawn(profile: Profile, why: str) -> Profile:
         verdict=Verdict.WITHDRAWN,
         precision=math.nan,
         reason=why,
+        boxes=(),
     )
 
 

@@ -11,6 +11,7 @@ from fitting.inference.ending import Ending
 from fitting.inference.sweep_line import LineFit
 from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
+from fitting.report.tables.published import rows_of
 from fitting.report.tables.values import interval_table, parameter_table, values_table
 from fitting.report.words.answer import CUT_SHORT, NO_PROFILES, answer_lines, answer_of
 from fitting.report.words.result import further_warnings, result_lines
@@ -107,6 +108,22 @@ def test_what_holds_under_a_condition_alone_stands_with_it(result: Result) -> No
     assert told.count("d1 = ") == 1
     alone = answer_of(replace(result, warnings=(said.replace("theta and d1", "d1 and D11"),)))
     assert alone.nothing == "nothing but what is given below"
+
+
+def test_a_verdict_that_rests_on_boxes_names_them_wherever_it_stands(result: Result) -> None:
+    found = replace(result.parameters["d1"], boxes=("d2", "theta"))
+    there = replace(result, parameters={**result.parameters, "d1": found})
+    where = "in the boxes of d2 and theta"
+    assert f"d1 = 93.42 ± 0.24 Hz ({where})" in "\n".join(answer_lines(answer_of(there))).replace(
+        "\u00a0", " "
+    )
+    for table in (values_table(there, ""), parameter_table(there)):
+        [said] = [row[-1].text for row in table.rows if row[0].text == "d1"]
+        assert said.startswith("determined")
+        assert said.endswith(where)
+    [row] = [row for row in rows_of(there) if row.name == "d1"]
+    assert row.verdict == f"determined {where}"
+    assert not any("box" in row.verdict for row in rows_of(result))
 
 
 def test_the_sweep_s_own_line_is_told_where_it_knows_better(result: Result) -> None:

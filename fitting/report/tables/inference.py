@@ -84,7 +84,7 @@ PROFILES: tuple[Column[Named], ...] = (
     Column("ends below", lambda row: end_words(row[1].ends[0])),
     Column("ends above", lambda row: end_words(row[1].ends[1])),
     Column("precision", lambda row: _precision(row[1])),
-    Column("verdict", lambda row: verdict(row[1].verdict)),
+    Column("verdict", lambda row: verdict(row[1].verdict, row[1].condition)),
 )
 
 
@@ -117,9 +117,9 @@ def part_table(whole: Knowledge, part: PartAlone) -> Table:
         Column("value", lambda row: symbol(row[0]), role="name"),
         Column("unit", lambda row: unit_text(row[2].unit)),
         Column(f"95 %, {where} alone", lambda row: interval(row[1].interval95)),
-        Column(f"verdict, {where} alone", lambda row: verdict(row[1].verdict)),
+        Column(f"verdict, {where} alone", lambda row: verdict(row[1].verdict, row[1].condition)),
         Column("95 %, all", lambda row: interval(row[2].interval95)),
-        Column("verdict, all", lambda row: verdict(row[2].verdict)),
+        Column("verdict, all", lambda row: verdict(row[2].verdict, row[2].condition)),
     )
     return tabulate(
         f"What was measured at {where} determines alone, and what all of it determines",

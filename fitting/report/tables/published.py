@@ -122,7 +122,7 @@ def _row(value: Value) -> Row:
         std=math.nan if value.open else found.std,
         low=found.ci95[0],
         high=found.ci95[1],
-        verdict=str(found.identifiable),
+        verdict=f"{found.identifiable}{found.condition}",
         source="fit" if found.is_most_likely else "Algorithm 2, std and interval of the likelihood",
         bars=found.bars if found.is_most_likely and not value.open else EVEN,
     )

@@ -94,13 +94,14 @@ MARKS = {
 }
 
 
-def verdict(identifiable: Verdict) -> Cell:
-    """A verdict with its colour.
+def verdict(identifiable: Verdict, condition: str = "") -> Cell:
+    """A verdict with its colour, and what it holds under.
 
     Args:
         identifiable: how far the data determine it.
+        condition: " in the box of d1"; mostly empty.
     """
-    return Cell(str(identifiable), mark=MARKS.get(identifiable, "no"))
+    return Cell(f"{identifiable}{condition}", mark=MARKS.get(identifiable, "no"))
 
 
 def error(found: ParameterResult | DerivedResult | OffsetResult) -> float | Cell:
@@ -248,7 +249,7 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("start", lambda row: row[1].start),
     Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),
     Column(PAPERS, lambda row: rounded(row[1].algorithm2, row[1], 8)),
-    Column("by the data", lambda row: verdict(row[1].identifiable)),
+    Column("by the data", lambda row: verdict(row[1].identifiable, row[1].condition)),
 )
 
 
@@ -315,7 +316,7 @@ DERIVED: tuple[Column[Output], ...] = (
     Column("at the reference", lambda row: row[1].reference, digits=9),
     Column("range over the box", lambda row: interval(row[1].box)),
     Column(PAPERS, lambda row: _if_rounded(row[1], row[1].algorithm2)),
-    Column("by the data", lambda row: verdict(row[1].identifiable)),
+    Column("by the data", lambda row: verdict(row[1].identifiable, row[1].condition)),
 )
 
 

@@ -66,7 +66,8 @@ class Known:
 
     `fitted` is empty unless the sweep by itself knows it better; `others` are names of the same
     number; `is_even`: its error is ±, or it has none. `beyond`: which number to believe where it
-    lies beyond its box, mostly empty. `source` is what it is known by, empty: by the fit.
+    lies beyond its box, mostly empty. `source` is what it is known by, or the box in which the fit
+    knows it; empty: by the fit, wherever its box ends.
     """
 
     name: str
@@ -82,7 +83,7 @@ class Known:
 
     @property
     def told(self) -> str:
-        """What is known of it, and by what where that is not the fit: "= 94.2 Hz (sweep alone)"."""
+        """What is known of it, and by what or in which box: "= 94.2 Hz (sweep alone)"."""
         return f"{self.shown} ({self.source})" if self.source else self.shown
 
     @property
@@ -224,7 +225,13 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
         share = _share(found.value, found.std)
         if not math.isnan(_box_end(found)):  # what Algorithm 2 says is the end of the box
             own = found.likely_words
-        return Known(name, f"= {own}", share=share, is_even=found.bars.is_even)
+        return Known(
+            name,
+            f"= {own}",
+            share=share,
+            is_even=found.bars.is_even,
+            source=found.condition.strip(),
+        )
     words = {
         Verdict.BOUNDED: f"between {_range(*found.ci95, found.unit).replace(' to ', ' and ')}",
         Verdict.ABOVE: f"at most {_one(found.ci95[1], found.unit, up=True)}",
@@ -232,7 +239,7 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
     }
     if verdict not in words:
         return None
-    return Known(name, words[verdict], share=math.inf)
+    return Known(name, words[verdict], share=math.inf, source=found.condition.strip())
 
 
 def _with_box(known: Known, found: Found) -> Known:
