@@ -236,6 +236,16 @@ def test_of_a_model_that_does_not_describe_the_data_nothing_is_known(result: Res
     assert not answer.by_data
     assert answer.nothing == "nothing"
     assert answer.open == ("theta and d1 (the model does not describe the data)",)
+    knowledge = plot_records.knowledge()
+    misfit = replace(knowledge.adequacy, chi_square=4e3, p_value=0.0, describes=False)
+    judged = replace(bad, knowledge=replace(knowledge, adequacy=misfit))
+    assert answer_of(judged).nothing.replace("\u00a0", " ") == (
+        "nothing by the model; the line of the sweep alone is 94.00 ± 0.24 Hz wide"
+    )
+    # where the sweep itself may be wrong its line tells nothing
+    for doubt in (replace(misfit, absent="a line"), replace(misfit, scale_off=2.0)):
+        there = replace(knowledge, adequacy=doubt)
+        assert answer_of(replace(bad, knowledge=there)).nothing == "nothing"
 
 
 def test_the_answer_stands_before_all_else_and_nothing_is_said_twice(result: Result) -> None:

@@ -322,7 +322,7 @@ def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
     by_limits: dict[tuple[str, ...], list[str]] = {}
     for name, profile in profiles.items():
         held = _held_by(name, profile)
-        if held:
+        if held and profile.verdict is not Verdict.WITHDRAWN:  # of that the fit says nothing
             by_limits.setdefault(held, []).append(name)
     return tuple(
         f"What the fit says of {', '.join(names)} rests on the box of {' and '.join(held)}: it was "

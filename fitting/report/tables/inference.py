@@ -210,9 +210,9 @@ def nu_table(nu: NuChoice) -> Table:
         "The result at every ν, and what would choose it",
         columns,
         nu.rows,
-        "χ²(ν) is that of the data where Algorithm 2 stood at that ν; χ² without ν is the least "
-        "that any parameters reach, by which the fit is judged. χ²(ν) is held against "
-        f"{number(nu.allowed, 4)}, which noise stays below in 95 % of cases.",
+        "χ²(ν) is that of the data where Algorithm 2 stood at that ν; χ² without ν is that at the "
+        "most likely parameters, in the box or beyond it, by which the fit is judged. χ²(ν) is "
+        f"held against {number(nu.allowed, 4)}, which noise stays below in 95 % of cases.",
     )
 
 
