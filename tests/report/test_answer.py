@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import pytest
 
+import fitting as ff
 from fitting.inference.ending import Ending
 from fitting.inference.sweep_line import LineFit
 from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
-from fitting.report.tables.published import rows_of
+from fitting.report.tables.published import latex, rows_of
 from fitting.report.tables.values import interval_table, parameter_table, values_table
 from fitting.report.words.answer import CUT_SHORT, NO_PROFILES, answer_lines, answer_of
 from fitting.report.words.result import further_warnings, result_lines
@@ -74,6 +75,43 @@ def test_a_whole_period_is_no_interval(result: Result) -> None:
         assert row in line
         [cells] = [cells for cells in parameter_table(there).rows if cells[0].text == "theta"]
         assert cells[4].text == ("whole period" if found is theta else "0.31 to 3.40")
+        [published] = [each for each in rows_of(there) if each.name == "theta"]
+        written = latex([published]).splitlines()[5].replace("~", " ")
+        if found is theta:
+            assert "& -- & its whole period of 3.14 rad & not determined &" in written
+            assert math.isnan(published.low)
+            assert math.isnan(published.high)
+        else:
+            assert "& -- & 0.31 to 3.40 rad & not determined &" in written
+            assert (published.low, published.high) == (0.31, 3.4)
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        (("round", "round"), "theta: not determined, every value around its period fits"),
+        (("bound", "bound"), "theta: not determined, 0.31 to 3.46 rad"),
+    ],
+)
+def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], said: str) -> None:
+    profile = replace(plot_records.profile(), verdict=Verdict.OPEN, ends=ends, boxes=())
+    nothing = math.nan
+    theta = ff.Value(
+        name="theta",
+        kind="parameter",
+        unit="rad",
+        value=nothing,
+        std=nothing,
+        verdict=Verdict.OPEN,
+        reason="every value around its period fits",
+        range=(-6.28, 6.28),
+        stopped_at=1.9,
+        algorithm2=1.9,
+        reference=1.9,
+        interval95=(0.31, 3.46),
+        profile=profile,
+    )
+    assert repr(theta) == said
 
 
 def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> None:

@@ -114,7 +114,7 @@ def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str
     return f"{_with_prefix(found.value, found.unit)} by Algorithm 2{outside} (most likely {best})"
 
 
-def period_words(found: ParameterResult | DerivedResult) -> str:
+def period_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     """The whole period of a value that goes round: "its whole period of 3.14 rad".
 
     Args:
