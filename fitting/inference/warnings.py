@@ -255,10 +255,14 @@ def _on_bounds(solution: Solution) -> list[str]:
             continue
         at = f"{bound:.9g} {unit_text(parameter.unit)}".rstrip()
         if abs(p - bound) <= parameter.near(bound, ON_BOUND):
-            said.append(f"{parameter.name} ended on a bound of its box ({at}).")
+            where = f"on a bound of its box ({at})"
         else:
             found = f"{p:.9g} {unit_text(parameter.unit)}".rstrip()
-            said.append(f"{parameter.name} ended at {found}, next to a bound of its box ({at}).")
+            where = f"at {found}, next to a bound of its box ({at})"
+        said.append(
+            f"Algorithm 2, the method as published, ended with {parameter.name} {where}; the most "
+            f"likely {parameter.name} need not lie there."
+        )
     return said
 
 

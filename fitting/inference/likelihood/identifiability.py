@@ -361,7 +361,12 @@ def sentences(
         if direction.sentence
     ]
     said += [_idle_words(optimum, name) for name in idle]
-    said += [f"Another minimum: {other.sentence}." for other in others]
+    said += [
+        f"The alternative {other.sentence}."
+        if other.origin == "alternative"
+        else f"Another minimum: {other.sentence}."
+        for other in others
+    ]
     for end, why, more in (
         ("cost", "were cut for their cost", ": a larger --budget would tell"),
         ("lost", "lost their way", ""),

@@ -171,7 +171,7 @@ def _component(name: str) -> Callable[[tuple[int, Direction]], float]:
 
 
 EQUIVALENTS: tuple[Column[tuple[int, Equivalent]], ...] = (
-    Column("minimum", lambda row: str(row[0]), role="name"),
+    Column("fit", lambda row: str(row[0]), role="name"),
     Column("found from", lambda row: row[1].origin),
     Column("Δχ²", lambda row: row[1].delta, digits=2),
     Column("where", lambda row: row[1].sentence, role="words"),
@@ -186,7 +186,9 @@ def equivalent_table(knowledge: Knowledge) -> Table | None:
     """
     if not knowledge.equivalents:
         return None
-    return tabulate("Equivalent minima", EQUIVALENTS, enumerate(knowledge.equivalents, start=1))
+    return tabulate(
+        "Other fits that are as good", EQUIVALENTS, enumerate(knowledge.equivalents, start=1)
+    )
 
 
 def nu_table(nu: NuChoice) -> Table:

@@ -52,7 +52,8 @@ def profile_words(name: str, profile: Profile) -> str:
     )
     return (
         f"{name}: {word}{where}, {span(low / factor, high / factor, unit)} at 95 % "
-        f"(most likely {number(profile.best / factor, 7)}, +{number(up, 2)} -{number(down, 2)})"
+        f"(most likely {number(profile.best / factor, 7)}, +{number(up, 2)} -{number(down, 2)} to "
+        "its ends)"
         f"{tail}"
     )
 
