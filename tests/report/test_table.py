@@ -129,7 +129,7 @@ def test_a_terminal_s_number_is_the_number_to_its_digits(value: float, digits: i
 def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
     data = records.campaign()
     lines = text_lines(values_table(records.result_for(data), ""))
-    assert lines[0].split()[:5] == ["parameter", "value", "unit", "std", "prior"]
+    assert lines[0].split()[:5] == ["parameter", "value", "unit", "std", "reference"]
     told = {line.split()[0]: line.split() for line in lines[1:]}
     assert told["theta"][1] == "-"
     assert " ".join(told["lambda"][5:]).startswith("not determined: 63000 to 781000 fits")

@@ -189,7 +189,7 @@ VALUES: tuple[Column[Value], ...] = (
     Column("unit", lambda v: unit_text(v.found.unit)),
     MOST_LIKELY,
     Column("std", lambda v: math.nan if v.same else error(v.found), digits=2),
-    Column("prior", lambda v: math.nan if v.same else v.reference, digits=6),
+    Column("reference", lambda v: math.nan if v.same else v.reference, digits=6),
     Column(
         "by the data",
         lambda v: f"= {v.same}" if v.same else verdict_words(v.found),
@@ -256,7 +256,7 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
 
 
 def parameter_table(result: Result) -> Table:
-    """Fitted parameters with unit, error, interval, prior, and what the data say of them.
+    """Fitted parameters with unit, error, interval, reference, and what the data say of them.
 
     Args:
         result: of a reconstruction.
@@ -324,7 +324,7 @@ DERIVED: tuple[Column[Output], ...] = (
 
 
 def derived_table(result: Result) -> Table:
-    """Derived outputs: mean, spread over the experiments, error, prior, what the data say.
+    """Derived outputs: mean, spread over the experiments, error, reference, what the data say.
 
     Args:
         result: of a reconstruction.
