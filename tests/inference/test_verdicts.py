@@ -514,8 +514,19 @@ def test_an_end_that_another_box_makes_names_that_box() -> None:
     known = learnt(whitened(rows, a, d))
     assert known.parameters["a"].held == ("d",)
     assert known.parameters["a"].boxes == ("d",)
+    assert known.parameters["a"].reason == "above it d goes as far as it may"
     [said] = [s for s in known.sentences if "rests on the box" in s and s.startswith("What")]
     assert said.startswith("What the fit says of a rests on the box of d: ")
+
+
+def test_two_boxes_that_make_an_end_are_both_named() -> None:
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([(p[0] + p[1] + p[2] - 5.0) / 0.1, (p[0] - 4.0) / 0.6, 0.0, 0.0])
+
+    own = (parameter(name, 0.1, 0.5, start=0.25) for name in ("d", "e"))
+    a = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own)).parameters["a"]
+    assert a.reason == "above it d and e go as far as they may"
+    assert a.condition == " in the boxes of d and e"
 
 
 def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
