@@ -226,9 +226,12 @@ class Value:
     def __repr__(self) -> str:
         if math.isnan(self.value):
             open_ = self.interval95 if math.isfinite(self.interval95[0]) else self.range
-            text = f"{self.name}: {self.verdict}, {span(*open_, self.unit)}"
+            goes_round = self.profile is not None and self.profile.ends == ("round", "round")
+            fits = self.reason if goes_round else span(*open_, self.unit)
+            text = f"{self.name}: {self.verdict}, {fits}"
         else:
-            text = f"{self.name} = {self._reported()}, {self.verdict}"
+            where = "" if self.profile is None else self.profile.condition
+            text = f"{self.name} = {self._reported()}, {self.verdict}{where}"
         return text.replace("\u00a0", " ")
 
     def _reported(self) -> str:

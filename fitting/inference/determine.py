@@ -62,6 +62,7 @@ from fitting.inference.likelihood.outside import (
     beyond_sentences,
     held_sentences,
     taken_in,
+    with_boxes,
 )
 from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
@@ -178,7 +179,7 @@ def determine(
         withdrawn="" if adequacy.describes else adequacy.why_not,
         redundant=is_redundant(optimum),
     )
-    profiles = profiles_of(found, basis)
+    profiles = with_boxes(optimum.likelihood, outside, profiles_of(found, basis))
     if options.only:  # what nobody asked for was not walked: nothing is said of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
     _log_of(profiles)

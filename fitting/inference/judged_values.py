@@ -95,4 +95,5 @@ def _judged(value: Valued, profile: Profile | None, withdrawn: str) -> Valued:
         simulation=profile.simulation,
         reason=profile.reason,
         bars=error_bars(profile),
+        boxes=profile.boxes,
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fitting.campaign.parameters import SLACK
 from fitting.inference.error_bars import EVEN, ErrorBars
-from fitting.inference.verdict import Verdict
+from fitting.inference.verdict import Verdict, in_boxes
 from fitting.text.notation import span
 
 Floats = tuple[float, ...]
@@ -25,6 +25,12 @@ class _Reported:
     ci95: tuple[float, float]
     period: float | None = None
     bars: ErrorBars = EVEN
+    boxes: tuple[str, ...] = ()
+
+    @property
+    def condition(self) -> str:
+        """What the verdict holds under: " in the box of d1"; mostly empty."""
+        return in_boxes(self.boxes)
 
     @property
     def is_most_likely(self) -> bool:
@@ -71,6 +77,8 @@ class ParameterResult(_Reported):
     the plan of the simulation cannot exclude moves the value, at most: it is in `std` and `ci95`.
     `bars` are the sides of the 68 % interval, and whether `std` tells them and the 95 % interval.
     `asked`: it is one that the campaign names; else the measurement brings it, as a cable's delay.
+    `boxes` names the parameters on whose boxes the verdict rests: beyond them the data may say
+    otherwise.
     """
 
     value: float
@@ -91,6 +99,7 @@ class ParameterResult(_Reported):
     reason: str = ""
     asked: bool = True
     bars: ErrorBars = EVEN
+    boxes: tuple[str, ...] = ()
 
     @property
     def box_end(self) -> float:
@@ -135,6 +144,7 @@ class DerivedResult(_Reported):
     stds: Floats = ()
     halves95: Floats = ()
     bars: ErrorBars = EVEN
+    boxes: tuple[str, ...] = ()
 
     def text(self) -> str:
         """Value for people; never a value with a small error where the data do not give one."""

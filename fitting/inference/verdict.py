@@ -6,7 +6,10 @@ from the box in which the fit was looked for.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
+
+from fitting.text.notation import listed
 
 
 class Verdict(StrEnum):
@@ -40,3 +43,14 @@ class Verdict(StrEnum):
     def is_open(self) -> bool:
         """Whether the data leave a value open on at least one side, or nothing is known of it."""
         return not self.has_value
+
+
+def in_boxes(names: Sequence[str]) -> str:
+    """What a verdict holds under: " in the box of d1 and d2"; empty where it rests on no box.
+
+    Args:
+        names: of the parameters beyond whose boxes the data may say otherwise.
+    """
+    if not names:
+        return ""
+    return f" in the {'box' if len(names) == 1 else 'boxes'} of {listed(names)}"

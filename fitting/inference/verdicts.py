@@ -30,7 +30,7 @@ from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interv
 from fitting.inference.verdict import Verdict
 from fitting.signal.student import ROOT_68, ROOT_95
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import as_known, number, span
+from fitting.text.notation import as_known, listed, number, span
 
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
 #: (half the width is then half the value), and share of its period for one that goes round.
@@ -150,6 +150,7 @@ def withdrawn(profile: Profile, why: str) -> Profile:
         verdict=Verdict.WITHDRAWN,
         precision=math.nan,
         reason=why,
+        boxes=(),
     )
 
 
@@ -470,7 +471,9 @@ def _percent(share: float) -> str:
 
 def _end_words(end: str, held: Sequence[str]) -> str:
     if end == "held":
-        return f"{', '.join(dict.fromkeys(held))} goes as far as it may"
+        names = list(dict.fromkeys(held))
+        go = "goes as far as it may" if len(names) == 1 else "go as far as they may"
+        return f"{listed(names)} {go}"
     return ENDS_IN_WORDS[end]
 
 

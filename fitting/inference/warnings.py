@@ -255,10 +255,14 @@ def _on_bounds(solution: Solution) -> list[str]:
             continue
         at = f"{bound:.9g} {unit_text(parameter.unit)}".rstrip()
         if abs(p - bound) <= parameter.near(bound, ON_BOUND):
-            said.append(f"{parameter.name} ended on a bound of its box ({at}).")
+            where = f"on a bound of its box ({at})"
         else:
             found = f"{p:.9g} {unit_text(parameter.unit)}".rstrip()
-            said.append(f"{parameter.name} ended at {found}, next to a bound of its box ({at}).")
+            where = f"at {found}, next to a bound of its box ({at})"
+        said.append(
+            f"Algorithm 2, the method as published, ended with {parameter.name} {where}; the most "
+            f"likely {parameter.name} need not lie there."
+        )
     return said
 
 
@@ -312,11 +316,15 @@ def _other_minima(solution: Solution, outcome: Outcome) -> list[str]:
                 f"Start {chain.start + 1}{own} ended in another minimum, "
                 f"J = {chain.steps[-1].j:.4g}: {shown}."
             )
-    return said + _open_search(outcome)
+    return said + search_sentences(outcome)
 
 
-def _open_search(outcome: Outcome) -> list[str]:
-    """What a search of the box leaves open: a minimum that noise would explain."""
+def search_sentences(outcome: Outcome) -> list[str]:
+    """What a search of the box leaves open: a minimum that noise would explain.
+
+    Args:
+        outcome: of one alternative, with its search.
+    """
     search = outcome.search
     if search is None or search.explained:
         return []
@@ -324,11 +332,12 @@ def _open_search(outcome: Outcome) -> list[str]:
     count = sum(minimum.descents for minimum in low)
     said = (
         f"The box was searched from {search.screened} points without finding parameters that the "
-        f"noise explains: {count} of {search.descents} descents ended at the least "
-        f"χ², {low[0].chi_square:.4g}"
+        f"noise explains: {count} of {search.descents} descents ended at the lowest minimum "
+        "inside it. The χ² of the search, which weighs all points of the box alike, is "
+        f"{number(low[0].chi_square, 4)} there"
     )
     if others:
-        said += f", the others higher, from {others[0].chi_square:.4g} on"
+        said += f", and {number(others[0].chi_square, 4)} or more where the others ended"
     return [f"{said}."]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -51,6 +52,10 @@ def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) 
     assert "not determined, anything from 0 to 782 kHz" in lines["lambda"]
     assert "not determined" in lines["theta"]
     assert ": determined to " in lines["width_plus"]
+    # the ends are those of the interval at 95 %: elsewhere + and - hold 68 %
+    assert re.search(r"\(most likely [\d.]+, \+[\d.]+ -[\d.]+ to its ends\)", lines["width_plus"])
+    assert "The alternative reflection = true fits as well." in said
+    assert "Another minimum: reflection" not in said
     assert "±" not in said
     assert "changes no measured value by more than" in said
     found = read_json(out / "identify.json", Identification)

@@ -100,6 +100,12 @@ def test_the_first_line_knows_no_number_and_tells_none(told: Remaining) -> None:
     assert told.left() == ""
 
 
+def test_no_start_is_counted_beyond_their_number(told: Remaining) -> None:
+    """A start that meets another does not count, and one more is followed for it."""
+    words = [told.searching(replace(FIRST, start=k, starts=3)).split(", ")[1] for k in (2, 3)]
+    assert words == ["start 3/3", "further start 4"]
+
+
 def test_what_is_left_counts_profiles_and_figures_in(told: Remaining, clock: Clock) -> None:
     """Half of the levels done at 0.05 s an evaluation: 50 to 200 and the profiles are left."""
     state = replace(FIRST, j_fit=0.5, j_reg=0.25, evaluations=90, done=2, seconds_each=0.05)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +13,20 @@ import pytest
 from scipy.stats import chi2, t
 
 from fitting.cli.main import main
+from fitting.fit.alternative import Outcome
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Fit, Status, solve_problem
 from fitting.fit.objective import Objective
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
+from fitting.fit.search.minima import Minimum, Search
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.adequacy import judged
 from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.likelihood.outside import held_sentences
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
+from fitting.inference.warnings import search_sentences
 from fitting.text.arrays import FloatArray
 from tests.faults import scene
 from tests.support.whitened import learnt, parameter, whitened
@@ -187,3 +192,40 @@ def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
         assert value["std"] is None
         assert value["ci95"] == [None, None]
     assert "does not describe the data" in "".join(capsys.readouterr())
+
+
+def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
+    """It is not the one by which the model is judged: that may lie beyond the box, and lower."""
+    minima = tuple(
+        Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height, reached=True)
+        for height in (4900.0, 7000.0)
+    )
+    search = Search(
+        minima=minima,
+        screened=64,
+        screens=1,
+        descents=2,
+        explained=False,
+        evaluations=0,
+        runs=0,
+    )
+    [said] = search_sentences(Outcome(chains=(), search=search))
+    assert said == (
+        "The box was searched from 64 points without finding parameters that the noise explains: "
+        "1 of 2 descents ended at the lowest minimum inside it. The χ² of the search, which weighs "
+        "all points of the box alike, is 4900 there, and 7000 or more where the others ended."
+    )
+    explained = replace(search, explained=True)
+    assert search_sentences(Outcome(chains=(), search=explained)) == []
+
+
+def test_of_intervals_that_nobody_tells_no_sentence_speaks() -> None:
+    """a is 0 and 40 sigma at once, and the walks are cut; d = 1 holds a where it is not."""
+    own = (parameter("a", -50.0, 50.0), parameter("b", -50.0, 50.0))
+    cut = learnt(whitened(lambda p: np.array([p[0], p[0] - 40.0, p[1] ** 3]), *own), budget=90)
+    assert {p.verdict for p in cut.profiles.values()} == {Verdict.WITHDRAWN}
+    assert any("cost" in p.ends for p in cut.profiles.values())
+    assert not [said for said in cut.sentences if "intervals" in said]
+    held = replace(cut.parameters["a"], held=("b",))
+    assert held_sentences({"a": held}) == ()
+    assert held_sentences({"a": replace(held, verdict=Verdict.ABOVE)})

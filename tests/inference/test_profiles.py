@@ -11,16 +11,20 @@ import pytest
 from scipy.optimize import brentq
 
 from fitting.campaign.parameters import Parameter, to_search
+from fitting.fit.likelihood.descent import Optimum, expansion_at
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.lockstep import run_in_lockstep
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.profiles import Quantity, trace_branch
 from fitting.inference.likelihood.ranges import output_ranges
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form, single_line
 from tests.support.datasets import dataset
-from tests.support.whitened import Z95, WhitenedResponse, learnt, parameter, whitened
+from tests.support.whitened import SIGMA, Z95, WhitenedResponse, learnt, parameter, whitened
 
 
 def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
@@ -113,6 +117,35 @@ def test_an_interval_that_meets_the_bound_says_so() -> None:
     assert profile.interval95[1] == pytest.approx(math.log(1.0 + 1.959964 * s / 2.0), abs=0.01)
     assert profile.ends == ("bound", "crossed")
     assert profile.verdict is Verdict.ABOVE
+
+
+@pytest.mark.parametrize("at", [6.0, 0.0], ids=["at its limit", "inside"])
+def test_where_the_model_ends_nothing_is_said_of_what_lies_beyond(at: float) -> None:
+    """p = 0 +- 4 of a model without values beyond p = 3, wherever q, which does nothing, stands."""
+
+    def rows(x: FloatArray) -> FloatArray:
+        return np.full(3, x[0] / (4.0 * math.sqrt(3.0)) if x[0] <= 3.0 else math.nan)
+
+    objective = whitened(rows, parameter("p", -50.0, 50.0), parameter("q", -6.0, 6.0))
+    likelihood = likelihood_of(objective, np.full(3, SIGMA), np.zeros((3, 0)))
+    evaluator = LikelihoodEvaluator(likelihood)
+    [here] = run_in_lockstep([expansion_at(likelihood, np.array([0.0, at]))], evaluator)
+    assert here is not None
+    optimum = Optimum(
+        likelihood=likelihood,
+        expansion=here,
+        chi_square=0.0,
+        degrees_of_freedom=1.0,
+        converged=True,
+    )
+    quantity = Quantity(name="p", index=0, output=-1, best=0.0, sigma=4.0, low=-50.0, high=50.0)
+    walks = [trace_branch(optimum, quantity, direction) for direction in (-1.0, 1.0)]
+    down, up = run_in_lockstep(walks, evaluator)
+    assert down is not None
+    assert up is not None
+    assert (down.end, up.end) == ("crossed", "lost")
+    assert down.at_95 == pytest.approx(-4.0 * Z95, rel=0.02)
+    assert 2.0 < up.points[-1].value <= 3.0
 
 
 @pytest.fixture(scope="module")

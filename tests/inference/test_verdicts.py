@@ -13,6 +13,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.likelihood.outside import CUT
 from fitting.inference.verdict import Verdict
+from fitting.report.words.inference import knowledge_lines
 from fitting.text.arrays import FloatArray
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
@@ -432,6 +433,9 @@ def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     d, a = (float(v) for v in re.findall(r"[ad] = ([\d.]+)", said))
     assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit
     assert a > known.parameters["a"].interval95[1]
+    assert known.parameters["a"].boxes == ("d",)
+    line = next(line for line in knowledge_lines(known) if line.startswith("  a: "))
+    assert re.match(r"  a: determined to [\d.]+ % in the box of d, ", line)
 
 
 def test_an_exchange_beyond_the_box_is_called_one() -> None:
@@ -509,8 +513,20 @@ def test_an_end_that_another_box_makes_names_that_box() -> None:
     a, d = parameter("a", 0.5, 50.0), parameter("d", 0.1, 1.0, start=0.5)
     known = learnt(whitened(rows, a, d))
     assert known.parameters["a"].held == ("d",)
+    assert known.parameters["a"].boxes == ("d",)
+    assert known.parameters["a"].reason == "above it d goes as far as it may"
     [said] = [s for s in known.sentences if "rests on the box" in s and s.startswith("What")]
     assert said.startswith("What the fit says of a rests on the box of d: ")
+
+
+def test_two_boxes_that_make_an_end_are_both_named() -> None:
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([(p[0] + p[1] + p[2] - 5.0) / 0.1, (p[0] - 4.0) / 0.6, 0.0, 0.0])
+
+    own = (parameter(name, 0.1, 0.5, start=0.25) for name in ("d", "e"))
+    a = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own)).parameters["a"]
+    assert a.reason == "above it d and e go as far as they may"
+    assert a.condition == " in the boxes of d and e"
 
 
 def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
@@ -519,6 +535,7 @@ def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
 
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
     assert not [s for s in known.sentences if "rests on the box" in s]
+    assert not any(p.boxes for p in known.profiles.values())
 
 
 # --- outputs that say the same

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import pytest
 
+import fitting as ff
 from fitting.inference.ending import Ending
 from fitting.inference.sweep_line import LineFit
 from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
+from fitting.report.tables.published import latex, rows_of
 from fitting.report.tables.values import interval_table, parameter_table, values_table
 from fitting.report.words.answer import CUT_SHORT, NO_PROFILES, answer_lines, answer_of
 from fitting.report.words.result import further_warnings, result_lines
@@ -73,6 +75,43 @@ def test_a_whole_period_is_no_interval(result: Result) -> None:
         assert row in line
         [cells] = [cells for cells in parameter_table(there).rows if cells[0].text == "theta"]
         assert cells[4].text == ("whole period" if found is theta else "0.31 to 3.40")
+        [published] = [each for each in rows_of(there) if each.name == "theta"]
+        written = latex([published]).splitlines()[5].replace("~", " ")
+        if found is theta:
+            assert "& -- & its whole period of 3.14 rad & not determined &" in written
+            assert math.isnan(published.low)
+            assert math.isnan(published.high)
+        else:
+            assert "& -- & 0.31 to 3.40 rad & not determined &" in written
+            assert (published.low, published.high) == (0.31, 3.4)
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        (("round", "round"), "theta: not determined, every value around its period fits"),
+        (("bound", "bound"), "theta: not determined, 0.31 to 3.46 rad"),
+    ],
+)
+def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], said: str) -> None:
+    profile = replace(plot_records.profile(), verdict=Verdict.OPEN, ends=ends, boxes=())
+    nothing = math.nan
+    theta = ff.Value(
+        name="theta",
+        kind="parameter",
+        unit="rad",
+        value=nothing,
+        std=nothing,
+        verdict=Verdict.OPEN,
+        reason="every value around its period fits",
+        range=(-6.28, 6.28),
+        stopped_at=1.9,
+        algorithm2=1.9,
+        reference=1.9,
+        interval95=(0.31, 3.46),
+        profile=profile,
+    )
+    assert repr(theta) == said
 
 
 def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> None:
@@ -107,6 +146,22 @@ def test_what_holds_under_a_condition_alone_stands_with_it(result: Result) -> No
     assert told.count("d1 = ") == 1
     alone = answer_of(replace(result, warnings=(said.replace("theta and d1", "d1 and D11"),)))
     assert alone.nothing == "nothing but what is given below"
+
+
+def test_a_verdict_that_rests_on_boxes_names_them_wherever_it_stands(result: Result) -> None:
+    found = replace(result.parameters["d1"], boxes=("d2", "theta"))
+    there = replace(result, parameters={**result.parameters, "d1": found})
+    where = "in the boxes of d2 and theta"
+    assert f"d1 = 93.42 ± 0.24 Hz ({where})" in "\n".join(answer_lines(answer_of(there))).replace(
+        "\u00a0", " "
+    )
+    for table in (values_table(there, ""), parameter_table(there)):
+        [said] = [row[-1].text for row in table.rows if row[0].text == "d1"]
+        assert said.startswith("determined")
+        assert said.endswith(where)
+    [row] = [row for row in rows_of(there) if row.name == "d1"]
+    assert row.verdict == f"determined {where}"
+    assert not any("box" in row.verdict for row in rows_of(result))
 
 
 def test_the_sweep_s_own_line_is_told_where_it_knows_better(result: Result) -> None:
@@ -219,6 +274,16 @@ def test_of_a_model_that_does_not_describe_the_data_nothing_is_known(result: Res
     assert not answer.by_data
     assert answer.nothing == "nothing"
     assert answer.open == ("theta and d1 (the model does not describe the data)",)
+    knowledge = plot_records.knowledge()
+    misfit = replace(knowledge.adequacy, chi_square=4e3, p_value=0.0, describes=False)
+    judged = replace(bad, knowledge=replace(knowledge, adequacy=misfit))
+    assert answer_of(judged).nothing.replace("\u00a0", " ") == (
+        "nothing by the model; the line of the sweep alone is 94.00 ± 0.24 Hz wide"
+    )
+    # where the sweep itself may be wrong its line tells nothing
+    for doubt in (replace(misfit, absent="a line"), replace(misfit, scale_off=2.0)):
+        there = replace(knowledge, adequacy=doubt)
+        assert answer_of(replace(bad, knowledge=there)).nothing == "nothing"
 
 
 def test_the_answer_stands_before_all_else_and_nothing_is_said_twice(result: Result) -> None:

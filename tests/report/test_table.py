@@ -28,6 +28,7 @@ from fitting.report.table import (
     wrapped,
 )
 from fitting.report.tables.inference import profile_table
+from fitting.report.tables.tones import deviation_table, mean_deviation_table
 from fitting.report.tables.values import derived_table, parameter_table, values_table
 from fitting.text.notation import number
 from tests.support import plot_records
@@ -128,11 +129,34 @@ def test_a_terminal_s_number_is_the_number_to_its_digits(value: float, digits: i
 def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
     data = records.campaign()
     lines = text_lines(values_table(records.result_for(data), ""))
-    assert lines[0].split()[:5] == ["parameter", "value", "unit", "std", "prior"]
+    assert lines[0].split()[:5] == ["parameter", "value", "unit", "std", "reference"]
     told = {line.split()[0]: line.split() for line in lines[1:]}
     assert told["theta"][1] == "-"
     assert " ".join(told["lambda"][5:]).startswith("not determined: 63000 to 781000 fits")
     assert told["d1"][1:6] == ["93.42", "Hz", "0.24", "94", "determined"]
+
+
+def test_what_is_not_determined_has_no_value_and_few_digits_of_where_a_search_stopped() -> None:
+    result = records.result_for(records.campaign())
+    for table, name, likely, stopped in (
+        (parameter_table(result), "theta", "value", "1.96"),
+        (derived_table(result), "lambda", "mean", "657000"),
+    ):
+        [row] = [r for r in table.rows if r[0].text == name]
+        cells = dict(zip([head.name for head in table.heads], row, strict=True))
+        assert cells[likely].text == "–"
+        assert cells[likely].value is None
+        assert cells["Algorithm 2"].text == stopped
+
+
+def test_deviations_are_told_to_be_those_of_algorithm_2() -> None:
+    """χ² of the headline is that of another point: its residuals are not in the table."""
+    data = records.campaign()
+    result = records.result_for(data)
+    peaks = deviation_table(result, data)
+    assert peaks is not None
+    for table in (peaks, mean_deviation_table(result, data)):
+        assert "“after” where Algorithm 2, the method as published, ended" in table.note
 
 
 def test_errors_have_two_digits_and_other_estimates_the_digits_of_the_error() -> None:

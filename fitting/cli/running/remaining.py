@@ -53,7 +53,7 @@ class Remaining:
             self._seconds_each = state.seconds_each
         words = [
             f"alternative {state.alternative + 1}/{state.alternatives}",
-            f"start {state.start + 1}/{max(state.start + 1, state.starts)}",
+            _start_words(state.start + 1, state.starts),
             f"ν = {state.nu:.0e}",
         ]
         j = state.j_fit + state.j_reg
@@ -166,3 +166,8 @@ def _rounded(value: float) -> str:
         return f"{value:.0f}"
     place = 1 - math.floor(math.log10(value))
     return f"{round(value, place):.0f}"
+
+
+def _start_words(start: int, starts: int) -> str:
+    """The start that is followed: those that met another one are made up for, beyond the number."""
+    return f"start {start}/{starts}" if start <= starts else f"further start {start}"

@@ -33,6 +33,8 @@ SHARES = (0.05, 0.01, 0.002)
 FEW_TOLD = 3
 #: Share by which changes may differ that are told as one; share of the box that is no change.
 ALIKE, TRIFLE = 0.02, 1e-6
+#: Verdicts that say all there is to say of a walk that was cut: it would change none of them.
+TOLD = (Verdict.OPEN, Verdict.WITHDRAWN)
 #: Points closer than this share of the box are one minimum.
 SAME = 0.02
 
@@ -359,12 +361,17 @@ def sentences(
         if direction.sentence
     ]
     said += [_idle_words(optimum, name) for name in idle]
-    said += [f"Another minimum: {other.sentence}." for other in others]
+    said += [
+        f"The alternative {other.sentence}."
+        if other.origin == "alternative"
+        else f"Another minimum: {other.sentence}."
+        for other in others
+    ]
     for end, why, more in (
         ("cost", "were cut for their cost", ": a larger --budget would tell"),
         ("lost", "lost their way", ""),
     ):
-        names = [n for n, p in profiles.items() if end in p.ends and p.verdict is not Verdict.OPEN]
+        names = [n for n, p in profiles.items() if end in p.ends and p.verdict not in TOLD]
         if names:
             said.append(
                 f"The profiles of {', '.join(names)} {why}; their intervals go to the ends of the "

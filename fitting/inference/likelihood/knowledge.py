@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitting.inference.verdict import Verdict
+from fitting.inference.verdict import Verdict, in_boxes
 from fitting.text.arrays import Scalar
 
 Floats = tuple[float, ...]
@@ -69,7 +69,8 @@ class Profile:
     (width of interval95/width of the box)^2. `values` and `delta` (Dchi^2) are the points of the
     profile in rising order, `path` the parameters and outputs along it. `simulation` is how far
     what the simulation may be off by moves the value, at most, linearised: the intervals hold it.
-    `held` names the parameters at whose limits a branch was held.
+    `held` names the parameters at whose limits a branch was held, `boxes` those on whose boxes a
+    verdict rests: such limits, and those beyond which a fit that is as good says otherwise.
     """
 
     kind: str
@@ -89,6 +90,12 @@ class Profile:
     path: Mapping[str, Floats]
     simulation: float = 0.0
     held: tuple[str, ...] = ()
+    boxes: tuple[str, ...] = ()
+
+    @property
+    def condition(self) -> str:
+        """What the verdict holds under: " in the box of d1"; mostly empty."""
+        return in_boxes(self.boxes)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,7 @@ from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
 from fitting.signal.chi_square import largest
+from fitting.text.notation import number
 
 #: Probability with which noise alone stays below the allowed chi square.
 ALLOWED_P = 0.95
@@ -141,8 +142,9 @@ def _sentences(
     if math.isnan(discrepancy):
         least = min(row.chi_square for row in rows)
         second = (
-            f"At no ν is the misfit within the noise: the least χ²(ν) is {least:.3g}, noise "
-            f"explains {allowed:.3g}; the discrepancy principle chooses none."
+            "At no ν is the misfit within the noise: where Algorithm 2 stood χ²(ν) was "
+            f"{number(least, 3)} at best, noise explains {number(allowed, 3)}; the discrepancy "
+            "principle chooses none."
         )
     else:
         second = (

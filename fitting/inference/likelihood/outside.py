@@ -7,7 +7,7 @@ it is. Which one it is only the reader knows: so fits beyond it are told, and de
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from fitting.inference.likelihood.exploration import (
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
+from fitting.inference.verdict import Verdict
 from fitting.signal.student import ROOT_95
 from fitting.text.notation import as_known, number
 
@@ -38,6 +39,14 @@ HALF_WIDTHS = 10.0
 BEGINNINGS = 6
 #: Share of an interval by which a value lies beyond it.
 BEYOND = 0.02
+#: Verdicts that claim something of a value, which may hold in a box alone.
+CLAIMS = (
+    Verdict.DETERMINED,
+    Verdict.BOUNDED,
+    Verdict.ABOVE,
+    Verdict.BELOW,
+    Verdict.SEVERAL,
+)
 #: Of a search beyond the box that was cut.
 CUT = (
     "Whether anything beyond the box fits as well and says otherwise is not known: that search was "
@@ -201,8 +210,54 @@ def beyond_sentences(
         outside: what fits as well beyond them.
         profiles: of parameters and outputs, by name.
     """
-    told: set[str] = set()
     said = []
+    for other in _others(likelihood, outside, profiles):
+        places = [_place(p, other.values[p.name], profiles) for p in other.out]
+        at = " and ".join(places)
+        at = f"{at} at {other.where}" if other.where else at
+        told = _told(other.names, other.values, profiles)
+        said.append(f"Beyond the box {at} fits as well, {told}")
+    return (*said, CUT) if outside.was_cut else tuple(said)
+
+
+def with_boxes(
+    likelihood: Likelihood, outside: Surroundings, profiles: Mapping[str, Profile]
+) -> dict[str, Profile]:
+    """Profiles with the names of the parameters on whose boxes their verdicts rest.
+
+    Args:
+        likelihood: with the parameters and their boxes.
+        outside: what fits as well beyond them.
+        profiles: of parameters and outputs, by name.
+    """
+    boxes = {name: list(_held_by(name, p)) for name, p in profiles.items()}
+    for other in _others(likelihood, outside, profiles):
+        for name in other.names:
+            boxes[name] += [p.name for p in other.out]
+    return {
+        name: replace(p, boxes=tuple(dict.fromkeys(boxes[name]))) if p.verdict in CLAIMS else p
+        for name, p in profiles.items()
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Other:
+    """A fit beyond the box: what leads there, its values, those that are told otherwise there.
+
+    `out` are the parameters that lie beyond their boxes.
+    """
+
+    where: str
+    values: Mapping[str, float]
+    names: Sequence[str]
+    out: Sequence[Parameter]
+
+
+def _others(
+    likelihood: Likelihood, outside: Surroundings, profiles: Mapping[str, Profile]
+) -> Iterator[_Other]:
+    """The best fits beyond the box that say otherwise, each with what no better one has said."""
+    told: set[str] = set()
     for each in sorted(outside.found, key=lambda other: other.point.delta):
         values = _values(likelihood, each.point)
         new = [
@@ -210,14 +265,10 @@ def beyond_sentences(
             for name, profile in profiles.items()
             if name not in told and _against(values.get(name, math.nan), profile)
         ]
-        places = [
-            _place(p, values[p.name], profiles) for p in likelihood.parameters if _is_out(p, values)
-        ]
-        if new and places:
+        out = [p for p in likelihood.parameters if _is_out(p, values)]
+        if new and out:
             told.update(new)
-            at = f"{' and '.join(places)} at {each.where}" if each.where else " and ".join(places)
-            said.append(f"Beyond the box {at} fits as well, {_told(new, values, profiles)}")
-    return (*said, CUT) if outside.was_cut else tuple(said)
+            yield _Other(where=each.where, values=values, names=new, out=out)
 
 
 def _told(
@@ -270,13 +321,19 @@ def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
     """
     by_limits: dict[tuple[str, ...], list[str]] = {}
     for name, profile in profiles.items():
-        if profile.held and name not in profile.held:
-            by_limits.setdefault(profile.held, []).append(name)
+        held = _held_by(name, profile)
+        if held and profile.verdict is not Verdict.WITHDRAWN:  # of that the fit says nothing
+            by_limits.setdefault(held, []).append(name)
     return tuple(
         f"What the fit says of {', '.join(names)} rests on the box of {' and '.join(held)}: it was "
         "followed up to the end of that box, and a wider one may say more."
         for held, names in by_limits.items()
     )
+
+
+def _held_by(name: str, profile: Profile) -> tuple[str, ...]:
+    """Other parameters at whose limits a profile was held; none where it is its own limit, too."""
+    return () if name in profile.held else profile.held
 
 
 def _values(likelihood: Likelihood, point: ProfilePoint) -> dict[str, float]:

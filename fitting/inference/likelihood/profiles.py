@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.parameters import search_bounds, to_model
+from fitting.campaign.parameters import search_bounds
 from fitting.fit.likelihood.descent import (
     Constraint,
     Expansion,
@@ -266,7 +266,8 @@ class _BranchTracer:
                     if misses > MOST_MISSES and (yield from self._passed(first)):
                         misses, step = 0, first
                         continue
-                    return "bound" if self._at_limit() else "lost"
+                    # wherever other parameters stand: what lies beyond has not been seen
+                    return "bound" if self._flat_over_box() else "lost"
                 step *= SHORTER
                 continue
             misses = max(0, misses - 1)
@@ -276,19 +277,6 @@ class _BranchTracer:
                     return end
             step = min(self.longest, self._next(step))
         return "spent"
-
-    def _at_limit(self) -> bool:
-        """Whether another parameter has come to the end of its room: no walk goes beyond that."""
-        likelihood = self.optimum.likelihood
-        ends = (likelihood.lower, likelihood.upper)
-        low, high = (to_model(likelihood.parameters, end) for end in ends)
-        here = to_model(likelihood.parameters, self.here.x)
-        return any(
-            here[i] - low[i] <= p.near(low[i], AT_END)
-            or high[i] - here[i] <= p.near(high[i], AT_END)
-            for i, p in enumerate(likelihood.parameters)
-            if i != self.quantity.index
-        )
 
     def _flat_over_box(self) -> bool:
         """Whether the data see nothing up to the end of a parameter's own box, and this is beyond.

@@ -132,7 +132,7 @@ def _in_words(derived: DerivedResult) -> str:
     if not derived.identifiable.has_value:
         words = f"{derived.identifiable} by these data ({box_words(derived)} within"
         return f"{words} the box of the parameters)"
-    return f"{derived.identifiable}, {reported_words(derived)}"
+    return f"{derived.identifiable}{derived.condition}, {reported_words(derived)}"
 
 
 def _warning(verdicts: Mapping[str, Verdict]) -> str:

@@ -130,7 +130,7 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         ),
     ]
     legend_below(figure, handles, ncols=3)
-    words = [f"{name} {profile.verdict}" for name, profile in shown.items()]
+    words = [f"{name} {profile.verdict}{profile.condition}" for name, profile in shown.items()]
     caption = (
         "Least Δχ² that fits of all other parameters reach at each value. Where the curve stays "
         "below 3.84 the value fits the data at 95 %; a curve that stays there from end to end says "
@@ -225,7 +225,8 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
     for panel, name in zip(axes, outputs, strict=True):
         plot.output(knowledge, name, parameter, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
-    words = [f"{name} {knowledge.derived[name].verdict}" for name in outputs]
+    shown = {name: knowledge.derived[name] for name in outputs}
+    words = [f"{name} {p.verdict}{p.condition}" for name, p in shown.items()]
     caption = (
         f"Outputs over {parameter} at every point of every profile{_no_value(knowledge, outputs)}. "
         "The bars at the right edge are the range without data (grey) and the 95 % interval with "

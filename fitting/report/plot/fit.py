@@ -252,7 +252,8 @@ def _short_words(derived: DerivedResult) -> str:
     """Two lines: never a value with a small error where the data do not give one."""
     if not derived.identifiable.has_value:
         return f": {derived.identifiable} by these data,\nin its box {box_words(derived)}"
+    verdict = f"{derived.identifiable} by these data{derived.condition}"
     if not derived.is_most_likely:
         value = number(derived.value, 7)
-        return f" = {value} {derived.unit} by Algorithm 2\n{derived.identifiable} by these data"
-    return f" = {derived.likely_words}\n{derived.identifiable} by these data"
+        return f" = {value} {derived.unit} by Algorithm 2\n{verdict}"
+    return f" = {derived.likely_words}\n{verdict}"

@@ -84,7 +84,7 @@ PROFILES: tuple[Column[Named], ...] = (
     Column("ends below", lambda row: end_words(row[1].ends[0])),
     Column("ends above", lambda row: end_words(row[1].ends[1])),
     Column("precision", lambda row: _precision(row[1])),
-    Column("verdict", lambda row: verdict(row[1].verdict)),
+    Column("verdict", lambda row: verdict(row[1].verdict, row[1].condition)),
 )
 
 
@@ -117,9 +117,9 @@ def part_table(whole: Knowledge, part: PartAlone) -> Table:
         Column("value", lambda row: symbol(row[0]), role="name"),
         Column("unit", lambda row: unit_text(row[2].unit)),
         Column(f"95 %, {where} alone", lambda row: interval(row[1].interval95)),
-        Column(f"verdict, {where} alone", lambda row: verdict(row[1].verdict)),
+        Column(f"verdict, {where} alone", lambda row: verdict(row[1].verdict, row[1].condition)),
         Column("95 %, all", lambda row: interval(row[2].interval95)),
-        Column("verdict, all", lambda row: verdict(row[2].verdict)),
+        Column("verdict, all", lambda row: verdict(row[2].verdict, row[2].condition)),
     )
     return tabulate(
         f"What was measured at {where} determines alone, and what all of it determines",
@@ -171,7 +171,7 @@ def _component(name: str) -> Callable[[tuple[int, Direction]], float]:
 
 
 EQUIVALENTS: tuple[Column[tuple[int, Equivalent]], ...] = (
-    Column("minimum", lambda row: str(row[0]), role="name"),
+    Column("fit", lambda row: str(row[0]), role="name"),
     Column("found from", lambda row: row[1].origin),
     Column("Δχ²", lambda row: row[1].delta, digits=2),
     Column("where", lambda row: row[1].sentence, role="words"),
@@ -186,7 +186,9 @@ def equivalent_table(knowledge: Knowledge) -> Table | None:
     """
     if not knowledge.equivalents:
         return None
-    return tabulate("Equivalent minima", EQUIVALENTS, enumerate(knowledge.equivalents, start=1))
+    return tabulate(
+        "Other fits that are as good", EQUIVALENTS, enumerate(knowledge.equivalents, start=1)
+    )
 
 
 def nu_table(nu: NuChoice) -> Table:
@@ -210,9 +212,9 @@ def nu_table(nu: NuChoice) -> Table:
         "The result at every ν, and what would choose it",
         columns,
         nu.rows,
-        "χ²(ν) is that of the data where Algorithm 2 stood at that ν; χ² without ν is the least "
-        "that any parameters reach, by which the fit is judged. χ²(ν) is held against "
-        f"{number(nu.allowed, 4)}, which noise stays below in 95 % of cases.",
+        "χ²(ν) is that of the data where Algorithm 2 stood at that ν; χ² without ν is that at the "
+        "most likely parameters, in the box or beyond it, by which the fit is judged. χ²(ν) is "
+        f"held against {number(nu.allowed, 4)}, which noise stays below in 95 % of cases.",
     )
 
 

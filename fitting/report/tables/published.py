@@ -14,6 +14,7 @@ from fitting.inference.values import OffsetResult
 from fitting.report.table import Cell, Column, csv_text, tabulate
 from fitting.report.tables.values import Value, values_of
 from fitting.report.words.answer import by_line
+from fitting.report.words.values import period_words
 from fitting.result.result import Result
 from fitting.signal.student import ratio95
 from fitting.text.files import write_whole
@@ -45,7 +46,10 @@ _POWER = re.compile(r"\*\*\(?(-?[\d.]+)\)?")
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One value for print: NaN is what there is not; `source` says whose number it is."""
+    """One value for print: NaN is what there is not; `source` says whose number it is.
+
+    `whole` are the words for an interval that is all of a period, which has no ends; else empty.
+    """
 
     name: str
     value: float
@@ -56,6 +60,14 @@ class Row:
     verdict: str
     source: str = "fit"
     bars: ErrorBars = EVEN
+    whole: str = ""
+
+    @property
+    def interval(self) -> str:
+        """The 95 % interval in words."""
+        if self.whole or not math.isfinite(self.low):
+            return self.whole or "--"
+        return span(self.low, self.high, self.unit)
 
     @property
     def sides(self) -> tuple[float, float]:
@@ -115,16 +127,18 @@ def rows_of(result: Result) -> list[Row]:
 
 def _row(value: Value) -> Row:
     found = value.found
+    low, high = (math.nan, math.nan) if found.is_all_round else found.ci95
     return Row(
         name=value.name,
         value=math.nan if value.open else found.value,
         unit=unit_text(found.unit),
         std=math.nan if value.open else found.std,
-        low=found.ci95[0],
-        high=found.ci95[1],
-        verdict=str(found.identifiable),
+        low=low,
+        high=high,
+        verdict=f"{found.identifiable}{found.condition}",
         source="fit" if found.is_most_likely else "Algorithm 2, std and interval of the likelihood",
         bars=found.bars if found.is_most_likely and not value.open else EVEN,
+        whole=period_words(found) if found.is_all_round else "",
     )
 
 
@@ -158,8 +172,7 @@ def latex(rows: Sequence[Row]) -> str:
     for row in rows:
         known = math.isfinite(row.value)
         shown = _latex_value(row) if known else "--"
-        wide = span(row.low, row.high, row.unit) if math.isfinite(row.low) else "--"
-        words = map(latex_text, (wide, row.verdict, row.source))
+        words = map(latex_text, (row.interval, row.verdict, row.source))
         cells = (latex_name(row.name), shown, *words)
         lines.append(" & ".join(cells) + r" \\")
     return "\n".join([*lines, r"\hline", r"\end{tabular}", ""])

@@ -8,6 +8,11 @@ from fitting.report.shown import ShownCampaign
 from fitting.report.table import Column, Table, tabulate
 from fitting.result.result import Peak, Result
 
+#: Which point "after" is.
+OF_ALGORITHM_2 = (
+    "“Before” is at the start, “after” where Algorithm 2, the method as published, ended. χ² "
+    "without ν is that of the most likely values, which leave other residuals."
+)
 #: A peak with its relative deviations before and after.
 Deviation = tuple[Peak, float, float]
 #: A name with mean deviations before and after.
@@ -51,6 +56,7 @@ def deviation_table(result: Result, data: ShownCampaign) -> Table | None:
         "Peaks: measured and simulated amplitudes, relative deviations",
         columns,
         zip(result.peaks, before, after, strict=True),
+        OF_ALGORITHM_2,
     )
 
 
@@ -78,4 +84,4 @@ def mean_deviation_table(result: Result, data: ShownCampaign) -> Table:
     means = [*zip(labels, first.per_experiment, last.per_experiment, strict=False)]
     if len(means) > 1:
         means.append(("all", first.mean, last.mean))
-    return tabulate("Mean relative deviation", MEANS, means)
+    return tabulate("Mean relative deviation", MEANS, means, OF_ALGORITHM_2)

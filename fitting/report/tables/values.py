@@ -38,6 +38,8 @@ Found = TypeVar("Found", Parameter, Output)
 MORE_TELLS = "Where the search was cut for its cost, a larger --budget would tell."
 #: An interval that is all of a period: its ends are one value.
 WHOLE = "whole period"
+#: Digits of where a search stopped of a value that the data do not determine.
+FEW_DIGITS = 3
 #: Head of the column of the paper's estimate.
 PAPERS = "Algorithm 2"
 
@@ -94,13 +96,14 @@ MARKS = {
 }
 
 
-def verdict(identifiable: Verdict) -> Cell:
-    """A verdict with its colour.
+def verdict(identifiable: Verdict, condition: str = "") -> Cell:
+    """A verdict with its colour, and what it holds under.
 
     Args:
         identifiable: how far the data determine it.
+        condition: " in the box of d1"; mostly empty.
     """
-    return Cell(str(identifiable), mark=MARKS.get(identifiable, "no"))
+    return Cell(f"{identifiable}{condition}", mark=MARKS.get(identifiable, "no"))
 
 
 def error(found: ParameterResult | DerivedResult | OffsetResult) -> float | Cell:
@@ -186,7 +189,7 @@ VALUES: tuple[Column[Value], ...] = (
     Column("unit", lambda v: unit_text(v.found.unit)),
     MOST_LIKELY,
     Column("std", lambda v: math.nan if v.same else error(v.found), digits=2),
-    Column("prior", lambda v: math.nan if v.same else v.reference, digits=6),
+    Column("reference", lambda v: math.nan if v.same else v.reference, digits=6),
     Column(
         "by the data",
         lambda v: f"= {v.same}" if v.same else verdict_words(v.found),
@@ -237,7 +240,7 @@ def _of_values(
 
 PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("parameter", lambda row: symbol(row[0]), role="name"),
-    Column("value", lambda row: rounded(row[1].value, row[1])),
+    Column("value", lambda row: _if_known(row[1], rounded(row[1].value, row[1]))),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("std", lambda row: error(row[1]), digits=2),
     Column(
@@ -247,13 +250,13 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("reference", lambda row: row[1].reference),
     Column("start", lambda row: row[1].start),
     Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),
-    Column(PAPERS, lambda row: rounded(row[1].algorithm2, row[1], 8)),
-    Column("by the data", lambda row: verdict(row[1].identifiable)),
+    Column(PAPERS, lambda row: _if_rounded(row[1], row[1].algorithm2, 8)),
+    Column("by the data", lambda row: verdict(row[1].identifiable, row[1].condition)),
 )
 
 
 def parameter_table(result: Result) -> Table:
-    """Fitted parameters with unit, error, interval, prior, and what the data say of them.
+    """Fitted parameters with unit, error, interval, reference, and what the data say of them.
 
     Args:
         result: of a reconstruction.
@@ -268,7 +271,8 @@ def parameter_table(result: Result) -> Table:
         "Value, std and interval are those of the likelihood of the stated noise: the most likely "
         "value, half its 68 % interval, and its 95 % interval; where no profiles were walked both "
         "errors are linearised. Algorithm 2 minimises a sum of absolute deviations with a "
-        "Tikhonov term: its own estimate stands beside them.",
+        "Tikhonov term: its own estimate stands beside them, of what the data do not determine "
+        "with a few digits, as that is only where it stopped.",
     )
 
 
@@ -293,21 +297,21 @@ def _at(rows: tuple[tuple[float, ...], ...], column: int) -> Callable[[int], flo
     return lambda row: rows[row][column]
 
 
-def _if_known(d: DerivedResult, shown: float | Cell) -> float | Cell:
-    """An error, where the data determine the value: elsewhere a small one would be a lie."""
+def _if_known(d: ParameterResult | DerivedResult, shown: float | Cell) -> float | Cell:
+    """A value or an error, where the data determine the value: elsewhere it would be a lie."""
     return shown if d.identifiable.has_value else Cell("–")
 
 
-def _if_rounded(d: DerivedResult, value: float) -> Cell:
-    """A value by either estimator, rounded as its error where that is told."""
+def _if_rounded(d: ParameterResult | DerivedResult, value: float, digits: int = 9) -> Cell:
+    """A value by either estimator, rounded as its error; a few digits where there is none."""
     if d.identifiable.has_value or not math.isfinite(value):
-        return rounded(value, d, 9)
-    return Cell(number(value, 9), value=value)
+        return rounded(value, d, digits)
+    return Cell(number(value, FEW_DIGITS), value=value)
 
 
 DERIVED: tuple[Column[Output], ...] = (
     Column("output", lambda row: symbol(row[0]), role="name"),
-    Column("mean", lambda row: _if_rounded(row[1], row[1].mean)),
+    Column("mean", lambda row: _if_known(row[1], _if_rounded(row[1], row[1].mean))),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("spread", lambda row: row[1].spread, digits=2),
     Column("std", lambda row: _if_known(row[1], error(row[1])), digits=2),
@@ -315,12 +319,12 @@ DERIVED: tuple[Column[Output], ...] = (
     Column("at the reference", lambda row: row[1].reference, digits=9),
     Column("range over the box", lambda row: interval(row[1].box)),
     Column(PAPERS, lambda row: _if_rounded(row[1], row[1].algorithm2)),
-    Column("by the data", lambda row: verdict(row[1].identifiable)),
+    Column("by the data", lambda row: verdict(row[1].identifiable, row[1].condition)),
 )
 
 
 def derived_table(result: Result) -> Table:
-    """Derived outputs: mean, spread over the experiments, error, prior, what the data say.
+    """Derived outputs: mean, spread over the experiments, error, reference, what the data say.
 
     Args:
         result: of a reconstruction.
@@ -328,8 +332,9 @@ def derived_table(result: Result) -> Table:
     rows = list(result.derived.items())
     note = (
         "Spread is the standard deviation over the experiments (drift), std the uncertainty of the "
-        "mean. Where the data do not determine a value, no error is given: the range over the box "
-        "of the parameters says what it could be."
+        "mean. Where the data do not determine a value, none is given and no error: the range over "
+        "the box of the parameters says what it could be, and the column of Algorithm 2 where that "
+        "stopped."
     )
     if not all(d.is_most_likely for _, d in rows):
         return tabulate("Derived outputs", _beside(DERIVED, 9), rows, f"{BESIDE} {note}")
@@ -339,7 +344,7 @@ def derived_table(result: Result) -> Table:
 def _beside(columns: Sequence[Column[Found]], digits: int) -> list[Column[Found]]:
     """Columns with the most likely value in place of Algorithm 2's, which is the value."""
     likely: Column[Found] = Column(
-        "most likely", lambda row: rounded(row[1].most_likely, row[1], digits)
+        "most likely", lambda row: _if_rounded(row[1], row[1].most_likely, digits)
     )
     return [likely if column.name == PAPERS else column for column in columns]
 

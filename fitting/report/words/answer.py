@@ -66,7 +66,8 @@ class Known:
 
     `fitted` is empty unless the sweep by itself knows it better; `others` are names of the same
     number; `is_even`: its error is ±, or it has none. `beyond`: which number to believe where it
-    lies beyond its box, mostly empty. `source` is what it is known by, empty: by the fit.
+    lies beyond its box, mostly empty. `source` is what it is known by, or the box in which the fit
+    knows it; empty: by the fit, wherever its box ends.
     """
 
     name: str
@@ -82,7 +83,7 @@ class Known:
 
     @property
     def told(self) -> str:
-        """What is known of it, and by what where that is not the fit: "= 94.2 Hz (sweep alone)"."""
+        """What is known of it, and by what or in which box: "= 94.2 Hz (sweep alone)"."""
         return f"{self.shown} ({self.source})" if self.source else self.shown
 
     @property
@@ -96,7 +97,8 @@ class Answer:
     """What is known, best first; what is not, with its range; what would settle it.
 
     `command` is what to type for it, empty where there is no such command. `condition` is what some
-    of the known values hold under, which the data do not tell; mostly empty.
+    of the known values hold under, which the data do not tell; mostly empty. `sweep` is what the
+    sweep alone tells where the model does not describe the data; else empty.
     """
 
     known: tuple[Known, ...]
@@ -104,6 +106,7 @@ class Answer:
     advice: str
     command: str = ""
     condition: str = ""
+    sweep: str = ""
 
     @property
     def resting(self) -> tuple[Known, ...]:
@@ -120,6 +123,8 @@ class Answer:
     @property
     def nothing(self) -> str:
         """What is said where the data say nothing by themselves."""
+        if self.sweep:
+            return f"nothing by the model; {self.sweep}"
         return "nothing but what is given below" if self.resting else "nothing"
 
     @property
@@ -166,7 +171,14 @@ def answer_of(result: Result) -> Answer:
     left = {name: found for name, found in every.items() if name not in names}
     advice, command = _next(result, left)
     condition = next(filter(is_condition, result.warnings), "")
-    return Answer(tuple(best), _ranges(left, _why_not(result)), advice, command, condition)
+    return Answer(
+        known=tuple(best),
+        open=_ranges(left, _why_not(result)),
+        advice=advice,
+        command=command,
+        condition=condition,
+        sweep=_by_the_sweep(result),
+    )
 
 
 def answer_lines(answer: Answer) -> list[str]:
@@ -224,7 +236,13 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
         share = _share(found.value, found.std)
         if not math.isnan(_box_end(found)):  # what Algorithm 2 says is the end of the box
             own = found.likely_words
-        return Known(name, f"= {own}", share=share, is_even=found.bars.is_even)
+        return Known(
+            name,
+            f"= {own}",
+            share=share,
+            is_even=found.bars.is_even,
+            source=found.condition.strip(),
+        )
     words = {
         Verdict.BOUNDED: f"between {_range(*found.ci95, found.unit).replace(' to ', ' and ')}",
         Verdict.ABOVE: f"at most {_one(found.ci95[1], found.unit, up=True)}",
@@ -232,7 +250,7 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
     }
     if verdict not in words:
         return None
-    return Known(name, words[verdict], share=math.inf)
+    return Known(name, words[verdict], share=math.inf, source=found.condition.strip())
 
 
 def _with_box(known: Known, found: Found) -> Known:
@@ -279,6 +297,25 @@ def by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, flo
         return value, std
     near = abs(found.likely - value) <= APART_SIGMA * math.hypot(std, found.std)
     return (value, std) if std < found.std and near else None
+
+
+def _by_the_sweep(result: Result) -> str:
+    """What the line of the sweep is where the model does not describe the other data; mostly empty.
+
+    Not where the sweep may be what is wrong: then its line is not known, either.
+    """
+    line, knowledge = result.line, result.knowledge
+    if line is None or knowledge is None or not (line.values and line.width_std_hz > 0.0):
+        return ""
+    values: list[Found] = [*result.parameters.values(), *result.derived.values()]
+    adequacy = knowledge.adequacy
+    doubtful = adequacy.against or adequacy.absent or adequacy.scale_off > 1.0
+    if doubtful or depends_on_background(line) or _mistake(result):
+        return ""
+    if not all(found.identifiable is Verdict.WITHDRAWN for found in values):
+        return ""
+    width = quantity(line.width_hz, line.width_std_hz, "Hz")
+    return f"the line of the sweep alone is {width} wide"
 
 
 def _share(value: float, std: float) -> float:

@@ -41,13 +41,12 @@ def part_sentences(whole: Knowledge, part: PartAlone) -> tuple[str, ...]:
         part: what some of them determine.
     """
     where = settings_words(part.settings)
-    before = [n for n, p in part.knowledge.profiles.items() if p.verdict is Verdict.DETERMINED]
-    after = [n for n, p in whole.profiles.items() if p.verdict is Verdict.DETERMINED]
+    before, after = _determined(part.knowledge), _determined(whole)
     more, fewer = [n for n in after if n not in before], [n for n in before if n not in after]
     said = [
         f"Measured at {where} ({part.places} of {part.total} places) alone: "
-        f"{listed(before) or 'nothing'} determined.",
-        f"All {part.total} places together determine {listed(more)} beyond that."
+        f"{listed(before.values()) or 'nothing'} determined.",
+        f"All {part.total} places together determine {listed(after[n] for n in more)} beyond that."
         if more
         else f"All {part.total} places together determine nothing beyond that.",
     ]
@@ -55,6 +54,12 @@ def part_sentences(whole: Knowledge, part: PartAlone) -> tuple[str, ...]:
     if fewer:
         said.append(f"With all of them {listed(fewer)} is no longer determined.")
     return tuple(said)
+
+
+def _determined(knowledge: Knowledge) -> dict[str, str]:
+    """What is determined, by name: the name with the box that this rests on, if it does."""
+    profiles = knowledge.profiles
+    return {n: f"{n}{p.condition}" for n, p in profiles.items() if p.verdict is Verdict.DETERMINED}
 
 
 def _open_sentences(part: PartAlone) -> list[str]:

@@ -38,20 +38,22 @@ def profile_words(name: str, profile: Profile) -> str:
         return f"{name}: {verdict}, {_range(profile)} fits ({profile.reason})"
     low, high = profile.interval95
     factor, unit = _size(profile)
+    where = profile.condition
     if verdict is Verdict.ABOVE:
         most = f"{bound(high / factor, 4, up=True)} {unit}".rstrip()
-        return f"{name}: {verdict}, {most} at most at 95 % ({profile.reason})"
+        return f"{name}: {verdict}{where}, {most} at most at 95 % ({profile.reason})"
     if verdict is Verdict.BELOW:
         least = f"{bound(low / factor, 4, up=False)} {unit}".rstrip()
-        return f"{name}: {verdict}, {least} at least at 95 % ({profile.reason})"
+        return f"{name}: {verdict}{where}, {least} at least at 95 % ({profile.reason})"
     up, down = (high - profile.best) / factor, (profile.best - low) / factor
     narrow = verdict is Verdict.DETERMINED
     word, tail = (
         (f"{verdict} {profile.reason}", "") if narrow else (verdict, f" ({profile.reason})")
     )
     return (
-        f"{name}: {word}, {span(low / factor, high / factor, unit)} at 95 % "
-        f"(most likely {number(profile.best / factor, 7)}, +{number(up, 2)} -{number(down, 2)})"
+        f"{name}: {word}{where}, {span(low / factor, high / factor, unit)} at 95 % "
+        f"(most likely {number(profile.best / factor, 7)}, +{number(up, 2)} -{number(down, 2)} to "
+        "its ends)"
         f"{tail}"
     )
 

@@ -114,7 +114,7 @@ def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str
     return f"{_with_prefix(found.value, found.unit)} by Algorithm 2{outside} (most likely {best})"
 
 
-def period_words(found: ParameterResult | DerivedResult) -> str:
+def period_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     """The whole period of a value that goes round: "its whole period of 3.14 rad".
 
     Args:
@@ -138,15 +138,16 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     reason = found.reason.replace(f"{ON_BOTH_SIDES}{WAS_CUT}", WAS_CUT).replace(WAS_CUT, IN_A_CELL)
     if verdict in (Verdict.OPEN, Verdict.UNKNOWN) and math.isnan(low):
         return f"{verdict}: {reason}"
+    where = found.condition
     said = {
-        Verdict.DETERMINED: f"determined {found.reason}",
-        Verdict.BOUNDED: f"{verdict}, {span(low, high)}",
-        Verdict.ABOVE: f"{verdict}, {bound(high, up=True)} at most",
-        Verdict.BELOW: f"{verdict}, {bound(low, up=False)} at least",
+        Verdict.DETERMINED: f"determined {found.reason}{where}",
+        Verdict.BOUNDED: f"{verdict}{where}, {span(low, high)}",
+        Verdict.ABOVE: f"{verdict}{where}, {bound(high, up=True)} at most",
+        Verdict.BELOW: f"{verdict}{where}, {bound(low, up=False)} at least",
         Verdict.OPEN: f"{verdict}: {_open_range(found)} fits",
         Verdict.LINEARISED: str(verdict),
     }
-    words = said.get(verdict, f"{verdict}: {reason}")
+    words = said.get(verdict, f"{verdict}{where}: {reason}")
     withdrawn = verdict is Verdict.WITHDRAWN
     if isinstance(found, ParameterResult) and not (withdrawn or math.isnan(found.box_end)):
         words += (
