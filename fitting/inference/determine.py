@@ -83,8 +83,9 @@ _log = logging.getLogger(__name__)
 BETTER = 1.0
 #: Share of the evaluations for other minima and for the ends of ranges.
 FOR_MINIMA = 0.25
-#: Share of those that are left for walks of a model that does not describe the data.
-FOR_MISFIT = 0.1
+#: Share of those that are left for walks of a model that does not describe the data: to find a
+#: better point, and, once one was found, for a look around it.
+FOR_MISFIT, FOR_A_LOOK = 0.1, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -307,12 +308,15 @@ def _explore(
 ) -> Exploration:
     """Profiles around a point; a look around it where the model does not describe the data.
 
-    No interval is told then: walks serve to find a better point, if the search of the box did not.
-    `known` are points of an exploration before; without one, a better point may end this one.
+    No interval is told then: walks serve to find a better point, if the search of the box did not,
+    and to draw what is around it. `known` are points of an exploration before; without one, a
+    better point may end this one.
     """
     evaluator.begin(Stage.WALKS)
     ranges = _ranges(optimum, boxes, options)
-    share = 1.0 if _adequacy(optimum, options).describes else FOR_MISFIT
+    share = 1.0
+    if not _adequacy(optimum, options).describes:
+        share = FOR_MISFIT if known is None else FOR_A_LOOK
     extent = Extent(options.only)
     if known is None:
         extent = replace(extent, until=lambda points: _better(optimum, points) is not None)

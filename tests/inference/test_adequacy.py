@@ -98,6 +98,22 @@ def test_a_model_that_does_not_describe_the_data_is_looked_around_only(
     assert 0.5 * most < found.effort.evaluations <= most
 
 
+def test_around_a_better_point_that_describes_the_data_no_better_there_is_but_a_look() -> None:
+    """Walks along q = 10 + 6 sin(1.5 p) leave p = 5 for p > 9; as many again would end at 1,370."""
+    off = 20.0 * (-1.0) ** np.arange(M)
+
+    def rows(x: FloatArray) -> FloatArray:
+        step = 40.0 + 0.2 * (x[0] - 5.0) ** 2 - 20.0 * (1.0 + np.tanh(2.0 * (x[0] - 9.0)))
+        return np.append(off, [step, 300.0 * (x[1] - 10.0 - 6.0 * np.sin(1.5 * x[0]))])
+
+    starts = {"p": 5.0, "q": 15.6, "r": 15.6}
+    three = (parameter(name, 0.0, 20.0, start=start) for name, start in starts.items())
+    found = learnt(whitened(rows, *three), budget=4000, starts=0)
+    assert not found.adequacy.describes
+    assert found.most_likely["p"] > 9.0
+    assert found.effort.evaluations <= 1200
+
+
 def test_noise_that_was_stated_two_times_too_small_only_widens() -> None:
     """chi^2 = M (2 s)^2: errors are twice 1/sqrt(M), by M/(M - 1) more; the verdict stands."""
     size = 1.9  # a little less than the factor at which the model is given up
