@@ -504,7 +504,7 @@ def test_a_width_and_its_q_over_decades_have_the_same_bound() -> None:
     assert known["q"].interval95[1] == pytest.approx(1e8, rel=1e-3)
 
 
-def test_an_end_that_another_box_makes_names_that_box() -> None:
+def test_an_end_that_another_value_makes_at_its_limit_names_that_value() -> None:
     """a + d is 5 ± 0.1 and d at most 1: the data alone would let a go to 2.8, the box to 4."""
 
     def rows(p: FloatArray) -> FloatArray:
@@ -513,19 +513,35 @@ def test_an_end_that_another_box_makes_names_that_box() -> None:
     a, d = parameter("a", 0.5, 50.0), parameter("d", 0.1, 1.0, start=0.5)
     known = learnt(whitened(rows, a, d))
     assert known.parameters["a"].held == ("d",)
-    assert known.parameters["a"].boxes == ("d",)
+    # the data make the end that is told, and the profile took d beyond its box
+    assert known.parameters["a"].boxes == ()
     assert known.parameters["a"].reason == "above it d goes as far as it may"
-    [said] = [s for s in known.sentences if "rests on the box" in s and s.startswith("What")]
-    assert said.startswith("What the fit says of a rests on the box of d: ")
+    [said] = [s for s in known.sentences if "wider box" in s]
+    assert said == (
+        "No data end a where d is as far as a profile may take it: a wider box may say more."
+    )
 
 
-def test_two_boxes_that_make_an_end_are_both_named() -> None:
+def test_two_values_that_make_an_end_at_their_limits_are_both_named() -> None:
     def rows(p: FloatArray) -> FloatArray:
         return np.array([(p[0] + p[1] + p[2] - 5.0) / 0.1, (p[0] - 4.0) / 0.6, 0.0, 0.0])
 
     own = (parameter(name, 0.1, 0.5, start=0.25) for name in ("d", "e"))
     a = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own)).parameters["a"]
     assert a.reason == "above it d and e go as far as they may"
+    assert a.condition == ""
+
+
+def test_every_box_beyond_which_a_fit_says_otherwise_is_named() -> None:
+    """a is 4 ± 0.1 while d and e stay far below 3000, and 5 ± 0.1 where either does not."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        more = (p[1] / 3000.0) ** 8 + (p[2] / 3000.0) ** 8
+        return np.full(4, (p[0] - 4.0 - more) / 0.1 / 2.0)
+
+    own = (parameter(name, 1.0, 100.0) for name in ("d", "e"))
+    a = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own)).parameters["a"]
+    assert a.verdict is Verdict.DETERMINED
     assert a.condition == " in the boxes of d and e"
 
 

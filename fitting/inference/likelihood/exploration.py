@@ -30,11 +30,12 @@ from fitting.inference.likelihood.profiles import (
     ProfilePoint,
     Quantity,
     fit_at_end,
+    last_crossing,
     trace_branch,
 )
 from fitting.inference.likelihood.ranges import OutputRange
 from fitting.inference.likelihood.ways import turned, walked_to_ends
-from fitting.signal.student import ROOT_95, reach
+from fitting.signal.student import ROOT_68, ROOT_95, reach
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: Where a search for a fit at the end of a range begins, and the axes that are to stay there.
@@ -402,7 +403,8 @@ def _gone_on(
     end = end if math.isnan(branch.at_95) else branch.at_95
     if direction * (reached - end) <= 0.0:
         return replace(branch, end="lost")
-    return replace(more, points=branch.points + more.points, at_68=branch.at_68)
+    points = tuple(sorted(branch.points + more.points, key=lambda p: direction * p.value))
+    return replace(more, points=points, at_68=last_crossing(points, quantity.best, ROOT_68))
 
 
 def _farthest_beyond(

@@ -26,7 +26,7 @@ from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
 from fitting.inference.verdict import Verdict
 from fitting.signal.student import ROOT_95
-from fitting.text.notation import as_known, number
+from fitting.text.notation import as_known, listed, number
 
 #: Digits of the ends of a box: as somebody has written them.
 BOX_DIGITS = 10
@@ -230,12 +230,18 @@ def with_boxes(
         outside: what fits as well beyond them.
         profiles: of parameters and outputs, by name.
     """
-    boxes = {name: list(_held_by(name, p)) for name, p in profiles.items()}
-    for other in _others(likelihood, outside, profiles):
-        for name in other.names:
-            boxes[name] += [p.name for p in other.out]
+    boxes: dict[str, set[str]] = {name: set() for name in profiles}
+    for each in outside.found:  # also what a better fit has said: it may lie beyond another box
+        values = _values(likelihood, each.point)
+        out = {p.name for p in likelihood.parameters if _is_out(p, values)}
+        for name, profile in profiles.items():
+            if _against(values.get(name, math.nan), profile):
+                boxes[name] |= out - {name} or out  # that of another excludes it as well
+    order = [p.name for p in likelihood.parameters]
     return {
-        name: replace(p, boxes=tuple(dict.fromkeys(boxes[name]))) if p.verdict in CLAIMS else p
+        name: replace(p, boxes=tuple(sorted(boxes[name], key=order.index)))
+        if p.verdict in CLAIMS
+        else p
         for name, p in profiles.items()
     }
 
@@ -314,7 +320,7 @@ def _swapped(
 
 
 def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
-    """Which values would be told otherwise in a wider box, as a parameter is held at its end.
+    """Which profiles no data end where other parameters have gone as far as they may.
 
     Args:
         profiles: of parameters and outputs, by name.
@@ -325,8 +331,8 @@ def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
         if held and profile.verdict is not Verdict.WITHDRAWN:  # of that the fit says nothing
             by_limits.setdefault(held, []).append(name)
     return tuple(
-        f"What the fit says of {', '.join(names)} rests on the box of {' and '.join(held)}: it was "
-        "followed up to the end of that box, and a wider one may say more."
+        f"No data end {listed(names)} where {listed(held)} {'is' if len(held) == 1 else 'are'} as "
+        f"far as a profile may take {'it' if len(held) == 1 else 'them'}: a wider box may say more."
         for held, names in by_limits.items()
     )
 

@@ -142,10 +142,11 @@ class ProfilePoint:
 class ProfileBranch:
     """One side of a profile: its points outward, how it ended (`knowledge.ENDS`), its crossings.
 
-    `at_68`, `at_95` are the values where it crosses the 68 % and 95 % thresholds, NaN where it does
-    not cross. A branch that was "lost" (nothing beyond that fits or exists, no minimum found, or
-    chi square jumps) or cut for its "cost" has no claim on what lies beyond; where parameters are
-    `held` at a limit of their room when it crosses, that limit ended it and not the data.
+    `at_95` is the value where it crosses the 95 % threshold, `at_68` where it last does that of
+    68 %: what fits farther out belongs to the interval. NaN where it does not cross. A branch that
+    was "lost" (nothing beyond that fits or exists, no minimum found, or chi square jumps) or cut
+    for its "cost" has no claim on what lies beyond; where parameters are `held` at a limit of their
+    room when it crosses, that limit ended it and not the data.
     """
 
     points: tuple[ProfilePoint, ...]
@@ -185,8 +186,8 @@ def trace_branch(
     return ProfileBranch(
         points=tuple(tracer.points),
         end=end,
-        at_68=_crossing(tracer.points, quantity.best, ROOT_68),
-        at_95=_crossing(tracer.points, quantity.best, ROOT_95),
+        at_68=last_crossing(tracer.points, quantity.best, ROOT_68),
+        at_95=_crossing(tracer.points, quantity.best, 0.0, ROOT_95),
         held=tracer.held if end == "held" else (),
     )
 
@@ -432,9 +433,11 @@ def _lower(one: Expansion | None, other: Expansion | None) -> Expansion | None:
     return one if one.chi_square <= other.chi_square else other
 
 
-def _crossing(points: Sequence[ProfilePoint], best: float, root: float) -> float:
-    """Where sqrt(Dchi^2) first reaches a threshold, linear between the points; NaN if nowhere."""
-    at, height = best, 0.0
+def _crossing(points: Sequence[ProfilePoint], at: float, height: float, root: float) -> float:
+    """Where sqrt(Dchi^2) first reaches a threshold, linear between the points; NaN if nowhere.
+
+    `height` is what it is before the first of them, `at` where that is.
+    """
     for point in points:
         there = point.root
         if there >= root:
@@ -442,6 +445,19 @@ def _crossing(points: Sequence[ProfilePoint], best: float, root: float) -> float
             return at + share * (point.value - at)
         at, height = point.value, there
     return float("nan")
+
+
+def last_crossing(points: Sequence[ProfilePoint], best: float, root: float) -> float:
+    """Where sqrt(Dchi^2) goes beyond a threshold for good, linear between points; NaN if nowhere.
+
+    Args:
+        points: outward.
+        best: where it is zero.
+        root: the threshold.
+    """
+    last = max((k for k, point in enumerate(points) if point.root < root), default=-1)
+    at, height = (best, 0.0) if last < 0 else (points[last].value, points[last].root)
+    return _crossing(points[last + 1 :], at, height, root)
 
 
 def fit_at_end(

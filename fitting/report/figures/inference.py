@@ -230,7 +230,8 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
     caption = (
         f"Outputs over {parameter} at every point of every profile{_no_value(knowledge, outputs)}. "
         "The bars at the right edge are the range without data (grey) and the 95 % interval with "
-        "them (blue): where both are alike, the data say nothing of that output."
+        "them (blue): where both are alike, the data say nothing of that output. A side that no "
+        "data end is told to the end of the box; points beyond it fit as well."
     )
     return Drawing(
         name=OUTPUTS, title=title, caption=caption, alt=f"{listed(words)}.", figure=figure

@@ -52,8 +52,8 @@ def profile(found: Profile, name: str = "value", *, ax: Axes | None = None) -> A
     axes = axes_of(ax)
     values = [v for v in (*found.values, *found.interval95) if math.isfinite(v)]
     colour = VERDICT_COLOURS.get(found.verdict, GREY)
-    said = f"{mathtext(name)}: {found.verdict}{found.condition}"
-    axes.set_title(said, color=colour, loc="left", fontsize="small")
+    # what it holds under would not fit beside the next title: tables and sentences tell it
+    axes.set_title(f"{mathtext(name)}: {found.verdict}", color=colour, loc="left", fontsize="small")
     axes.set_ylim(-0.35, HIGHEST)
     axes.set_ylabel("Δχ²")
     if not values:
