@@ -18,6 +18,8 @@ from scipy.stats import t
 import fitting as ff
 from fitting.api.written import CHAIN_FILE
 from fitting.fit.problem import Problem as Record
+from fitting.report.figures.posterior import draw
+from fitting.report.plot.axes import RED
 from tests.support import closed_posteriors as closed
 from tests.support.datasets import dataset
 
@@ -131,6 +133,22 @@ def test_an_exchange_that_a_prior_favours_has_both_minima_as_often_as_they_are_l
     assert here.share_error < 0.03
     assert sorted(here.parameters.values()) == pytest.approx([3.0, 7.0], abs=0.1)
     assert "share of draws" in repr(found)
+
+
+def test_the_most_likely_minimum_stands_first_though_a_broad_one_has_more_draws() -> None:
+    """ln p is 0.5 less in the broad well, which has 0.86 of the mass."""
+    problem = closed.wells(start=13.0)
+    found = ff.posterior(problem, fitted(problem), ff.Sampling(seed=1))
+    assert found.status == "converged"
+    narrow, broad = found.summary.modes
+    assert narrow.parameters["p"] == pytest.approx(closed.NARROW, abs=0.1 * closed.NARROW_WIDTH)
+    assert broad.parameters["p"] == pytest.approx(closed.BROAD, abs=0.1 * closed.BROAD_WIDTH)
+    assert (narrow.below, broad.below) == pytest.approx((0.0, closed.LESS), abs=0.01)
+    assert broad.share == pytest.approx(closed.broad_share(), abs=4.0 * broad.share_error)
+    [panel] = draw(found.summary, found.draws.reshape(-1, 1)).figure.axes
+    [starred] = [line for line in panel.lines if line.get_color() == RED]
+    assert starred.get_xdata() == pytest.approx([closed.NARROW] * 2, abs=0.1 * closed.NARROW_WIDTH)
+    assert re.search(r"a point of the box +0 .*\n.*the fit +[-−]0\.50 ", repr(found))
 
 
 def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:

@@ -100,12 +100,15 @@ def numbers_of(draws: FloatArray) -> dict[str, Any]:
 class PosteriorMode:
     """One minimum: where it is, who knew of it, the share of draws nearest to it, its error.
 
-    The share is NaN where the draws have not converged. Draws are nearest to a minimum by the
-    linearised errors there.
+    `below` is by how much ln of the posterior is less there than at the most likely minimum: 0 of
+    that one. A broad minimum may have more draws than one that is more likely but narrow. The share
+    is NaN where the draws have not converged. Draws are nearest to a minimum by the linearised
+    errors there.
     """
 
     parameters: Mapping[str, float]
     origin: str
+    below: float
     share: float
     share_error: float
 
@@ -175,7 +178,7 @@ def reached(target: Target, minima: Sequence[Minimum], walk: Walk) -> Reached:
 
     Args:
         target: The posterior.
-        minima: The most likely first.
+        minima: The one of the largest mass first.
         walk: All its steps so far.
     """
     discarded = int(LEFT_OUT * walk.steps)
@@ -231,11 +234,11 @@ def _interval(value: float | Interval | None) -> Interval:
 def modes_of(
     target: Target, minima: Sequence[Minimum], walk: Walk, found: Reached
 ) -> tuple[PosteriorMode, ...]:
-    """The minima, with the share of the draws that are nearest to each.
+    """The minima, the most likely first, with the share of the draws that are nearest to each.
 
     Args:
         target: The posterior.
-        minima: Copies a period off among them, last.
+        minima: Those with the largest share of the mass first, copies a period off last.
         walk: All steps.
         found: What is left of them.
     """
@@ -244,7 +247,7 @@ def modes_of(
     whose = np.argmin([m.distances(flat) for m in minima], axis=0)
     first = np.array([k if m.copy_of < 0 else m.copy_of for k, m in enumerate(minima)])
     nearest = first[whose].reshape(places.shape[:-1])
-    made = []
+    made, highest = [], max(m.log for m in minima)
     for k, m in enumerate(minima):
         if m.copy_of >= 0:
             continue
@@ -258,8 +261,9 @@ def modes_of(
             PosteriorMode(
                 parameters=dict(zip((p.name for p in target.parameters), centre, strict=True)),
                 origin=m.origin,
+                below=highest - m.log,
                 share=share if found.converged else math.nan,
                 share_error=error if found.converged else math.nan,
             )
         )
-    return tuple(made)
+    return tuple(sorted(made, key=lambda mode: mode.below))
