@@ -8,7 +8,7 @@ import importlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -22,7 +22,7 @@ from fitting.api.jobs import check_problem
 from fitting.api.known_fit import KnownFit
 from fitting.api.problem import Problem
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
-from fitting.campaign.parameters import scales
+from fitting.campaign.parameters import Parameter, scales
 from fitting.engine.threads import one_thread
 from fitting.fit.noise import fitted_noise
 from fitting.fit.objective import evaluate_many
@@ -57,7 +57,7 @@ from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
 from fitting.text.files import write_whole
-from fitting.text.notation import listed, number, settings_words
+from fitting.text.notation import listed, number, settings_words, unit_text
 from fitting.text.records import write_json
 from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.toml import read_toml
@@ -119,10 +119,11 @@ class Posterior:
     """Draws from a posterior: what they say as ``summary``, and all of them.
 
     ``draws`` has the shape (steps, walkers, n), in the parameters' units and in the order of
-    ``names``, without the beginning of the chain; ``log`` (steps, walkers) is ln of the posterior
-    but for a constant. ``outputs`` are derived outputs of the model by name, (k,), at the draws of
-    ``thinned``, and NaN where it has no value. Values are told where ``status`` is "converged"; the
-    draws are there always.
+    ``names``, without the beginning of the chain; a value with a period is told in the one in which
+    the fit reports it. ``log`` (steps, walkers) is ln of the posterior but for a constant.
+    ``outputs`` are derived outputs of the model by name, (k,), at the draws of ``thinned``, and NaN
+    where it has no value. Values are told where ``status`` is "converged"; the draws are there
+    always.
     """
 
     summary: PosteriorSummary
@@ -445,7 +446,7 @@ class _Job:
                         self._fingerprint,
                         Kept(walk, self.mixture, self.follow, self.evaluations, self.failed),
                     )
-                found = reached(self.target, self.minima, walk)
+                found = reached(self.target, self.minima, walk, self._fit.most_likely)
                 progress(found.told(self.problem.names))
                 if found.converged:
                     status = CONVERGED
@@ -456,7 +457,7 @@ class _Job:
             status = INTERRUPTED
         if walk is None:
             raise RuntimeError("a chain without a part")
-        found = found or reached(self.target, self.minima, walk)
+        found = found or reached(self.target, self.minima, walk, self._fit.most_likely)
         outputs: Mapping[str, FloatArray] = {}
         if status == CONVERGED:
             progress("derived outputs at the draws")
@@ -571,7 +572,7 @@ class _Job:
             failed=self.failed,
             accepted=walk.accepted,
             seed=self.asked.seed,
-            notes=tuple(self._notes()),
+            notes=(*self._notes(), *_of_periods(record.parameters, found.begins)),
             provenance={
                 "FMU": self.problem.fmu.description.model_name if self.problem.has_fmu else "none",
                 "versions": f"fmu-fit {fitting.__version__}, emcee {version('emcee')}, numpy "
@@ -612,6 +613,17 @@ class _Job:
             )
         if knowledge is not None:
             yield from _of_fit(knowledge)
+
+
+def _of_periods(parameters: Sequence[Parameter], begins: FloatArray) -> Iterator[str]:
+    """In which period values are told that have one."""
+    for p, begin in zip(parameters, begins.tolist(), strict=True):
+        if p.period is not None:
+            unit = f" {unit_text(p.unit)}" if p.unit else ""
+            yield (
+                f"{p.name} has a period: draws, minima and what stands beside them are told in the "
+                f"one from {number(begin, 4)} to {number(begin + p.period, 4)}{unit}."
+            )
 
 
 def _of_fit(knowledge: Knowledge) -> Iterator[str]:

@@ -196,6 +196,32 @@ def test_a_period_counts_once_where_the_box_holds_it() -> None:
     assert len(found.summary.modes) == 1
 
 
+def test_an_angle_is_told_in_the_turn_of_the_fit_with_all_that_stands_beside_it(
+    tmp_path: Path,
+) -> None:
+    """z = (cos 2 p, sin 2 p) about p = 2, begun two turns off: the period is pi."""
+    circle = closed.Formula(lambda p: np.column_stack([3.0 + np.cos(2 * p), 3.0 + np.sin(2 * p)]))
+    box = closed.parameter("p", -2.0 * math.pi, 2.0 * math.pi, 1.9 - 2.0 * math.pi)
+    angle = replace(box, period=math.pi, unit="rad")
+    measured = np.array([3.0 + math.cos(4.0), 3.0 + math.sin(4.0)])
+    problem = closed.problem(circle, [angle], measured, np.array([0.1, 0.1]))
+    at = ff.profile(fitted(problem))
+    found = ff.posterior(problem, at, truth={"p": 2.0 + math.pi})
+    value, [mode] = found["p"], found.summary.modes
+    assert at["p"].value == pytest.approx(2.0, abs=1e-3)
+    assert value.truth == pytest.approx(2.0)
+    assert mode.parameters["p"] == pytest.approx(2.0, abs=1e-3)
+    assert value.most_likely == pytest.approx(2.0, abs=1e-3)
+    assert np.all(np.abs(found.draws - 2.0) < 0.5 * math.pi)
+    assert value.median == pytest.approx(2.0, abs=0.05)  # sigma is 0.05
+    low, high = value.profile95
+    assert low < 2.0 < high
+    ff.write_posterior(found, tmp_path, drawn=False)
+    _, *rows = (tmp_path / "draws.csv").read_text("utf-8").splitlines()
+    assert np.abs(np.array(rows, dtype=float) - 2.0).max() < 0.5 * math.pi
+    assert re.search(r"p has a period: .* from 0\.4\d* to\s3\.\d* rad\.", repr(found))
+
+
 def test_where_the_model_has_no_value_nothing_is_likely() -> None:
     formula = closed.Formula(lambda p: p, fails=lambda p: p[0] > 11.0)
     problem = closed.problem(
