@@ -161,6 +161,10 @@ def test_draws_that_go_all_round_are_told_in_the_period_of_the_fit() -> None:
     begin = float(begins_of(target, most, {"q": 0.1})[0])
     assert -0.75 < begin < -0.25
     assert begins_of(target, most, {"q": 0.9}) == pytest.approx([begin + 1.0])  # by the fit
+    # a draw in the middle of an eighth without any leaves no gap that were wide enough
+    few = even[np.abs(np.mod(even[:, 0], 1.0) - 14 / 32) > 2 / 32]
+    middle = np.concatenate([few, most[4000:], [[14 / 32]]])
+    assert begins_of(target, middle, {"q": 0.1}) == pytest.approx([14 / 32 - 1.0])
     # the fit's interval of a whole period is the told one, another stays as the fit tells it
     angle = target.parameters[0]
     assert told_interval(angle, begin, (0.1, 1.1)) == (begin, begin + 1.0)
