@@ -438,8 +438,13 @@ class _Job:
         """
         status, found = NOT_CONVERGED, None
         walk = before = self._resumed(path)
+        said = ""
+
+        def tell(words: str) -> None:
+            progress(f"{words}; so far {said}" if said else words)
+
         try:
-            for walk in self._parts(before, progress):
+            for walk in self._parts(before, tell):
                 if path is not None:
                     keep(
                         path,
@@ -447,7 +452,8 @@ class _Job:
                         Kept(walk, self.mixture, self.follow, self.evaluations, self.failed),
                     )
                 found = reached(self.target, self.minima, walk, self._fit.most_likely)
-                progress(found.told(self.problem.names))
+                said = found.told(self.problem.names)
+                progress(said)
                 if found.converged:
                     status = CONVERGED
                     break
@@ -487,6 +493,7 @@ class _Job:
             total = min(self.asked.steps, max(FIRST, math.ceil(LONGER * done)))
             begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
             seed = (self.asked.seed, done)
+            progress(f"drawing steps {done + 1} to {total}, of {self.asked.steps} at most")
             part = walked(self._in_box, self.mixture, begin, total - done, seed, self.follow)
             walk = part if walk is None else walk.with_more(part)
             yield walk
