@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import fitting
-from fitting.api.choices import TRUTH_NAME
+from fitting.api.choices import LEAST_STEPS, LEAST_WALKERS, TRUTH_NAME
 from fitting.api.fitted import Valued
 from fitting.api.jobs import check_problem
 from fitting.api.known_fit import KnownFit
@@ -72,7 +72,7 @@ __all__ = [
 ]
 
 #: Steps before it is first asked whether there are enough, and the factor to the next time.
-FIRST, LONGER = 200, 1.5
+FIRST, LONGER = LEAST_STEPS, 1.5
 #: Share of independent draws among the proposals about the minima from which nothing is learnt.
 GOOD = 0.3
 #: Walkers where nothing is said, at least.
@@ -88,9 +88,10 @@ class Sampling:
     """How draws from a posterior are made: how many, from which seed.
 
     Args:
-        walkers: How many, an even number of at least twice the parameters; None: 24, or 2 n + 2
-            where these are more.
-        steps: Steps of every walker, at most; the chain ends before where there are enough draws.
+        walkers: How many, an even number of at least 4 and twice the parameters; None: 24, or
+            2 n + 2 where these are more.
+        steps: Steps of every walker, at most, 200 or more; the chain ends before where there are
+            enough draws.
         seed: Of the draws, at least 0.
         resume: Whether a chain that is kept in the folder is gone on with.
 
@@ -106,9 +107,10 @@ class Sampling:
     def __post_init__(self) -> None:
         if self.steps < FIRST:
             raise BadInput(f"Sampling: steps is {self.steps!r}, wanted at least {FIRST}")
-        if self.walkers is not None and (self.walkers < 4 or self.walkers % 2):
+        if self.walkers is not None and (self.walkers < LEAST_WALKERS or self.walkers % 2):
             raise BadInput(
-                f"Sampling: walkers is {self.walkers!r}, wanted an even number of at least 4"
+                f"Sampling: walkers is {self.walkers!r}, wanted an even number of at least "
+                f"{LEAST_WALKERS}"
             )
         if self.seed < 0:
             raise BadInput(f"Sampling: seed is {self.seed!r}, wanted at least 0")

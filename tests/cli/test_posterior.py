@@ -65,9 +65,15 @@ def test_what_does_not_suit_is_one_line(fitted: tuple[Path, Path], tmp_path: Pat
     out = ("--out", tmp_path / "out")
     for words, complaint in (
         (("--at", tmp_path / "none.json"), "none.json: no such file"),
-        (("--at", result, "--walkers", "7"), "wanted an even number"),
-        (("--at", result, "--steps", "10"), "wanted at least 200"),
+        (("--at", result, "--walkers", "7"), "--walkers: found '7', wanted an even number of"),
+        (("--at", result, "--steps", "60"), "--steps: found '60', wanted a whole number of at le"),
     ):
         ended = told("posterior", campaign, *words, *out)
         assert (ended.code, ended.err.count("\n")) == (2, 1), ended.err
         assert complaint in ended.err
+        assert "Sampling" not in ended.err  # no word of the command
+
+
+def test_help_tells_the_least_steps() -> None:
+    ended = told("posterior", "--help")
+    assert "200 at least" in " ".join(ended.out.split())
