@@ -46,6 +46,8 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     assert "--steps 800" in first.out
     assert "--resume" in first.out
 
+    outputs_stand_in_the_table(tmp_path / "out", result, there=False)
+
     further = told(*words, "--steps", "5000", "--resume", "--json")
     found = json.loads(further.out)
     assert further.code == 0, found["message"]
@@ -58,6 +60,18 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     assert width.profile95 == fit.parameters["d1"].ci95
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "fmu-fit posterior" in page
+    outputs_stand_in_the_table(tmp_path / "out", result, there=True)
+
+
+def outputs_stand_in_the_table(out: Path, result: Path, *, there: bool) -> None:
+    """Derived outputs come with enough draws; before, the page says so."""
+    names = set(read_result(result).derived)
+    assert names
+    head, *_ = (out / "draws.csv").read_text("utf-8").splitlines()
+    columns = {cell.split(" ")[0] for cell in head.split(",")}
+    assert names & columns == (names if there else set())
+    later = "derived outputs of the fit stand beside them once there are enough draws"
+    assert (later in (out / "report.html").read_text("utf-8")) is not there
 
 
 def test_what_does_not_suit_is_one_line(fitted: tuple[Path, Path], tmp_path: Path) -> None:
