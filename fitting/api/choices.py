@@ -13,6 +13,8 @@ __all__ = [
     "CURVES",
     "ESTIMATORS",
     "EVALUATIONS",
+    "LEAST_STEPS",
+    "LEAST_WALKERS",
     "MISFITS",
     "PUMPED",
     "QUANTITIES",
@@ -23,5 +25,7 @@ __all__ = [
     "usual_budget",
 ]
 
+#: Of draws from a posterior: steps of every walker, and walkers, an even number.
+LEAST_STEPS, LEAST_WALKERS = 200, 4
 #: Series of the virtual laboratory.
 SERIES = (*BENCHES, PUMPED)

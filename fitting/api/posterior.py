@@ -8,7 +8,7 @@ import importlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 
 import fitting
-from fitting.api.choices import TRUTH_NAME
+from fitting.api.choices import LEAST_STEPS, LEAST_WALKERS, TRUTH_NAME
 from fitting.api.fitted import Valued
 from fitting.api.jobs import check_problem
 from fitting.api.known_fit import KnownFit
 from fitting.api.problem import Problem
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
-from fitting.campaign.parameters import scales
+from fitting.campaign.parameters import Parameter, scales
 from fitting.engine.threads import one_thread
 from fitting.fit.noise import fitted_noise
 from fitting.fit.objective import evaluate_many
@@ -57,7 +57,7 @@ from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
 from fitting.text.files import write_whole
-from fitting.text.notation import listed, number, settings_words
+from fitting.text.notation import listed, number, settings_words, unit_text
 from fitting.text.records import write_json
 from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.toml import read_toml
@@ -72,7 +72,7 @@ __all__ = [
 ]
 
 #: Steps before it is first asked whether there are enough, and the factor to the next time.
-FIRST, LONGER = 200, 1.5
+FIRST, LONGER = LEAST_STEPS, 1.5
 #: Share of independent draws among the proposals about the minima from which nothing is learnt.
 GOOD = 0.3
 #: Walkers where nothing is said, at least.
@@ -88,9 +88,10 @@ class Sampling:
     """How draws from a posterior are made: how many, from which seed.
 
     Args:
-        walkers: How many, an even number of at least twice the parameters; None: 24, or 2 n + 2
-            where these are more.
-        steps: Steps of every walker, at most; the chain ends before where there are enough draws.
+        walkers: How many, an even number of at least 4 and twice the parameters; None: 24, or
+            2 n + 2 where these are more.
+        steps: Steps of every walker, at most, 200 or more; the chain ends before where there are
+            enough draws.
         seed: Of the draws, at least 0.
         resume: Whether a chain that is kept in the folder is gone on with.
 
@@ -106,9 +107,10 @@ class Sampling:
     def __post_init__(self) -> None:
         if self.steps < FIRST:
             raise BadInput(f"Sampling: steps is {self.steps!r}, wanted at least {FIRST}")
-        if self.walkers is not None and (self.walkers < 4 or self.walkers % 2):
+        if self.walkers is not None and (self.walkers < LEAST_WALKERS or self.walkers % 2):
             raise BadInput(
-                f"Sampling: walkers is {self.walkers!r}, wanted an even number of at least 4"
+                f"Sampling: walkers is {self.walkers!r}, wanted an even number of at least "
+                f"{LEAST_WALKERS}"
             )
         if self.seed < 0:
             raise BadInput(f"Sampling: seed is {self.seed!r}, wanted at least 0")
@@ -119,10 +121,11 @@ class Posterior:
     """Draws from a posterior: what they say as ``summary``, and all of them.
 
     ``draws`` has the shape (steps, walkers, n), in the parameters' units and in the order of
-    ``names``, without the beginning of the chain; ``log`` (steps, walkers) is ln of the posterior
-    but for a constant. ``outputs`` are derived outputs of the model by name, (k,), at the draws of
-    ``thinned``, and NaN where it has no value. Values are told where ``status`` is "converged"; the
-    draws are there always.
+    ``names``, without the beginning of the chain; a value with a period is told in the one in which
+    the fit reports it. ``log`` (steps, walkers) is ln of the posterior but for a constant.
+    ``outputs`` are derived outputs of the model by name, (k,), at the draws of ``thinned``, and NaN
+    where it has no value. Values are told where ``status`` is "converged"; the draws are there
+    always.
     """
 
     summary: PosteriorSummary
@@ -437,16 +440,22 @@ class _Job:
         """
         status, found = NOT_CONVERGED, None
         walk = before = self._resumed(path)
+        said = ""
+
+        def tell(words: str) -> None:
+            progress(f"{words}; so far {said}" if said else words)
+
         try:
-            for walk in self._parts(before, progress):
+            for walk in self._parts(before, tell):
                 if path is not None:
                     keep(
                         path,
                         self._fingerprint,
                         Kept(walk, self.mixture, self.follow, self.evaluations, self.failed),
                     )
-                found = reached(self.target, self.minima, walk)
-                progress(found.told(self.problem.names))
+                found = reached(self.target, self.minima, walk, self._fit.most_likely)
+                said = found.told(self.problem.names)
+                progress(said)
                 if found.converged:
                     status = CONVERGED
                     break
@@ -456,7 +465,7 @@ class _Job:
             status = INTERRUPTED
         if walk is None:
             raise RuntimeError("a chain without a part")
-        found = found or reached(self.target, self.minima, walk)
+        found = found or reached(self.target, self.minima, walk, self._fit.most_likely)
         outputs: Mapping[str, FloatArray] = {}
         if status == CONVERGED:
             progress("derived outputs at the draws")
@@ -486,6 +495,7 @@ class _Job:
             total = min(self.asked.steps, max(FIRST, math.ceil(LONGER * done)))
             begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
             seed = (self.asked.seed, done)
+            progress(f"drawing steps {done + 1} to {total}, of {self.asked.steps} at most")
             part = walked(self._in_box, self.mixture, begin, total - done, seed, self.follow)
             walk = part if walk is None else walk.with_more(part)
             yield walk
@@ -571,7 +581,7 @@ class _Job:
             failed=self.failed,
             accepted=walk.accepted,
             seed=self.asked.seed,
-            notes=tuple(self._notes()),
+            notes=(*self._notes(), *_of_periods(record.parameters, found.begins)),
             provenance={
                 "FMU": self.problem.fmu.description.model_name if self.problem.has_fmu else "none",
                 "versions": f"fmu-fit {fitting.__version__}, emcee {version('emcee')}, numpy "
@@ -612,6 +622,17 @@ class _Job:
             )
         if knowledge is not None:
             yield from _of_fit(knowledge)
+
+
+def _of_periods(parameters: Sequence[Parameter], begins: FloatArray) -> Iterator[str]:
+    """In which period values are told that have one."""
+    for p, begin in zip(parameters, begins.tolist(), strict=True):
+        if p.period is not None:
+            unit = f" {unit_text(p.unit)}" if p.unit else ""
+            yield (
+                f"{p.name} has a period: draws, minima and what stands beside them are told in the "
+                f"one from {number(begin, 4)} to {number(begin + p.period, 4)}{unit}."
+            )
 
 
 def _of_fit(knowledge: Knowledge) -> Iterator[str]:

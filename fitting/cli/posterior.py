@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from fitting.api.choices import LEAST_STEPS, LEAST_WALKERS
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import add_isolate
-from fitting.cli.words.values import joint_name, seed, whole_number, worker_count
+from fitting.cli.words.values import even_number, joint_name, seed, whole_number, worker_count
 
 NAME = "posterior"
 DOCUMENT = "posterior.json"
@@ -38,16 +39,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, help="folder for results (out/posterior_<its folder>)")
     parser.add_argument(
         "--walkers",
-        type=whole_number(4),
+        type=even_number(LEAST_WALKERS),
         metavar="N",
-        help="walkers, an even number (24, or 2 n + 2 for n parameters where these are more)",
+        help="walkers, an even number, at least twice the parameters (24, or 2 n + 2 for n "
+        "parameters where these are more)",
     )
     parser.add_argument(
         "--steps",
-        type=whole_number(1),
+        type=whole_number(LEAST_STEPS),
         default=USUAL,
         metavar="N",
-        help=f"steps of every walker, at most; fewer where these are enough ({USUAL})",
+        help=f"most steps of every walker, {LEAST_STEPS} at least; it ends before where draws are "
+        f"enough ({USUAL})",
     )
     parser.add_argument("--seed", type=seed(), default=1, help="seed of the draws (1)")
     parser.add_argument(

@@ -10,6 +10,8 @@ from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.table import pairs_table
 from fitting.report.tables.posterior import ending, mode_table, output_table, value_table
 
+LATER = "derived outputs of the fit stand beside them once there are enough draws"
+
 
 def write_report(found: PosteriorSummary, figure: FigureFile, folder: Path) -> Path:
     """Write `report.html` into a folder, whole or not at all, and return its path.
@@ -36,7 +38,9 @@ def write_report(found: PosteriorSummary, figure: FigureFile, folder: Path) -> P
         **found.provenance,
     }
     origin = pairs_table("Provenance", ("what", "value"), facts)
-    kept = "chain.npz holds every step, draws.csv draws that are nearly independent."
+    kept = "chain.npz holds every step, draws.csv draws that are nearly independent"
+    # they are read from the model at enough draws alone
+    kept += "." if found.status == CONVERGED else f"; {LATER}."
     sections = (
         Section(
             "values", "Values", paragraphs=found.notes, tables=tuple(tables), figures=(figure,)

@@ -96,6 +96,23 @@ def test_noise_that_is_not_known_makes_student_s_t_with_a_surrogate_too() -> Non
     assert value.interval95[1] - value.interval95[0] == pytest.approx(2.0 * half, rel=1.5 * error)
 
 
+def test_while_draws_are_made_it_says_so_and_how_far_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The line stays until the next one: none may tell what has ended while another thing runs."""
+    monkeypatch.setattr("fitting.inference.posterior.summary.LONG_ENOUGH", 1e9)
+    problem, told = ring(), list[str]()
+    ff.posterior(problem, fitted(problem), ff.Sampling(steps=220), progress=told.append)
+    begun = next(k for k, words in enumerate(told) if words.startswith("drawing steps 1 to 200"))
+    assert told[begun] == "drawing steps 1 to 200, of 220 at most"
+    assert told[begun - 1] == "proposals for the draws, from what was learnt"
+    assert told[begun - 2].startswith("learning where it is likely, round 2")
+    assert told[begun + 1].startswith("160 steps are ")
+    further = f"drawing steps 201 to 220, of 220 at most; so far {told[begun + 1]}"
+    assert told[begun + 2] == further
+    assert told[begun + 3].startswith("176 steps are ")
+
+
 def test_rows_with_the_scatter_of_one_place_have_the_derivatives_that_are_told() -> None:
     """z = p^2 + noise, twelve times; with the scatter of each place they have others."""
     seen = 40.0 + 3.0 + 0.1 * np.random.default_rng(5).standard_normal(12)

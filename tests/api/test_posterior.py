@@ -18,6 +18,8 @@ from scipy.stats import t
 import fitting as ff
 from fitting.api.written import CHAIN_FILE
 from fitting.fit.problem import Problem as Record
+from fitting.report.figures.posterior import draw
+from fitting.report.plot.axes import RED
 from tests.support import closed_posteriors as closed
 from tests.support.datasets import dataset
 
@@ -133,6 +135,22 @@ def test_an_exchange_that_a_prior_favours_has_both_minima_as_often_as_they_are_l
     assert "share of draws" in repr(found)
 
 
+def test_the_most_likely_minimum_stands_first_though_a_broad_one_has_more_draws() -> None:
+    """ln p is 0.5 less in the broad well, which has 0.86 of the mass."""
+    problem = closed.wells(start=13.0)
+    found = ff.posterior(problem, fitted(problem), ff.Sampling(seed=1))
+    assert found.status == "converged"
+    narrow, broad = found.summary.modes
+    assert narrow.parameters["p"] == pytest.approx(closed.NARROW, abs=0.1 * closed.NARROW_WIDTH)
+    assert broad.parameters["p"] == pytest.approx(closed.BROAD, abs=0.1 * closed.BROAD_WIDTH)
+    assert (narrow.below, broad.below) == pytest.approx((0.0, closed.LESS), abs=0.01)
+    assert broad.share == pytest.approx(closed.broad_share(), abs=4.0 * broad.share_error)
+    [panel] = draw(found.summary, found.draws.reshape(-1, 1)).figure.axes
+    [starred] = [line for line in panel.lines if line.get_color() == RED]
+    assert starred.get_xdata() == pytest.approx([closed.NARROW] * 2, abs=0.1 * closed.NARROW_WIDTH)
+    assert re.search(r"a point of the box +0 .*\n.*the fit +[-−]0\.50 ", repr(found))
+
+
 def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
     """Without the mixture each walker stays where it began: any share would come out."""
     problem = closed.exchange()
@@ -176,6 +194,32 @@ def test_a_period_counts_once_where_the_box_holds_it() -> None:
     assert value.mean == pytest.approx(0.05, abs=0.1 * error)
     assert value.std == pytest.approx(0.1, rel=error + 0.01)  # an arc is as good as straight
     assert len(found.summary.modes) == 1
+
+
+def test_an_angle_is_told_in_the_turn_of_the_fit_with_all_that_stands_beside_it(
+    tmp_path: Path,
+) -> None:
+    """z = (cos 2 p, sin 2 p) about p = 2, begun two turns off: the period is pi."""
+    circle = closed.Formula(lambda p: np.column_stack([3.0 + np.cos(2 * p), 3.0 + np.sin(2 * p)]))
+    box = closed.parameter("p", -2.0 * math.pi, 2.0 * math.pi, 1.9 - 2.0 * math.pi)
+    angle = replace(box, period=math.pi, unit="rad")
+    measured = np.array([3.0 + math.cos(4.0), 3.0 + math.sin(4.0)])
+    problem = closed.problem(circle, [angle], measured, np.array([0.1, 0.1]))
+    at = ff.profile(fitted(problem))
+    found = ff.posterior(problem, at, truth={"p": 2.0 + math.pi})
+    value, [mode] = found["p"], found.summary.modes
+    assert at["p"].value == pytest.approx(2.0, abs=1e-3)
+    assert value.truth == pytest.approx(2.0)
+    assert mode.parameters["p"] == pytest.approx(2.0, abs=1e-3)
+    assert value.most_likely == pytest.approx(2.0, abs=1e-3)
+    assert np.all(np.abs(found.draws - 2.0) < 0.5 * math.pi)
+    assert value.median == pytest.approx(2.0, abs=0.05)  # sigma is 0.05
+    low, high = value.profile95
+    assert low < 2.0 < high
+    ff.write_posterior(found, tmp_path, drawn=False)
+    _, *rows = (tmp_path / "draws.csv").read_text("utf-8").splitlines()
+    assert np.abs(np.array(rows, dtype=float) - 2.0).max() < 0.5 * math.pi
+    assert re.search(r"p has a period: .* from 0\.4\d* to\s3\.\d* rad\.", repr(found))
 
 
 def test_where_the_model_has_no_value_nothing_is_likely() -> None:

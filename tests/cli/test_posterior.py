@@ -46,6 +46,8 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     assert "--steps 800" in first.out
     assert "--resume" in first.out
 
+    outputs_stand_in_the_table(tmp_path / "out", result, there=False)
+
     further = told(*words, "--steps", "5000", "--resume", "--json")
     found = json.loads(further.out)
     assert further.code == 0, found["message"]
@@ -58,6 +60,18 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     assert width.profile95 == fit.parameters["d1"].ci95
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "fmu-fit posterior" in page
+    outputs_stand_in_the_table(tmp_path / "out", result, there=True)
+
+
+def outputs_stand_in_the_table(out: Path, result: Path, *, there: bool) -> None:
+    """Derived outputs come with enough draws; before, the page says so."""
+    names = set(read_result(result).derived)
+    assert names
+    head, *_ = (out / "draws.csv").read_text("utf-8").splitlines()
+    columns = {cell.split(" ")[0] for cell in head.split(",")}
+    assert names & columns == (names if there else set())
+    later = "derived outputs of the fit stand beside them once there are enough draws"
+    assert (later in (out / "report.html").read_text("utf-8")) is not there
 
 
 def test_what_does_not_suit_is_one_line(fitted: tuple[Path, Path], tmp_path: Path) -> None:
@@ -65,9 +79,15 @@ def test_what_does_not_suit_is_one_line(fitted: tuple[Path, Path], tmp_path: Pat
     out = ("--out", tmp_path / "out")
     for words, complaint in (
         (("--at", tmp_path / "none.json"), "none.json: no such file"),
-        (("--at", result, "--walkers", "7"), "wanted an even number"),
-        (("--at", result, "--steps", "10"), "wanted at least 200"),
+        (("--at", result, "--walkers", "7"), "--walkers: found '7', wanted an even number of"),
+        (("--at", result, "--steps", "60"), "--steps: found '60', wanted a whole number of at le"),
     ):
         ended = told("posterior", campaign, *words, *out)
         assert (ended.code, ended.err.count("\n")) == (2, 1), ended.err
         assert complaint in ended.err
+        assert "Sampling" not in ended.err  # no word of the command
+
+
+def test_help_tells_the_least_steps() -> None:
+    ended = told("posterior", "--help")
+    assert "200 at least" in " ".join(ended.out.split())

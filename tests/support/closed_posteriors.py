@@ -1,5 +1,6 @@
 """Problems whose posterior is known without any draw: in closed form, or by a sum over a grid.
 
+wells       two minima: a narrow one that is more likely, a broad one that has more of the mass
 linear      z = M p, Gaussian noise: mean (M^T S^-1 M)^-1 M^T S^-1 z*, covariance (M^T S^-1 M)^-1
 exchange    z = (p1 + p2, (p1 - p2)^2): exchanging p1 and p2 changes nothing but a prior on p1
 """
@@ -129,3 +130,27 @@ def exchange_share() -> float:
     square += (((p1 - p2) ** 2 - SQUARE) / SQUARE_SIGMA) ** 2 + ((p1 - PRIOR[0]) / PRIOR[1]) ** 2
     weight = np.exp(-0.5 * square)
     return float(np.sum(weight[p1 > p2]) / np.sum(weight))
+
+
+#: Of the wells: where they are, how wide each is, and by how much ln is less at the broad one.
+NARROW, BROAD, NARROW_WIDTH, BROAD_WIDTH, LESS = 4.0, 14.0, 0.1, 1.0, 0.5
+
+
+def well_residuals(p: FloatArray) -> FloatArray:
+    """Of two rows, (k, 2): the second is 1 in all of the broad well."""
+    narrow = p[:, 0] < 0.5 * (NARROW + BROAD)
+    off = np.where(narrow, (p[:, 0] - NARROW) / NARROW_WIDTH, (p[:, 0] - BROAD) / BROAD_WIDTH)
+    return np.column_stack([off, np.where(narrow, 0.0, np.sqrt(2.0 * LESS))])
+
+
+def wells(start: float) -> ff.Problem:
+    """The problem of the wells, looked for from a value."""
+    formula = Formula(lambda p: 100.0 + well_residuals(p))
+    names = [parameter("p", 0.0, 20.0, start)]
+    return problem(formula, names, np.array([100.0, 100.0]), np.array([1.0, 1.0]))
+
+
+def broad_share() -> float:
+    """Masses of two Gaussians: widths times heights."""
+    broad = BROAD_WIDTH * np.exp(-LESS)
+    return float(broad / (broad + NARROW_WIDTH))

@@ -55,6 +55,24 @@ def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:
     return read
 
 
+def even_number(least: int) -> Callable[[str], int]:
+    """An argparse type: an even number from ``least``.
+
+    Args:
+        least: an even number.
+    """
+
+    def read(text: str) -> int:
+        value = whole_number(least)(text)
+        if value % 2:
+            raise argparse.ArgumentTypeError(
+                f"found {shown(text)}, wanted an even number of at least {least}"
+            )
+        return value
+
+    return read
+
+
 def bounded_number(text: str) -> float:
     """An argparse type: a number that can be squared and cubed."""
     try:

@@ -107,6 +107,7 @@ def learnt(
         before = share
         more = known_at(target, ends[np.argsort(-np.where(np.isfinite(log), off, -1.0))[:many]])
         known = known if more is None else known.beside(more)
+    progress("proposals for the draws, from what was learnt")
     follow, _ = walked_on(Surrogate.through(known, periods_of(target)), minima, places, rng, LAST)
     likely = np.isfinite(log)
     if np.sum(likely) < many:

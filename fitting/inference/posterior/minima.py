@@ -65,7 +65,7 @@ class Target:
 
 
 def minima_of(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[Minimum, ...]:
-    """The minima that are worth setting out from, the most likely first, each once.
+    """The minima that are worth setting out from, each once, the one of the largest mass first.
 
     Args:
         target: The posterior.

@@ -43,6 +43,11 @@ class Minimum:
     origin: str
     copy_of: int = -1
 
+    @property
+    def log(self) -> float:
+        """ln of the posterior at it, but for the same constant: without its width."""
+        return self.weight + float(np.sum(np.log(np.abs(np.diag(self.root)))))
+
     def distances(self, table: FloatArray) -> FloatArray:
         """|R (u - c)|, (k,).
 

@@ -13,6 +13,7 @@ from fitting.inference.posterior.chain import Walk
 from fitting.inference.posterior.diagnostics import autocorrelation_time, split_rhat
 from fitting.inference.posterior.minima import Target, about
 from fitting.inference.posterior.start import Minimum
+from fitting.inference.posterior.turns import begins_of, told, told_interval, told_value
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.notation import number
 
@@ -54,7 +55,9 @@ class PosteriorValue(Drawn):
 
     `tau` is the integrated autocorrelation time in steps, `rhat` the rank-normalised split R,
     `effective` so many independent draws are worth as much as these. `lower` and `upper` are the
-    box, `prior` and `prior_sigma` the Gaussian prior (NaN: uniform in the box).
+    box, `prior` and `prior_sigma` the Gaussian prior (NaN: uniform in the box). A value with a
+    period may be told outside of its box: draws, minima, truth and what the fit says in the same
+    period, which holds the value that the fit reports.
     """
 
     tau: float
@@ -100,12 +103,15 @@ def numbers_of(draws: FloatArray) -> dict[str, Any]:
 class PosteriorMode:
     """One minimum: where it is, who knew of it, the share of draws nearest to it, its error.
 
-    The share is NaN where the draws have not converged. Draws are nearest to a minimum by the
-    linearised errors there.
+    `below` is by how much ln of the posterior is less there than at the most likely minimum: 0 of
+    that one. A broad minimum may have more draws than one that is more likely but narrow. The share
+    is NaN where the draws have not converged. Draws are nearest to a minimum by the linearised
+    errors there.
     """
 
     parameters: Mapping[str, float]
     origin: str
+    below: float
     share: float
     share_error: float
 
@@ -142,9 +148,13 @@ class PosteriorSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Reached:
-    """How far a walk is: `draws` (steps, walkers, n) in their units, `taus` and `rhats` (n,)."""
+    """How far a walk is: `draws` (steps, walkers, n) in their units, `taus` and `rhats` (n,).
+
+    Draws of a value with a period are told in that which begins at `begins` (n,), NaN of others.
+    """
 
     draws: FloatArray
+    begins: FloatArray
     discarded: int
     taus: FloatArray
     rhats: FloatArray
@@ -170,19 +180,24 @@ class Reached:
         )
 
 
-def reached(target: Target, minima: Sequence[Minimum], walk: Walk) -> Reached:
+def reached(
+    target: Target, minima: Sequence[Minimum], walk: Walk, likely: Mapping[str, float]
+) -> Reached:
     """How far a walk is.
 
     Args:
         target: The posterior.
-        minima: The most likely first.
+        minima: The one of the largest mass first.
         walk: All its steps so far.
+        likely: What the fit reports, by name: in the period of it a value is told.
     """
     discarded = int(LEFT_OUT * walk.steps)
     draws = about(target, minima[0], target.in_units(walk.places[discarded:]))
     columns = [draws[..., i] for i in range(draws.shape[-1])]
+    begins = begins_of(target, draws, likely)
     return Reached(
-        draws=draws,
+        draws=told(target, begins, draws),
+        begins=begins,
         discarded=discarded,
         taus=np.array([autocorrelation_time(c) for c in columns]),
         rhats=np.array([split_rhat(c) for c in columns]),
@@ -201,7 +216,7 @@ def values_of(
     """
     made = {}
     for i, p in enumerate(target.parameters):
-        column = found.draws[..., i]
+        column, begin = found.draws[..., i], float(found.begins[i])
         made[p.name] = PosteriorValue(
             unit=p.unit,
             **numbers_of(column if found.converged else np.empty(0)),
@@ -212,9 +227,9 @@ def values_of(
             upper=p.upper,
             prior=p.reference if p.prior_sigma else math.nan,
             prior_sigma=p.prior_sigma or math.nan,
-            most_likely=_number(beside["most_likely"].get(p.name)),
-            profile95=_interval(beside["profile95"].get(p.name)),
-            truth=_number(beside["truth"].get(p.name)),
+            most_likely=told_value(p, begin, _number(beside["most_likely"].get(p.name))),
+            profile95=told_interval(p, begin, _interval(beside["profile95"].get(p.name))),
+            truth=told_value(p, begin, _number(beside["truth"].get(p.name))),
             shared=not p.experiments,
         )
     return made
@@ -231,11 +246,11 @@ def _interval(value: float | Interval | None) -> Interval:
 def modes_of(
     target: Target, minima: Sequence[Minimum], walk: Walk, found: Reached
 ) -> tuple[PosteriorMode, ...]:
-    """The minima, with the share of the draws that are nearest to each.
+    """The minima, the most likely first, with the share of the draws that are nearest to each.
 
     Args:
         target: The posterior.
-        minima: Copies a period off among them, last.
+        minima: Those with the largest share of the mass first, copies a period off last.
         walk: All steps.
         found: What is left of them.
     """
@@ -244,7 +259,7 @@ def modes_of(
     whose = np.argmin([m.distances(flat) for m in minima], axis=0)
     first = np.array([k if m.copy_of < 0 else m.copy_of for k, m in enumerate(minima)])
     nearest = first[whose].reshape(places.shape[:-1])
-    made = []
+    made, highest = [], max(m.log for m in minima)
     for k, m in enumerate(minima):
         if m.copy_of >= 0:
             continue
@@ -253,13 +268,14 @@ def modes_of(
         if 0.0 < share < 1.0:
             effective = here.size / autocorrelation_time(here)
             error = math.sqrt(share * (1.0 - share) / effective)
-        centre = about(target, minima[0], target.in_units(m.centre)).tolist()
+        centre = told(target, found.begins, target.in_units(m.centre)).tolist()
         made.append(
             PosteriorMode(
                 parameters=dict(zip((p.name for p in target.parameters), centre, strict=True)),
                 origin=m.origin,
+                below=highest - m.log,
                 share=share if found.converged else math.nan,
                 share_error=error if found.converged else math.nan,
             )
         )
-    return tuple(made)
+    return tuple(sorted(made, key=lambda mode: mode.below))

@@ -41,6 +41,12 @@ OUTPUT_NOTE = (
     "output (a λ that is not real) its numbers are those of the other draws."
 )
 
+MODE_NOTE = (
+    "The most likely minimum stands first; ln p is that of the posterior, less its value there. A "
+    "draw counts for the minimum that it is nearest to, by the linearised errors there: a broad "
+    "minimum may have more draws than a narrow one that is more likely."
+)
+
 D = TypeVar("D", bound=Drawn)
 
 
@@ -95,7 +101,7 @@ def _has_truth(values: Mapping[str, Drawn]) -> bool:
 
 
 def mode_table(found: PosteriorSummary) -> Table:
-    """The minima, with the share of the draws that are nearest to each.
+    """The minima, the most likely first, with the share of the draws that are nearest to each.
 
     Args:
         found: What the draws say.
@@ -103,6 +109,7 @@ def mode_table(found: PosteriorSummary) -> Table:
     shown = [name for name, v in found.values.items() if v.shared]
     columns: list[Column[PosteriorMode]] = [
         Column("minimum", lambda m: m.origin, role="name"),
+        Column("ln p", _below),
         Column("share of draws", _share),
         *(_place(name, unit_text(found.values[name].unit)) for name in shown),
     ]
@@ -110,12 +117,16 @@ def mode_table(found: PosteriorSummary) -> Table:
         "Minima",
         columns,
         found.modes,
-        "A draw counts for the minimum that it is nearest to, by the linearised errors there.",
+        MODE_NOTE,
     )
 
 
 def _place(name: str, unit: str) -> Column[PosteriorMode]:
     return Column(name, lambda m: m.parameters[name], unit=unit, symbol=True)
+
+
+def _below(mode: PosteriorMode) -> Cell:
+    return Cell(f"−{mode.below:.2f}" if mode.below >= 0.005 else "0", value=-mode.below)
 
 
 def _share(mode: PosteriorMode) -> Cell:
