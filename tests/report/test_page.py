@@ -273,7 +273,9 @@ def test_history_alternatives_and_starts_are_complete(page: Any, result: Result)
     assert [exact(row[2]) for row in levels] == [r.parameters["theta"] for r in result.history]
     verdicts = [row[-1].text_content() for row in table(page, "Discrete alternatives")]
     assert verdicts == ["reported", "equal to the reported one"]
-    assert len(table(page, "Starts of the search")) == 2
+    starts = table(page, "Starts of the search")
+    assert len(starts) == 2
+    assert [exact(row[4]) for row in starts] == [0.263700001] * 2  # what decides: J_fit + J_reg
 
 
 def test_the_sweep_is_compared_with_the_instrument(page: Any) -> None:
