@@ -41,6 +41,7 @@ from fitting.report.words.sweep import scale_sentence
 from fitting.report.words.values import (
     deviation_sentence,
     equal_alternatives_sentence,
+    point_words,
     tied_sentences,
 )
 from fitting.result.result import STATUSES, Result
@@ -265,7 +266,7 @@ def _quadratures(result: Result) -> Section | None:
 def _derived(result: Result, data: ShownCampaign, figures: Figures) -> Section | None:
     if not result.derived:
         return None
-    said = ["Outputs of the FMU at the fitted parameters, read after initialisation."]
+    said = [f"Outputs of the FMU at {point_words(result)}, read after initialisation."]
     if not figures and result.peaks:
         said.append(
             "None that the data give differs between the experiments by a tenth of its error: "

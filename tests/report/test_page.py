@@ -29,6 +29,7 @@ from fitting.report.figures.numbers import (
 from fitting.report.page import render, write_page
 from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
+from fitting.report.tables.values import per_experiment_table
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
@@ -227,6 +228,23 @@ def test_derived_values_stand_per_experiment(page: Any, result: Result) -> None:
     coupling = [exact(cells[1]) for cells in rows]
     expected = result.derived["lambda"]
     assert coupling == [*expected.values, expected.mean, expected.spread]
+
+
+def test_outputs_of_each_experiment_say_at_which_point_they_are_taken(
+    result: Result, data: ShownCampaign
+) -> None:
+    """Two points are reported, and neither tells to nine digits what is open."""
+
+    def note(found: Result) -> str:
+        shown = per_experiment_table(found, data)
+        assert shown is not None
+        return shown.note
+
+    assert "All at one point, the most likely parameters: " in note(result)
+    assert "Of lambda no value is reported: " in note(result)
+    assert "the search stood when it was interrupted" in note(replace(result, status="interrupted"))
+    papers = {n: replace(d, most_likely=d.value + 1.0) for n, d in result.derived.items()}
+    assert "the parameters at which Algorithm 2 ended" in note(replace(result, derived=papers))
 
 
 def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None:
