@@ -130,9 +130,9 @@ def start_table(result: Result) -> Table:
     starts = [(a, k, s) for a in result.alternatives for k, s in enumerate(a.starts, start=1)]
     note = (
         "The least J = J_fit + J_reg at the last ν is reported; of starts whose J differ by no "
-        "more than 10⁻⁶ of 1 + J the first. Where a derived output has no value there, a start of the "
-        "same J within 0.1 % at which all have one comes before it. A start that met another one "
-        "is none of the number that was asked for: a further one is followed in its place."
+        "more than 10⁻⁶ of 1 + J the first. Where a derived output has no value there, a start of "
+        "the same J within 0.1 % at which all have one comes before it. A start that met another "
+        "one is none of the number that was asked for: a further one is followed in its place."
     )
     return tabulate("Starts of the search", columns, starts, note)
 
