@@ -33,6 +33,7 @@ from fitting.report.tables.values import per_experiment_table
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
+from tests.support import plot_records
 from tests.support import report_records as records
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><title>{}</title></svg>'
@@ -294,6 +295,21 @@ def test_history_alternatives_and_starts_are_complete(page: Any, result: Result)
     starts = table(page, "Starts of the search")
     assert len(starts) == 2
     assert [exact(row[4]) for row in starts] == [0.263700001] * 2  # what decides: J_fit + J_reg
+
+
+def test_the_cost_counts_profiles_where_their_time_is_in_it(
+    result: Result, data: ShownCampaign
+) -> None:
+    known = plot_records.knowledge()
+    effort = replace(known.effort, evaluations=4903, fmu_runs=32712)
+    profiled = replace(result, seconds=34.44, knowledge=replace(known, effort=effort))
+    for found, counted, timed in (
+        (profiled, "4903 evaluations, 32712 FMU runs for profiles; ", "34.4 s for fit, profiles"),
+        (replace(profiled, knowledge=None), "FMU runs; ", "34.4 s for fit and the plan"),
+    ):
+        shown = html.document_fromstring(render(page_of(found, data, [])))
+        [cost] = [row for row in table(shown, "Campaign") if row[0].text_content() == "cost"]
+        assert counted + timed in cost[1].text_content().replace("\u00a0", " ")
 
 
 def test_the_sweep_is_compared_with_the_instrument(page: Any) -> None:
