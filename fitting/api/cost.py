@@ -16,6 +16,7 @@ from fitting.campaign.parameters import to_search
 from fitting.engine.threads import one_thread
 from fitting.fit.objective import evaluate_many, stencil
 from fitting.inference.cost import Expected, Range, added, expected, times
+from fitting.inference.identification import own_profiled
 from fitting.text.errors import BadInput
 
 __all__ = ["Cost", "Expected", "Range", "added", "cost", "expected_of", "times"]
@@ -118,6 +119,17 @@ def expected_of(
     """
     options = search_options(problem, method, starts, None)
     return expected(problem.record, options, profiles=profiles, refits=refits)
+
+
+def expected_of_identification(problem: Problem, refits: int) -> Expected:
+    """What `identify` expects, without a run of the FMU: no search, but profiles of all values.
+
+    Args:
+        problem: What is looked for, and from what.
+        refits: Synthetic data sets that are to be fitted anew.
+    """
+    options, record = search_options(problem, None, 1, None), problem.record
+    return expected(record, options, profiles=True, refits=refits, own=own_profiled(record))
 
 
 def _memory_bytes(pids: Iterable[int]) -> float:

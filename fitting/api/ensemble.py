@@ -48,6 +48,7 @@ __all__ = [
     "Laboratories",
     "Progress",
     "ensemble",
+    "finished_items",
     "first_campaign",
     "write_ensemble",
 ]
@@ -189,6 +190,30 @@ def first_campaign(
     return path, Fmu(first.fmu.path, 1), len(job.items)
 
 
+def finished_items(
+    of: Laboratories | Campaigns,
+    fmu: Fmu | str | Path | None,
+    options: EnsembleOptions,
+    out: Path,
+    folder: Path,
+) -> int:
+    """How many items an interrupted ensemble has kept, which need not be done again.
+
+    Args:
+        of: As `ensemble` takes it.
+        fmu: Likewise.
+        options: Likewise.
+        out: Its folder; nothing is written there.
+        folder: For an FMU that is built.
+
+    Raises:
+        BadInput: as `ensemble`; the kept items are of another one.
+    """
+    job = _job(of, fmu, options, folder)
+    journal = Journal(out / ITEMS_FILE, job.fingerprint, Kept)
+    return len(_as_they_were(job, journal.read()))
+
+
 def write_ensemble(found: Ensemble, out: str | Path, *, drawn: bool = True) -> list[Path]:
     """Write what the command line writes: ensemble.json, tables, figure, report.
 
@@ -315,19 +340,24 @@ class _Done:
         )
 
     def _resume(self, journal: Journal[Kept]) -> None:
-        """Rows of items that are as they were; what had no fit is done again."""
-        wanted = {item.label: item for item in self._job.items}
-        for kept in journal.resume():
-            item = wanted.get(kept.row.label)
-            if item is None or kept.row.failed or kept.fmu != item.fmu_digest:
-                continue
-            if kept.files == kept_digests(kept.files):
-                self._rows[item.label] = replace(kept.row, index=item.index)
+        self._rows.update(_as_they_were(self._job, journal.resume()))
 
     def _tell(self) -> None:
         total = len(self._job.items)
         state = Progress(len(self._rows), total, self._failed, self._resumed, self._seconds)
         self._progress(state)
+
+
+def _as_they_were(job: _Job, parts: Iterator[Kept]) -> dict[str, EnsembleRow]:
+    """Rows of items that are as they were, by their labels; what had no fit is done again."""
+    wanted, rows = {item.label: item for item in job.items}, {}
+    for kept in parts:
+        item = wanted.get(kept.row.label)
+        if item is None or kept.row.failed or kept.fmu != item.fmu_digest:
+            continue
+        if kept.files == kept_digests(kept.files):
+            rows[item.label] = replace(kept.row, index=item.index)
+    return rows
 
 
 def _lost(item: Item, how: str) -> Kept:

@@ -549,8 +549,9 @@ class ContinuationSettings(Keys):
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
     r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""
     starts: Repeats = 3
-    """The campaign's own start, the lowest minima of a search of the box, and places where J
-    is flat; 1: no search."""
+    """Different ends that are looked for, from the campaign's own start and the lowest minima of a
+    search of the box: a start that ends where another did is not counted, and a further one is
+    followed in its place. Places where J is flat come on top. 1: no search."""
     seed: WholeNumber = 1
     """Of the search."""
     estimator: Annotated[Text, OneOf(ESTIMATORS)] = LIKELIHOOD

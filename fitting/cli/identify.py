@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, result or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    from fitting.api.cost import expected_of
+    from fitting.api.cost import expected_of_identification
     from fitting.api.jobs import IdentificationOptions, identified, with_part
     from fitting.cli.running.remaining import Remaining, counted
     from fitting.report.words.identification import identification_lines
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         problem = ff.Problem.of(campaign, fmu)
         if settings:
             problem.part(settings)  # complained of before the long run
-        expected = expected_of(problem, None, 1, profiles=True, refits=args.bootstrap)
+        expected = expected_of_identification(problem, args.bootstrap)
         remaining = Remaining(expected, drawn=not args.no_report)
         with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
             asked = IdentificationOptions(

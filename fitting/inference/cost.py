@@ -87,7 +87,9 @@ class Expected:
         return added(self.search, self.profiles, self.bootstrap)
 
 
-def expected(problem: Problem, options: Options, *, profiles: bool, refits: int) -> Expected:
+def expected(
+    problem: Problem, options: Options, *, profiles: bool, refits: int, own: int = 0
+) -> Expected:
     """What a fit and its profiles are expected to take.
 
     Args:
@@ -95,12 +97,13 @@ def expected(problem: Problem, options: Options, *, profiles: bool, refits: int)
         options: of the search.
         profiles: whether profiles are walked.
         refits: synthetic data sets that are fitted anew.
+        own: values of single experiments that have a profile, too.
     """
     schedule = options.schedule
     unknowns, alternatives = len(problem.parameters), len(problem.alternatives)
     shared = sum(not p.experiments for p in problem.parameters)
     outputs = len(problem.outputs) if profiles else 0
-    profiled = shared + outputs if profiles else 0
+    profiled = shared + own + outputs if profiles else 0
     jacobian = 2.0 * unknowns + 1.0
     stages = {
         Stage.MINIMA: times(jacobian if profiles else 0.0, MINIMA),

@@ -129,6 +129,8 @@ def extent_of(data: Dataset, residuals: FloatArray) -> str:
 
 
 def _chi_words(adequacy: Adequacy) -> str:
-    freedom = number(round(adequacy.freedom, 1))
+    # priors leave no whole number; of a misfit chi square over it is told to three digits
+    free = adequacy.freedom
+    freedom = number(round(free, 1)) if adequacy.describes else number(free, 3)
     against = f" against {adequacy.against}" if adequacy.against else ""
     return f"χ² = {number(adequacy.chi_square, 3)} on {freedom_words(freedom)}{against}"

@@ -78,7 +78,7 @@ def identify(
             if (equal := equal_fit((objective_of(a), begins), (objective, begins), a, noise))
         )
     )
-    own = sum(bool(p.experiments) for p in problem.parameters)
+    own = _own(problem)
     options = InferenceOptions(
         units=units,
         seed=request.seed,
@@ -98,6 +98,20 @@ def identify(
         f"time, and profiles are walked of {FEW_OWN} at most."
     )
     return replace(knowledge, sentences=(*knowledge.sentences, left_out))
+
+
+def own_profiled(problem: Problem) -> int:
+    """How many values of single experiments `identify` walks a profile of.
+
+    Args:
+        problem: parameters and measurements.
+    """
+    own = _own(problem)
+    return own if own <= FEW_OWN else 0
+
+
+def _own(problem: Problem) -> int:
+    return sum(bool(p.experiments) for p in problem.parameters)
 
 
 def _shared(problem: Problem) -> tuple[str, ...]:

@@ -31,6 +31,7 @@ from fitting.inference.equivalent_fits import (
     reason_sentences,
 )
 from fitting.inference.estimates import (
+    UNPROFILED,
     Estimates,
     derived_results,
     offset_results,
@@ -368,8 +369,7 @@ def _knowledge(
         why = "Interrupted before the profiles were done"
     except FmuFailure as failure:
         why = f"The FMU failed while profiles were walked ({failure})"
-    said = f"{why}: errors are those of the linearised problem, and no verdict is given."
-    return None, (said,)
+    return None, (f"{why}: {UNPROFILED}.",)
 
 
 def _refuted(solution: Solution) -> Adequacy | None:

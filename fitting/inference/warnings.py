@@ -12,7 +12,7 @@ import numpy as np
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import prior_sigmas, to_search
 from fitting.fit.alternative import Outcome
-from fitting.fit.fit import Fit
+from fitting.fit.fit import Fit, Status
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many
@@ -135,7 +135,7 @@ def fit_warnings(
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
         *warned(Kind.SLIPPED, slipped_sentences(problem, sweeps.lines)),
         *warned(Kind.BOUND, _on_bounds(solution)),
-        *warned(Kind.INFLATION, _inflation(inflation) if describes else ()),
+        *warned(Kind.INFLATION, _inflation(fit.status, inflation) if describes else ()),
         *warned(Kind.STRUCTURE, _structure(solution)),
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
         *warned(Kind.DRIFT, _drift(problem, offsets, sweeps, describes)),
@@ -266,15 +266,20 @@ def _on_bounds(solution: Solution) -> list[str]:
     return said
 
 
-def _inflation(inflation: float) -> list[str]:
-    said = []
-    if inflation > 1.5:
-        said.append(
-            f"The residuals are {inflation:.3g} times what the noise explains: it was stated too "
-            f"small, or the model, or the drift, is not quite right; errors are {inflation:.3g} "
-            "times as wide for it."
-        )
-    return said
+def _inflation(status: Status, inflation: float) -> list[str]:
+    if inflation <= 1.5:
+        return []
+    if status is Status.INTERRUPTED:  # what is left may be what the search had still to find
+        return [
+            "The search was not finished: the residuals where it stood are "
+            f"{inflation:.3g} times what the noise explains, and errors are as many times as wide. "
+            "That says nothing of noise or model yet."
+        ]
+    return [
+        f"The residuals are {inflation:.3g} times what the noise explains: it was stated too "
+        f"small, or the model, or the drift, is not quite right; errors are {inflation:.3g} "
+        "times as wide for it."
+    ]
 
 
 def _can_state(solution: Solution) -> bool:

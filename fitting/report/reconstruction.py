@@ -36,11 +36,12 @@ from fitting.report.words.agreement import agreement_sentences
 from fitting.report.words.answer import Answer, answer_of
 from fitting.report.words.inference import knowledge_heading, knowledge_words, typeset
 from fitting.report.words.plan import remarks
-from fitting.report.words.result import ending_words, further_warnings, headline
+from fitting.report.words.result import ending_words, further_warnings, headline, spent_words
 from fitting.report.words.sweep import scale_sentence
 from fitting.report.words.values import (
     deviation_sentence,
     equal_alternatives_sentence,
+    point_words,
     tied_sentences,
 )
 from fitting.result.result import STATUSES, Result
@@ -265,7 +266,7 @@ def _quadratures(result: Result) -> Section | None:
 def _derived(result: Result, data: ShownCampaign, figures: Figures) -> Section | None:
     if not result.derived:
         return None
-    said = ["Outputs of the FMU at the fitted parameters, read after initialisation."]
+    said = [f"Outputs of the FMU at {point_words(result)}, read after initialisation."]
     if not figures and result.peaks:
         said.append(
             "None that the data give differs between the experiments by a tenth of its error: "
@@ -349,11 +350,8 @@ def _search(result: Result) -> Section | None:
 
 
 def _settings(result: Result, data: ShownCampaign) -> Section:
-    cost = result.evaluations
-    spent = (
-        f"{cost.objective} evaluations of the objective, {cost.jacobians} Jacobians, "
-        f"{cost.fmu_runs} simulation runs, {result.seconds:.1f} s"
-    )
+    timed = "fit, profiles" if result.knowledge is not None else "fit"
+    spent = f"{spent_words(result)} for {timed} and the plan, whose runs are not counted"
     chosen = {name: scalar_words(v) for name, v in result.provenance.settings.items()}
     heads = ("setting", "value")
     tables = (

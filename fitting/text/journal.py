@@ -41,6 +41,19 @@ class Journal(Generic[Part]):
         Raises:
             BadInput: the file is of another job, or is no journal.
         """
+        yield from self.read()
+        whole = self._whole()
+        if whole:
+            with self.path.open("rb+") as file:
+                file.truncate(whole)
+            self._begun = True
+
+    def read(self) -> Iterator[Part]:
+        """The same parts; the file stays as it is.
+
+        Raises:
+            BadInput: the file is of another job, or is no journal.
+        """
         whole = self._whole()
         if not whole:
             return
@@ -60,9 +73,6 @@ class Journal(Generic[Part]):
                     break
                 plain = _read(line, self.path, place)
                 yield from_plain(self._kind, plain, f"{self.path}: row {place}")
-        with self.path.open("rb+") as file:
-            file.truncate(whole)
-        self._begun = True
 
     def record(self, part: Part) -> None:
         """Add a finished part.

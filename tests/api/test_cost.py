@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.api.cost import expected_of_identification
 from fitting.inference.cost import Range
 from tests.support.in_process import told
 from tests.support.small_campaign import small_campaign
@@ -77,6 +78,13 @@ def test_what_the_job_consists_of(expected: ff.Cost) -> None:
     assert (parts.parameters, parts.jacobian) == (6, 13)
     assert (parts.alternatives, parts.levels, parts.starts) == (1, 5, 1)
     assert (parts.profiled, parts.outputs, parts.refits) == (2, 1, 0)
+
+
+def test_identify_counts_the_profiles_that_it_walks(campaign: Path) -> None:
+    """Its offsets have one, too: a fit has a table of their own for them."""
+    problem = ff.Problem.of(campaign)
+    walked = ff.identify(problem).knowledge.profiles
+    assert expected_of_identification(problem, 0).profiled == len(walked) == 7
 
 
 def test_a_range_is_told_that_means_something(expected: ff.Cost) -> None:

@@ -82,6 +82,22 @@ def test_without_a_worker_to_start_the_cost_is_told_and_nothing_written(
     assert not (tmp_path / "out").exists()
 
 
+def test_the_cost_of_going_on_is_that_of_what_is_left(swift_fmu: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ("ensemble", *LINES, "--fmu", swift_fmu, "--out", out, "--laboratories")
+    assert told(*words, "2").code == 0
+    with (out / ITEMS_FILE).open("a") as file:
+        file.write('{"row":{"index":2,"lab')  # as kill -9 leaves it
+    before = (out / ITEMS_FILE).read_bytes()
+    ended = told(*words, "5", "--resume", "--dry-run")
+    assert ended.code == 0, ended.err
+    assert ended.out.startswith("5 items, 2 of them finished; the other 3, each about as the first")
+    assert "all that are left on one process" in ended.out
+    assert (out / ITEMS_FILE).read_bytes() == before
+    done = told(*words, "2", "--resume", "--dry-run")
+    assert done.out == "2 items, all of them finished: nothing is left to do\n"
+
+
 REFUSED = [
     ([], "found nothing to fit, wanted campaigns, --series or --like"),
     (["x.toml", "--series", "q1"], "found campaigns and --series or --like"),

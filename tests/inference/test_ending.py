@@ -154,6 +154,10 @@ def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:
     assert bad.told("Why so.") == (
         "Converged but does not describe the data: χ² = 173 on 9 degrees of freedom. Why so."
     )
+    ragged = adequacy(4780.0, 8.034, False)
+    said = ending_of(Status.MISFIT, ragged, inflation=24.4, structure=None)
+    assert said.ground == "χ² = 4780 on 8.03 degrees of freedom"
+    assert "χ² is 595 times what the noise explains" in misfit_sentence(ragged, drifts=True)
     for status in (Status.NOT_CONVERGED, Status.INTERRUPTED):
         ending = ending_of(status, adequacy(4.0, 4.0), inflation=1.0, structure=None)
         assert ending == Ending(words=NOT_CONVERGED)

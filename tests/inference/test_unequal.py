@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import fitting as ff
+from fitting.fit.fit import Status
+from fitting.inference.infer import InferenceRequest, infer
+from fitting.inference.warnings import Kind
 from tests.support.complex_data import mode
 from tests.support.one_mode import SETUP
 
@@ -58,3 +62,19 @@ def test_the_warning_names_what_states_it(swift_fmu: Path) -> None:
     assert "are of unequal size" in told[0]
     assert "[noise] relative" in told[0]
     assert "of unequal size" not in told[1]
+
+
+def test_a_search_that_was_interrupted_does_not_blame_the_noise(swift_fmu: Path) -> None:
+    """Its residuals may be what the search had still to take away."""
+    done = fitted(swift_fmu, 0, ff.Noise(relative=SHARE / 1.8)).record
+    cut = replace(done, status=Status.INTERRUPTED)
+    told = [
+        [
+            warning.sentence
+            for warning in infer(fit, InferenceRequest(profiles=False)).warnings
+            if warning.kind is Kind.INFLATION
+        ]
+        for fit in (done, cut)
+    ]
+    assert ["it was stated too small" in " ".join(said) for said in told] == [True, False]
+    assert "The search was not finished" in " ".join(told[1])

@@ -232,6 +232,13 @@ def test_profiles_that_were_not_done_are_gone_on_with(result: Result) -> None:
     assert answer_of(spent).command == "fmu-fit reconstruct a.toml --no-report"
 
 
+@pytest.mark.parametrize("told", [NO_PROFILES, CUT_SHORT])
+def test_without_profiles_verdicts_are_not_said_to_be_missing(told: str) -> None:
+    """Every row has one: linearised only, or not known."""
+    assert "no verdict" not in told
+    assert told.endswith("and which values the data determine is not known.")
+
+
 @pytest.mark.parametrize(
     ("status", "told"),
     [

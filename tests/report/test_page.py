@@ -29,9 +29,11 @@ from fitting.report.figures.numbers import (
 from fitting.report.page import render, write_page
 from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
+from fitting.report.tables.values import per_experiment_table
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
+from tests.support import plot_records
 from tests.support import report_records as records
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><title>{}</title></svg>'
@@ -229,6 +231,23 @@ def test_derived_values_stand_per_experiment(page: Any, result: Result) -> None:
     assert coupling == [*expected.values, expected.mean, expected.spread]
 
 
+def test_outputs_of_each_experiment_say_at_which_point_they_are_taken(
+    result: Result, data: ShownCampaign
+) -> None:
+    """Two points are reported, and neither tells to nine digits what is open."""
+
+    def note(found: Result) -> str:
+        shown = per_experiment_table(found, data)
+        assert shown is not None
+        return shown.note
+
+    assert "All at one point, the most likely parameters: " in note(result)
+    assert "Of lambda no value is reported: " in note(result)
+    assert "the search stood when it was interrupted" in note(replace(result, status="interrupted"))
+    papers = {n: replace(d, most_likely=d.value + 1.0) for n, d in result.derived.items()}
+    assert "the parameters at which Algorithm 2 ended" in note(replace(result, derived=papers))
+
+
 def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None:
     cells = table(page, "Derived outputs")[0]
     assert cells[4].text_content() == "–"
@@ -273,7 +292,24 @@ def test_history_alternatives_and_starts_are_complete(page: Any, result: Result)
     assert [exact(row[2]) for row in levels] == [r.parameters["theta"] for r in result.history]
     verdicts = [row[-1].text_content() for row in table(page, "Discrete alternatives")]
     assert verdicts == ["reported", "equal to the reported one"]
-    assert len(table(page, "Starts of the search")) == 2
+    starts = table(page, "Starts of the search")
+    assert len(starts) == 2
+    assert [exact(row[4]) for row in starts] == [0.263700001] * 2  # what decides: J_fit + J_reg
+
+
+def test_the_cost_counts_profiles_where_their_time_is_in_it(
+    result: Result, data: ShownCampaign
+) -> None:
+    known = plot_records.knowledge()
+    effort = replace(known.effort, evaluations=4903, fmu_runs=32712)
+    profiled = replace(result, seconds=34.44, knowledge=replace(known, effort=effort))
+    for found, counted, timed in (
+        (profiled, "4903 evaluations, 32712 FMU runs for profiles; ", "34.4 s for fit, profiles"),
+        (replace(profiled, knowledge=None), "FMU runs; ", "34.4 s for fit and the plan"),
+    ):
+        shown = html.document_fromstring(render(page_of(found, data, [])))
+        [cost] = [row for row in table(shown, "Campaign") if row[0].text_content() == "cost"]
+        assert counted + timed in cost[1].text_content().replace("\u00a0", " ")
 
 
 def test_the_sweep_is_compared_with_the_instrument(page: Any) -> None:

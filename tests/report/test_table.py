@@ -27,7 +27,7 @@ from fitting.report.table import (
     text_lines,
     wrapped,
 )
-from fitting.report.tables.inference import profile_table
+from fitting.report.tables.inference import nu_table, profile_table
 from fitting.report.tables.tones import deviation_table, mean_deviation_table
 from fitting.report.tables.values import derived_table, parameter_table, values_table
 from fitting.text.notation import number
@@ -206,3 +206,10 @@ def test_a_line_breaks_between_values_and_never_inside_one() -> None:
     assert [value.strip() for value in values if value.strip()] == said.split(", ")
     whole = "/a/path/" + "that/no/line/breaks/" * 8
     assert wrapped(f"written: {whole}")[1] == whole
+
+
+def test_chi_square_over_nu_says_which_degrees_of_freedom_it_is_held_against() -> None:
+    """Those of all data, `tests/inference/test_nu_choice.py`: the headline has fewer."""
+    found = nu_table(plot_records.nu_choice())
+    assert "12, which noise stays below in 95 % of cases with as many degrees" in found.note
+    assert "None is taken off for the fitted parameters" in found.note

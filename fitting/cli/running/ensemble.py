@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.ensemble import Progress, first_campaign
+from fitting.api.ensemble import Progress, finished_items, first_campaign
 from fitting.cli.ensemble import NAME, USUAL
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
@@ -74,6 +74,7 @@ def tell_cost(args: argparse.Namespace) -> int:
         BadInput: the first item cannot be planned.
         FmuFailure: the FMU failed.
     """
+    done = 0
     with Scratch() as folder, status_line(NAME) as tell:
         tell("planning the first item")
         path, fmu, count = first_campaign(_of(args), args.fmu, folder)
@@ -82,17 +83,30 @@ def tell_cost(args: argparse.Namespace) -> int:
             method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
             starts = 1 if args.quick and args.starts is None else args.starts
             cost = ff.cost(problem, method, starts=starts, profiles=not args.no_profiles)
+        if args.resume:
+            done = finished_items(_of(args), args.fmu, _options(args), args.out, folder)
     hand_over(args, cost)
-    print(f"{count} items, each about as the first:")
+    left = count - done
+    if not left:
+        print(f"{count} items, all of them finished: nothing is left to do")
+        return 0
+    print(f"{_counted(count, done)} each about as the first:")
     print(*cost_lines(cost.seconds, cost.runs, cost.expected), sep="\n")
     if args.value:
         print("profiles of fewer values take less")
     if args.scheduler is None:
-        workers = min(args.workers or default_workers(), count)
-        whole = (count * cost.seconds[0] / workers, count * cost.seconds[1] / workers)
+        workers = min(args.workers or default_workers(), left)
+        whole = (left * cost.seconds[0] / workers, left * cost.seconds[1] / workers)
         place = "one process" if workers == 1 else f"{workers} processes"
-        print(f"all of them on {place}: {time_words(whole)}")
+        print(f"all {'that are left' if done else 'of them'} on {place}: {time_words(whole)}")
     return 0
+
+
+def _counted(count: int, done: int) -> str:
+    """How many items there are, and how many of them are still to do."""
+    if not done:
+        return f"{count} items,"
+    return f"{count} items, {done} of them finished; the other {count - done},"
 
 
 def _of(args: argparse.Namespace) -> ff.Laboratories | list[Path]:

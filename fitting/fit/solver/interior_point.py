@@ -31,6 +31,7 @@ from fitting.fit.solver.linear_program import Pace, follow, promised_decrease, w
 from fitting.fit.solver.narrow_valley import finish_squares_in_valley, follow_valley
 from fitting.fit.solver.symmetry import off_symmetry
 from fitting.text.arrays import FloatArray
+from fitting.text.notation import how_many
 
 #: Distance from a bound at which every solve starts, as a share of the box (at most in units of x).
 INSIDE_SHARE = 1e-3
@@ -218,7 +219,15 @@ def to_the_last_digits(
         return found
     if _value(evaluator, found.x, nu, settings) - least > FAR * found.optimality:
         return found
-    return _further(evaluator, found, nu, settings, LAST_FINISHES[settings.misfit])
+    return _further(evaluator, found, nu, settings, partial(_last_steps, settings.misfit))
+
+
+def _last_steps(
+    misfit: str, evaluator: Evaluator, start: FloatArray, nu: Nu, tolerance: float
+) -> Finish:
+    end = LAST_FINISHES[misfit](evaluator, start, nu, tolerance)
+    count = how_many(end.steps, "step")
+    return replace(end, message=f"{count} to the last digits: {end.message}")
 
 
 def crept(promise: float, value: float, misfit: str) -> bool:
@@ -260,7 +269,14 @@ def _further(
         return found
     promise, reached = end.optimality, _value(evaluator, end.x, nu, settings)
     status = "optimal" if promise <= _tolerance(reached, settings) else found.status
-    return replace(found, x=end.x, optimality=promise, status=status, steps=found.steps + end.steps)
+    return replace(
+        found,
+        x=end.x,
+        optimality=promise,
+        status=status,
+        message=f"{found.message}; {end.message}",
+        steps=found.steps + end.steps,
+    )
 
 
 def _value(evaluator: Evaluator, x: FloatArray, nu: Nu, settings: SolveSettings) -> float:

@@ -2,7 +2,8 @@
 
 Corner of the L-curve: the nu at which the curve (ln J_fit, ln |x|) bends most, between where the
 prior costs misfit and where it costs nothing. Discrepancy principle: the largest nu whose chi
-square is no more than noise explains. Where a criterion chooses nothing, that is said.
+square is no more than noise explains, that of all m data at the true parameters: nothing is taken
+off for the fitted ones. Where a criterion chooses nothing, that is said.
 
 Source: P. Hansen and D. O'Leary, SIAM J. Sci. Comput. 14 (1993) 1487; V. Morozov (1966).
 """

@@ -12,7 +12,7 @@ from fitting.report.figures.numbers import CONVERGENCE, DERIVED
 from fitting.report.figures.style import Drawing, new_figure, panels
 from fitting.report.plot.fit import ends_elsewhere
 from fitting.report.shown import ShownCampaign
-from fitting.report.words.values import box_words, reported_words
+from fitting.report.words.values import box_words, point_words, reported_words
 from fitting.result.result import Result
 from fitting.text.notation import listed, number, unit_text
 
@@ -119,7 +119,7 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
         plot.output_by_experiment(result, name, data.labels, ax=panel)
     said = [f"{name}: {_in_words(d)}" for name, d in shown.items()]
     caption = (
-        "Derived outputs of the FMU at the fitted parameters, for every experiment (marker shapes "
+        f"Derived outputs of the FMU at {point_words(result)}, for every experiment (marker shapes "
         "as in the other figures), with mean (dashed) and spread over the experiments (band, one "
         "standard deviation). The spread is the drift of the experiments, not the uncertainty of "
         f"the value. {'. '.join(said)}."

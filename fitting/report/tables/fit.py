@@ -121,12 +121,20 @@ def start_table(result: Result) -> Table:
         Column("start", lambda s: s[1]),
         Column("from", lambda s: _values(s[2].begun, names)),
         Column("to", lambda s: _values(s[2].parameters, names)),
+        Column("J", lambda s: s[2].j_fit + s[2].j_reg),
         Column("J_fit", lambda s: s[2].j_fit),
+        Column("J_reg", lambda s: s[2].j_reg, digits=3),
         Column("levels", lambda s: s[2].levels),
         Column("end", lambda s: s[2].ended, role="words"),
     )
     starts = [(a, k, s) for a in result.alternatives for k, s in enumerate(a.starts, start=1)]
-    return tabulate("Starts of the search", columns, starts)
+    note = (
+        "The least J = J_fit + J_reg at the last ν is reported; of starts whose J differ by no "
+        "more than 10⁻⁶ of 1 + J the first. Where a derived output has no value there, a start of "
+        "the same J within 0.1 % at which all have one comes before it. A start that met another "
+        "one is none of the number that was asked for: a further one is followed in its place."
+    )
+    return tabulate("Starts of the search", columns, starts, note)
 
 
 def _values(values: Mapping[str, float], names: Iterable[str]) -> Cell:

@@ -214,7 +214,10 @@ def nu_table(nu: NuChoice) -> Table:
         nu.rows,
         "χ²(ν) is that of the data where Algorithm 2 stood at that ν; χ² without ν is that at the "
         "most likely parameters, in the box or beyond it, by which the fit is judged. χ²(ν) is "
-        f"held against {number(nu.allowed, 4)}, which noise stays below in 95 % of cases.",
+        f"held against {number(nu.allowed, 4)}, which noise stays below in 95 % of cases with as "
+        "many degrees of freedom as there are data. None is taken off for the fitted parameters, "
+        "as it is for χ² without ν: the discrepancy principle asks whether the parameters at that "
+        "ν could be the true ones, and those are not fitted to the noise.",
     )
 
 

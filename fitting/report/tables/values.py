@@ -13,11 +13,18 @@ from fitting.inference.verdict import Verdict
 from fitting.inference.verdicts import WAS_CUT
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
-from fitting.report.words.values import Valued, offset_name, told_twice, verdict_words
+from fitting.report.words.values import (
+    Valued,
+    offset_name,
+    point_words,
+    told_twice,
+    verdict_words,
+)
 from fitting.result.result import Result
 from fitting.text.notation import (
     as_its_error,
     error_number,
+    listed,
     markup,
     number,
     rounded_alike,
@@ -369,7 +376,13 @@ def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
         Column("experiment", lambda record: record[0], role="name")
     ]
     columns += [Column(n, _rounded(n), unit=d.unit, symbol=True) for n, d in outputs.items()]
-    return tabulate("Derived outputs per experiment", columns, records)
+    note = (
+        f"All at one point, {point_words(result)}: digits let the experiments be compared, and do "
+        "not tell how well a value is known."
+    )
+    if left := [name for name, d in outputs.items() if not d.identifiable.has_value]:
+        note += f" Of {listed(left)} no value is reported: these are that point's alone."
+    return tabulate("Derived outputs per experiment", columns, records, note)
 
 
 def per_place_table(result: Result) -> Table | None:

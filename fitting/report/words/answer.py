@@ -10,6 +10,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from fitting.inference.budget import BUDGET
 from fitting.inference.conditions import is_condition, resting_of, taken_of
 from fitting.inference.ending import CONTRADICTED
+from fitting.inference.estimates import UNPROFILED
 from fitting.inference.likelihood.knowledge import UNDESCRIBED
 from fitting.inference.mistakes import FAR_OFF, SLIPPED
 from fitting.inference.sampled_twins import SAMPLED
@@ -29,14 +30,11 @@ CONVENTION = "± holds 68 %, intervals hold 95 %; “determined to” names half
 #: Said in its place where the error of a value differs from side to side.
 CONVENTION_UNEVEN = CONVENTION.replace("± holds", "±, and + with −, hold")
 #: Of a result that is written before the profiles are done, and stands where they never are.
-NO_PROFILES = (
-    "The command ended before the profiles were done: errors are those of the linearised "
-    "problem, and no verdict is given."
-)
+NO_PROFILES = f"The command ended before the profiles were done: {UNPROFILED}."
 #: The same of a budget that was spent before there was any.
 CUT_SHORT = (
     "The profiles were cut for their cost before there was any: a larger --budget would tell. "
-    "Errors are those of the linearised problem, and no verdict is given."
+    f"{UNPROFILED[:1].upper()}{UNPROFILED[1:]}."
 )
 #: What a value is known by that its line knows better than the fit.
 BY_SWEEP = "sweep alone"

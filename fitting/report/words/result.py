@@ -109,15 +109,23 @@ def _knowledge_lines(result: Result) -> list[str]:
     return lines
 
 
-def _cost_lines(result: Result) -> list[str]:
+def spent_words(result: Result) -> str:
+    """What a job has taken: evaluations and runs of fit and profiles, and the time of both.
+
+    Args:
+        result: of a reconstruction.
+    """
     cost, knowledge = result.evaluations, result.knowledge
-    profiles = ""
-    if knowledge is not None:
-        spent = knowledge.effort
-        profiles = f", and {spent.evaluations} evaluations, {spent.fmu_runs} FMU runs for profiles"
-    lines = [
-        "",
-        f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs"
-        f"{profiles}; {result.seconds:.1f} s",
-    ]
+    said = f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs"
+    if knowledge is None:
+        return f"{said}; {result.seconds:.1f} s"
+    spent = knowledge.effort
+    return (
+        f"{said}, and {spent.evaluations} evaluations, {spent.fmu_runs} FMU runs for profiles; "
+        f"{result.seconds:.1f} s"
+    )
+
+
+def _cost_lines(result: Result) -> list[str]:
+    lines = ["", spent_words(result)]
     return lines if result.plan is None else [*lines, plan_line(result.plan)]

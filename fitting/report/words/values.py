@@ -12,7 +12,7 @@ from typing import Protocol
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.verdicts import ON_BOTH_SIDES, WAS_CUT
-from fitting.result.result import Result
+from fitting.result.result import STATUSES, Result
 from fitting.text.notation import (
     bound,
     how_many,
@@ -213,3 +213,16 @@ def equal_alternatives_sentence(result: Result) -> str:
         return ""
     others = listed(settings_words(a.settings) for a in equal)
     return f"The data do not tell the alternatives apart: {others} reaches the same J."
+
+
+def point_words(result: Result) -> str:
+    """At which parameters the outputs of the FMU are taken that are reported.
+
+    Args:
+        result: of a reconstruction.
+    """
+    if result.status == STATUSES[2]:
+        return "the parameters at which the search stood when it was interrupted"
+    if all(d.is_most_likely for d in result.derived.values()):
+        return "the most likely parameters"
+    return "the parameters at which Algorithm 2 ended"
