@@ -46,7 +46,7 @@ class Verdict(StrEnum):
 
 
 def in_boxes(names: Sequence[str]) -> str:
-    """What a verdict holds under: " in the box of d1 and d2"; empty where it rests on no box.
+    """What a verdict holds under: " in the boxes of d1 and d2"; empty where it rests on no box.
 
     Args:
         names: of the parameters beyond whose boxes the data may say otherwise.

@@ -70,7 +70,7 @@ class Profile:
     profile in rising order, `path` the parameters and outputs along it. `simulation` is how far
     what the simulation may be off by moves the value, at most, linearised: the intervals hold it.
     `held` names the parameters at whose limits a branch was held, `boxes` those on whose boxes a
-    verdict rests: such limits, and those beyond which a fit that is as good says otherwise.
+    verdict rests: beyond them a fit that is as good says otherwise.
     """
 
     kind: str
