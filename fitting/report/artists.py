@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import os
 import pickle
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, wait
@@ -22,6 +23,9 @@ if TYPE_CHECKING:  # a process that draws loads them with all the rest
     from fitting.report.shown import ShownCampaign
     from fitting.result.result import Result
 
+
+#: How much they stand back behind those who fit meanwhile, as `nice` counts it.
+BEHIND = 5
 
 Drawn = TypeVar("Drawn")
 Arguments = ParamSpec("Arguments")
@@ -132,7 +136,14 @@ class Artists:
         return future.result()
 
 
+def _stand_back() -> None:
+    """Let the fit go first, on whose cores this draws: the report waits for it in any case."""
+    if hasattr(os, "nice"):
+        os.nice(max(0, BEHIND - os.nice(0)))
+
+
 def _load() -> None:
+    _stand_back()
     gc.disable()  # nothing that is loaded is garbage
     for name in (
         "fitting.report.reconstruction",
@@ -161,6 +172,7 @@ def _begin(
         write_figure,
     )
 
+    _stand_back()  # also where one process has loaded for all
     own = longest_first(settled(planned_figures(result, data), data))[share[0] :: share[1]]
     return {planned.number: write_figure(planned, folder) for planned in own}
 

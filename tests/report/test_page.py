@@ -16,7 +16,7 @@ from lxml import etree, html
 
 from fitting.engine.local import LocalProcesses
 from fitting.report import table as tables
-from fitting.report.artists import Artists
+from fitting.report.artists import BEHIND, Artists
 from fitting.report.figures.file import FigureFile
 from fitting.report.figures.numbers import (
     DRIVE,
@@ -481,6 +481,19 @@ def test_what_a_fit_settles_is_drawn_before_the_rest_is_known(tmp_path: Path) ->
         for name in ("alone", "begun", "again")
     )
     assert begun_files == again == alone
+
+
+@pytest.mark.skipif(not hasattr(os, "nice"), reason="Windows has no niceness")
+def test_who_draws_stands_back_behind_who_fits(tmp_path: Path) -> None:
+    """Once, however often it is asked to load."""
+    executor = LocalProcesses(1)
+    try:
+        artists = Artists(executor, 1, tmp_path)
+        artists.get_ready()
+        artists.get_ready()
+        assert executor.submit(os.nice, 0).result() == max(os.nice(0), BEHIND)
+    finally:
+        executor.shutdown(wait=False)
 
 
 def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(
