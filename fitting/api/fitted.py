@@ -226,8 +226,8 @@ class Value:
     def __repr__(self) -> str:
         if math.isnan(self.value):
             open_ = self.interval95 if math.isfinite(self.interval95[0]) else self.range
-            goes_round = self.profile is not None and self.profile.ends == ("round", "round")
-            fits = self.reason if goes_round else span(*open_, self.unit)
+            all_round = self.profile is not None and self.profile.is_all_round
+            fits = self.reason if all_round else span(*open_, self.unit)
             text = f"{self.name}: {self.verdict}, {fits}"
         else:
             where = "" if self.profile is None else self.profile.condition

@@ -330,6 +330,15 @@ def everywhere(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     return tuple(p for p in parameters if not p.experiments and p.moves_model)
 
 
+def own_count(parameters: Sequence[Parameter]) -> int:
+    """How many parameters belong to single experiments.
+
+    Args:
+        parameters: the fitted parameters.
+    """
+    return sum(bool(p.experiments) for p in parameters)
+
+
 def canonical(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray:
     """Values (..., n) with every periodic parameter brought into ``[0, period)``.
 

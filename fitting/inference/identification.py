@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import references, search_bounds, starts, to_search
+from fitting.campaign.parameters import own_count, references, search_bounds, starts, to_search
 from fitting.fit.likelihood.descent import FEW_OWN, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, Spent, likelihood_with
 from fitting.fit.noise import RowNoise, noise_of
@@ -78,7 +78,7 @@ def identify(
             if (equal := equal_fit((objective_of(a), begins), (objective, begins), a, noise))
         )
     )
-    own = _own(problem)
+    own = own_count(problem.parameters)
     options = InferenceOptions(
         units=units,
         seed=request.seed,
@@ -106,12 +106,8 @@ def own_profiled(problem: Problem) -> int:
     Args:
         problem: parameters and measurements.
     """
-    own = _own(problem)
+    own = own_count(problem.parameters)
     return own if own <= FEW_OWN else 0
-
-
-def _own(problem: Problem) -> int:
-    return sum(bool(p.experiments) for p in problem.parameters)
 
 
 def _shared(problem: Problem) -> tuple[str, ...]:

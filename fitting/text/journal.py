@@ -41,8 +41,8 @@ class Journal(Generic[Part]):
         Raises:
             BadInput: the file is of another job, or is no journal.
         """
-        yield from self.read()
         whole = self._whole()
+        yield from self._parts(whole)
         if whole:
             with self.path.open("rb+") as file:
                 file.truncate(whole)
@@ -54,7 +54,10 @@ class Journal(Generic[Part]):
         Raises:
             BadInput: the file is of another job, or is no journal.
         """
-        whole = self._whole()
+        yield from self._parts(self._whole())
+
+    def _parts(self, whole: int) -> Iterator[Part]:
+        """The parts in so many bytes."""
         if not whole:
             return
         with self.path.open(encoding="utf-8") as lines:

@@ -19,7 +19,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import UNIFORM_WIDTH
+from fitting.campaign.parameters import UNIFORM_WIDTH, own_count
 from fitting.fit.differences import forward
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
@@ -374,8 +374,7 @@ def _most_carried(likelihood: Likelihood, constraint: Constraint) -> int:
     """Steps at most over which slopes are carried."""
     if constraint == UNCONSTRAINED:
         return 0  # these are few, and which of several minima is lowest hangs on their last step
-    own = sum(bool(p.experiments) for p in likelihood.parameters)
-    return CARRIED_OF_FEW if 0 < own <= FEW_OWN else CARRIED
+    return CARRIED_OF_FEW if 0 < own_count(likelihood.parameters) <= FEW_OWN else CARRIED
 
 
 class _Pace:

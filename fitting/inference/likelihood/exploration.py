@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds, to_model
+from fitting.campaign.parameters import UNIFORM_WIDTH, own_count, search_bounds, to_model
 from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.likelihood.descent import (
     AT_LIMIT,
@@ -220,7 +220,7 @@ def _profiled(
 
 def _are_dear(optimum: Optimum) -> bool:
     """Whether walks are, as those of a long series are, whose places have values of their own."""
-    return sum(bool(p.experiments) for p in optimum.likelihood.parameters) > FEW_OWN
+    return own_count(optimum.likelihood.parameters) > FEW_OWN
 
 
 def _in_turn(optimum: Optimum, chosen: Sequence[Quantity]) -> list[list[Quantity]]:

@@ -93,6 +93,11 @@ class Profile:
     boxes: tuple[str, ...] = ()
 
     @property
+    def is_all_round(self) -> bool:
+        """Whether it went once round a period, whose two ends are one place."""
+        return self.ends[0] == "round"
+
+    @property
     def condition(self) -> str:
         """What the verdict holds under: " in the box of d1"; mostly empty."""
         return in_boxes(self.boxes)

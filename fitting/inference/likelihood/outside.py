@@ -7,7 +7,7 @@ it is. Which one it is only the reader knows: so fits beyond it are told, and de
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -211,7 +211,7 @@ def beyond_sentences(
         profiles: of parameters and outputs, by name.
     """
     said = []
-    for other in _others(likelihood, outside, profiles):
+    for other in _with_news(_others(likelihood, outside, profiles)):
         places = [_place(p, other.values[p.name], profiles) for p in other.out]
         at = " and ".join(places)
         at = f"{at} at {other.where}" if other.where else at
@@ -231,12 +231,10 @@ def with_boxes(
         profiles: of parameters and outputs, by name.
     """
     boxes: dict[str, set[str]] = {name: set() for name in profiles}
-    for each in outside.found:  # also what a better fit has said: it may lie beyond another box
-        values = _values(likelihood, each.point)
-        out = {p.name for p in likelihood.parameters if _is_out(p, values)}
-        for name, profile in profiles.items():
-            if _against(values.get(name, math.nan), profile):
-                boxes[name] |= out - {name} or out  # that of another excludes it as well
+    for other in _others(likelihood, outside, profiles):
+        out = {p.name for p in other.out}
+        for name in other.names:  # also what a better fit has said: that may lie beyond another box
+            boxes[name] |= out - {name} or out  # the box of another excludes it as well
     order = [p.name for p in likelihood.parameters]
     return {
         name: replace(p, boxes=tuple(sorted(boxes[name], key=order.index)))
@@ -262,19 +260,23 @@ class _Other:
 def _others(
     likelihood: Likelihood, outside: Surroundings, profiles: Mapping[str, Profile]
 ) -> Iterator[_Other]:
-    """The best fits beyond the box that say otherwise, each with what no better one has said."""
-    told: set[str] = set()
+    """The fits beyond the box that say otherwise, the best first."""
     for each in sorted(outside.found, key=lambda other: other.point.delta):
         values = _values(likelihood, each.point)
-        new = [
-            name
-            for name, profile in profiles.items()
-            if name not in told and _against(values.get(name, math.nan), profile)
-        ]
+        names = [n for n, p in profiles.items() if _against(values.get(n, math.nan), p)]
         out = [p for p in likelihood.parameters if _is_out(p, values)]
-        if new and out:
-            told.update(new)
-            yield _Other(where=each.where, values=values, names=new, out=out)
+        if names and out:
+            yield _Other(where=each.where, values=values, names=names, out=out)
+
+
+def _with_news(others: Iterable[_Other]) -> Iterator[_Other]:
+    """Each with what no better one has said; none that has nothing left to say."""
+    told: set[str] = set()
+    for other in others:
+        new = [name for name in other.names if name not in told]
+        told.update(new)
+        if new:
+            yield replace(other, names=new)
 
 
 def _told(

@@ -23,7 +23,7 @@ from fitting.report.figures.style import (
     panels,
 )
 from fitting.report.plot.axes import BLUE, GREY
-from fitting.report.plot.inference import VERDICT_COLOURS, goes_round
+from fitting.report.plot.inference import VERDICT_COLOURS
 from fitting.text.notation import listed
 
 PER_ROW = 3
@@ -176,7 +176,7 @@ def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         plot.together(knowledge, one, other, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
     names = list(_together(knowledge))
-    around = [name for name in names if goes_round(knowledge.parameters[name])]
+    around = [name for name in names if knowledge.parameters[name].is_all_round]
     period = f", of {listed(around)} one period is drawn" if around else ""
     caption = (
         "Every point of every profile: filled where it fits the data at 95 % (Δχ² ≤ 3.84), pale "
@@ -198,7 +198,7 @@ def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
     # one that goes round is an angle, and what hangs on an angle is best seen over it
     names.sort(
         key=lambda n: (
-            not goes_round(knowledge.parameters[n]),
+            not knowledge.parameters[n].is_all_round,
             knowledge.parameters[n].shrinkage,
         )
     )

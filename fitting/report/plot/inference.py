@@ -114,9 +114,9 @@ def together(knowledge: Knowledge, one: str, other: str, *, ax: Axes | None = No
     up = scaling_for([*profiles[other].box], profiles[other].unit)
     _scatter(axes, [across(v) for v in x], [up(v) for v in y], delta)
     _star(axes, across(profiles[one].best), up(profiles[other].best))
-    if not goes_round(profiles[one]):
+    if not profiles[one].is_all_round:
         _frame(axes, [across(v) for v in x], [across(v) for v in profiles[one].box], vertical=False)
-    if not goes_round(profiles[other]):
+    if not profiles[other].is_all_round:
         _frame(axes, [up(v) for v in y], [up(v) for v in profiles[other].box], vertical=True)
     plain_ticks(axes, x=4)
     axes.set_xlabel(across.label(mathtext(one)))
@@ -164,15 +164,6 @@ def output(knowledge: Knowledge, name: str, parameter: str, *, ax: Axes | None =
     return axes
 
 
-def goes_round(found: Profile) -> bool:
-    """Whether a profile went once round a period, whose two ends are one place.
-
-    Args:
-        found: the profile.
-    """
-    return found.ends[0] == "round"
-
-
 def _cloud(knowledge: Knowledge, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Values of a parameter or output at all points of all profiles, and Dchi^2 there."""
     values, deltas = [], []
@@ -182,7 +173,7 @@ def _cloud(knowledge: Knowledge, name: str) -> tuple[np.ndarray, np.ndarray]:
             deltas += list(found.delta)
     cloud, delta = np.array(values), np.array(deltas)
     own = knowledge.parameters.get(name)
-    if own is not None and goes_round(own):
+    if own is not None and own.is_all_round:
         low, high = own.box
         cloud = low + np.mod(cloud - low, high - low)
     return cloud, delta

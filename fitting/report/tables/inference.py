@@ -64,7 +64,7 @@ def _std(found: Percentiles) -> Cell:
 
 
 def _interval(profile: Profile, bounds: tuple[float, float]) -> Cell:
-    return Cell(WHOLE) if profile.ends == ("round", "round") else interval(bounds)
+    return Cell(WHOLE) if profile.is_all_round else interval(bounds)
 
 
 def _precision(profile: Profile) -> Cell:

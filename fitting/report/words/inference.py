@@ -32,7 +32,7 @@ def profile_words(name: str, profile: Profile) -> str:
     verdict = profile.verdict
     if verdict in (Verdict.UNKNOWN, Verdict.WITHDRAWN):
         return f"{name}: {verdict} ({profile.reason})"
-    if verdict is Verdict.OPEN and profile.ends == ("round", "round"):
+    if verdict is Verdict.OPEN and profile.is_all_round:
         return f"{name}: {verdict} ({profile.reason})"
     if verdict is Verdict.OPEN:
         return f"{name}: {verdict}, {_range(profile)} fits ({profile.reason})"
