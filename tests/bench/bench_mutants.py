@@ -3,8 +3,8 @@
     python -m tests.bench.bench_mutants [--count 300] [--seed 1] [--workers 2]
         [--longest 150] [--most 0] [--journal mutants.jsonl] [--covered covered.json] [--only PATH]
 
-Faults are put into `fmu_src`, `fitting/signal`, `fitting/simulate` and `fitting/fit`: an operator,
-a comparison, a constant (doubled, or one more), a sign, `min` for `max`, `and` for `or`. Which
+Faults are put into `fmu_src` and the parts of `fitting` in `ROOMS`: an operator, a comparison,
+a constant (doubled, or one more), a sign, `min` for `max`, `and` for `or`. Which
 tests run a line is measured once (coverage, a context per test); of these the ones named like the
 file run first, then those that run the fewest lines, until one fails, their time is up
 (`--longest` seconds) or there are as many as `--most`. The
@@ -14,7 +14,8 @@ Everything is done with copies of the checkout as it is at the beginning: it may
 Prints a Markdown table, and what survived: apart from these what is argued to change nothing that
 a test could see, `tests/bench/argued_mutants.toml`.
 A journal lets an interrupted sample go on, `--covered` keeps which tests run a line, for the same
-checkout; faults of lines that no test runs count as survived.
+checkout (`bench_statements` writes one for whole files of tests, in a tenth of the time);
+faults of lines that no test runs count as survived.
 """
 
 from __future__ import annotations
@@ -41,13 +42,24 @@ from tests.support.mutation import Argued, Mutant, argued_in, mutants_of, mutate
 
 ROOT = Path(__file__).resolve().parents[2]
 ARGUED = Path(__file__).with_name("argued_mutants.toml")
-ROOMS = ("fmu_src", "fitting/signal", "fitting/simulate", "fitting/fit")
+ROOMS = (
+    "fmu_src",
+    "fitting/signal",
+    "fitting/simulate",
+    "fitting/fit",
+    "fitting/inference",
+    "fitting/measurements",
+    "fitting/campaign",
+)
 #: What the lines of a room are asked of when their tests are measured.
 TESTS = {
     "fmu_src": ("tests/models",),
     "fitting/signal": ("tests/signal", "tests/measurements", "tests/campaign"),
     "fitting/simulate": ("tests/simulate", "tests/measurements"),
     "fitting/fit": ("tests/fit", "tests/inference"),
+    "fitting/inference": ("tests/inference", "tests/api"),
+    "fitting/measurements": ("tests/measurements", "tests/fit"),
+    "fitting/campaign": ("tests/campaign", "tests/draft"),
 }
 #: A fault counts as noticed by a hang after so many seconds, and so many times its tests' own.
 HANGS_S, HANGS_TIMES = 90.0, 10.0
