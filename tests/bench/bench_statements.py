@@ -27,9 +27,9 @@ SETTINGS = """\
 source = fitting,fmu_src
 core = {core}
 parallel = true
-patch = subprocess
+patch = subprocess,_exit
 data_file = {folder}/coverage
-disable_warnings = no-data-collected,module-not-imported,module-not-measured
+disable_warnings = no-sysmon-context,no-data-collected,module-not-imported,module-not-measured
 """
 
 

@@ -27,6 +27,13 @@ class _Contexts:
             running.switch_context(file)
             sys.monitoring.restart_events()  # type: ignore[attr-defined, unused-ignore]
 
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self) -> None:
+        """What was seen is kept now: test processes of pytest-xdist are ended from outside."""
+        running = coverage.Coverage.current()
+        if running is not None:
+            running.save()
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """In every process that runs tests."""
