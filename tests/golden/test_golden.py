@@ -33,5 +33,5 @@ def test_every_command_has_its_text() -> None:
 
 
 def test_numbers_and_times_are_left_open() -> None:
-    text = "d1 = 94.2 ± 1e-3 Hz   in 2 runs\ntook 13 s: 1 to fit\nq1 fits\nexit code 4\n"
-    assert masked(text) == "d1 = # ± # Hz in # runs\nq1 fits\nexit code 4\n"
+    text = "d1 = 94.2 ± 1e-3 Hz   in 2 runs, 3 min\ntook 13 s: 1 to fit\nq1 fits\nexit code 4\n"
+    assert masked(text) == "d1 = # ± # Hz in # runs, # s\nq1 fits\nexit code 4\n"
