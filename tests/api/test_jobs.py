@@ -63,6 +63,9 @@ def test_a_report_is_what_the_command_writes(
     assert result.provenance.command == "fitting.fit"
     assert width.values["width_plus"].profile is not None
     assert width.values["theta"].profile is None
+    shown = width._repr_html_()
+    assert shown.count("<tr") > 3
+    assert str(width["width_plus"].verdict) in shown
 
 
 def test_the_estimate_of_algorithm_2_is_the_value_where_asked_for(fit: ff.Fit) -> None:

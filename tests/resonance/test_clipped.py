@@ -34,7 +34,7 @@ def pulls(line: Line) -> list[float]:
     return [(value - truth) / (std * line.ratio95) for value, std, truth in found]
 
 
-@sampled(6, 24)
+@sampled(4, 24)
 @pytest.mark.parametrize(("limit", "beside"), [(0.9, 0.0), (1.0, 0.2)])
 def test_a_clipped_line_is_the_one_that_was_cut(limit: float, beside: float, count: int) -> None:
     """Blindly the width was 2.6 of its standard errors off, beside a constant 7.6."""
@@ -56,13 +56,13 @@ def test_the_sentence_says_how_many_points_were_left_out_and_why() -> None:
     assert text(line).count("clipped") == 1
 
 
-@sampled(6, 16)
+@sampled(4, 16)
 def test_a_top_is_cut_however_little_the_others_tell_of_it(count: int) -> None:
     """Noise of 3 % leaves the height open by more than is missing: 21 of 150 were not told."""
     rough = [line_of(trace_of(F, sweep(k, 0.7, sigma=0.03), "V")) for k in range(count)]
     assert all(line.clipped is not None for line in rough)
     off = np.array([pulls(line) for line in rough])
-    assert np.all(np.sum(np.abs(off) > 1.0, axis=0) <= 3 * count / 16)
+    assert np.all(np.sum(np.abs(off) > 1.0, axis=0) <= count / 5)
 
 
 def test_points_that_noise_decides_on_are_left_out_too() -> None:
