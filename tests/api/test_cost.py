@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,8 +29,8 @@ class Taken:
 
 
 @pytest.fixture(scope="module")
-def campaign(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return small_campaign(tmp_path_factory.mktemp("cost") / "small", oscillator_fmu)
+def campaign(swift_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_campaign(tmp_path_factory.mktemp("cost") / "small", swift_fmu)
 
 
 @pytest.fixture(scope="module")
@@ -126,13 +127,13 @@ def test_a_dry_run_writes_nothing(
     ended, document = told(*words), told(*words, "--json")
     assert (ended.code, document.code) == (0, 0)
     assert ended.out.startswith("expected: ")
-    assert "2 n + 1 = 13 for 6 parameters" in ended.out
+    assert "2 n + 1 = 13 " in ended.out
     assert json.loads(document.out)["expected"]["parameters"] == 6
     assert list(tmp_path.iterdir()) == []
     assert "--budget" not in ended.out
-    assert "--budget: profiles end at about 500 runs" in told(*words, "--budget", "500").out
+    assert re.search(r"--budget: .*\b500\b", told(*words, "--budget", "500").out)
 
 
 def test_what_is_no_problem_is_refused() -> None:
-    with pytest.raises(ff.BadInput, match="cost: found a str, wanted a Problem"):
+    with pytest.raises(ff.BadInput, match=r"cost: .*\bstr\b"):
         ff.cost("campaign.toml")  # type: ignore[arg-type]

@@ -39,9 +39,9 @@ F_HZ = 6.94026e6 + np.linspace(-200.0, 200.0, 21)
 A_V = 1e-5 / np.hypot(1.0, 2.0 * (F_HZ - 6.94026e6) / 95.0)
 
 
-def told(script: str) -> str:
+def told(script: str, *arguments: str) -> str:
     """What a fresh interpreter prints."""
-    words = [sys.executable, "-c", script]
+    words = [sys.executable, "-c", script, *arguments]
     done = subprocess.run(
         words, capture_output=True, text=True, cwd=ROOT, timeout=MOST_S, check=True
     )
@@ -69,15 +69,27 @@ def test_names_that_stand_by_themselves_are_those_of_the_rooms() -> None:
     assert [scene_named(name).name for name in SCENES] == list(SCENES)
 
 
-@pytest.mark.parametrize("room", ["design", "fit", "report", "simulate"])
-def test_a_verb_is_a_verb_whatever_was_imported_before(room: str) -> None:
-    script = (
-        f"import fitting.{room}, importlib; from fitting.fit.problem import Problem; "
-        f"first = callable(fitting.{room}); importlib.import_module('fitting.{room}'); "
-        f"from fitting import {room}; import sys; "
-        f"print(first, callable({room}), sys.modules['fitting.{room}'].__name__)"
-    )
-    assert told(script) == f"True True fitting.{room}"
+#: For each room as in an interpreter of its own: what the package had loaded is forgotten before.
+IMPORTS = """
+import importlib, sys
+for room in sys.argv[1:]:
+    for name in [n for n in sys.modules if n.partition(".")[0] == "fitting"]:
+        del sys.modules[name]
+    namespace = {}
+    exec(f"import fitting.{room}; from fitting.fit.problem import Problem", namespace)
+    first = callable(getattr(namespace["fitting"], room))
+    importlib.import_module(f"fitting.{room}")
+    exec(f"from fitting import {room}", namespace)
+    print(room, first, callable(namespace[room]), sys.modules[f"fitting.{room}"].__name__)
+"""
+
+
+@pytest.mark.parametrize(
+    "rooms", [("fit", "simulate"), pytest.param(("design", "report"), marks=pytest.mark.nightly)]
+)
+def test_a_verb_is_a_verb_whatever_was_imported_before(rooms: tuple[str, ...]) -> None:
+    wanted = [[room, "True", "True", f"fitting.{room}"] for room in rooms]
+    assert [line.split() for line in told(IMPORTS, *rooms).splitlines()] == wanted
 
 
 def test_every_name_is_there_and_listed() -> None:
@@ -85,7 +97,7 @@ def test_every_name_is_there_and_listed() -> None:
     assert set(ff.__all__) <= set(dir(ff))
     for name in NAMES:
         assert getattr(ff, name) is not None
-    with pytest.raises(AttributeError, match="no attribute 'solve'"):
+    with pytest.raises(AttributeError, match="'solve'"):
         _ = ff.solve  # type: ignore[attr-defined]
 
 
@@ -164,36 +176,36 @@ def test_arrays_have_a_shape_and_a_unit(public: Callable[..., Any], argument: st
 
 
 REFUSED: list[tuple[Callable[[], object], str]] = [
-    (lambda: ff.Parameter("d1", 94.0, bounds=(1000.0, 1.0)), "are the bounds reversed"),
-    (lambda: ff.Parameter("d1", 0.5, bounds=(1.0, 1000.0)), "outside its bounds"),
+    (lambda: ff.Parameter("d1", 94.0, bounds=(1000.0, 1.0)), "d1"),
+    (lambda: ff.Parameter("d1", 0.5, bounds=(1.0, 1000.0)), "0.5"),
     (lambda: ff.Parameter("d1", 94.0, bounds=(1.0, 1000.0), prior=0.0), "prior"),
     (lambda: ff.Parameter("d1", 94.0, bounds=(1.0, 1000.0), scope="row"), "scope is 'row'"),
-    (lambda: ff.Parameter("d1", "4 Hzz", bounds=(1.0, 9.0)), "there is no unit 'Hzz'"),
+    (lambda: ff.Parameter("d1", "4 Hzz", bounds=(1.0, 9.0)), "'Hzz'"),
     (
         lambda: ff.Parameter("d1", "4 Hzz", bounds=(1.0, 9.0), unit="kHz"),
-        "parameter 'd1': start: found '4 Hzz', but there is no unit 'Hzz', wanted 'kHz' or one",
+        "parameter 'd1': start: found '4 Hzz'",
     ),
-    (lambda: ff.Parameter("d1", "4 Hz", bounds=("9 Hz", "1 kHz")), "outside its bounds [9.0, "),
-    (lambda: ff.Parameter("d1", "4 m", bounds=(1, 9), unit="Hz"), "found unit 'm', wanted 'Hz'"),
-    (lambda: ff.Parameter("d1", [4.0], bounds=(1.0, 9.0)), "found [4.0], wanted a number or"),  # type: ignore[arg-type]
-    (lambda: ff.fit([1]), "fit: found a list, wanted a Problem"),  # type: ignore[arg-type]
-    (lambda: ff.profile("fit"), "profile: found a str, wanted a Fit"),  # type: ignore[arg-type]
-    (lambda: ff.identify(1), "identify: found a int, wanted a Problem"),  # type: ignore[arg-type]
-    (lambda: ff.design(1), "design: found a int, wanted a Problem"),  # type: ignore[arg-type]
-    (lambda: ff.report(1, "out"), "report: found a int, wanted a Fit or an Inference"),  # type: ignore[arg-type]
-    (lambda: ff.Sweep(SETUP, F_HZ, ["a"] * 21), "sweep: amplitude_v is not an array of numbers"),
-    (lambda: ff.Drive(frequency_names=("u1",)), "0 amplitude_names, wanted 1"),
-    (lambda: ff.Sweep(ff.Setup(ff.Drive(), "q1"), F_HZ, F_HZ), "wanted what drives the FMU"),
-    (lambda: ff.Drive(frequency_names="u1", amplitude_names=("A1",)), "a sequence of names"),  # type: ignore[arg-type]
+    (lambda: ff.Parameter("d1", "4 Hz", bounds=("9 Hz", "1 kHz")), "[9.0, 1000.0]"),
+    (lambda: ff.Parameter("d1", "4 m", bounds=(1, 9), unit="Hz"), "'m', wanted 'Hz'"),
+    (lambda: ff.Parameter("d1", [4.0], bounds=(1.0, 9.0)), "found [4.0]"),  # type: ignore[arg-type]
+    (lambda: ff.fit([1]), "fit: found a list"),  # type: ignore[arg-type]
+    (lambda: ff.profile("fit"), "profile: found a str"),  # type: ignore[arg-type]
+    (lambda: ff.identify(1), "identify: found a int"),  # type: ignore[arg-type]
+    (lambda: ff.design(1), "design: found a int"),  # type: ignore[arg-type]
+    (lambda: ff.report(1, "out"), "report: found a int"),  # type: ignore[arg-type]
+    (lambda: ff.Sweep(SETUP, F_HZ, ["a"] * 21), "sweep: amplitude_v"),
+    (lambda: ff.Drive(frequency_names=("u1",)), "0 amplitude_names"),
+    (lambda: ff.Sweep(ff.Setup(ff.Drive(), "q1"), F_HZ, F_HZ), "drive"),
+    (lambda: ff.Drive(frequency_names="u1", amplitude_names=("A1",)), "frequency_names"),  # type: ignore[arg-type]
     (lambda: ff.Tones(SETUP, [[1e6]], [[1e-5]]), "drive_hz has the shape (1, 1)"),
-    (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1e-5, -1e-5]]), "wanted positive amplitudes"),
+    (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1e-5, -1e-5]]), "-1e-05"),
     (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1e-5]]), "1 of them, wanted 2"),
     (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1.0, 1.0]], settings={"A1": [1, 2]}), "'A1' have"),
     (lambda: ff.Sweep(SETUP, F_HZ[::-1], A_V), "rise strictly"),
     (lambda: ff.Sweep(SETUP, F_HZ, A_V[:-1]), "20 of them, wanted 21"),
     (lambda: ff.Sweep(SETUP, F_HZ, A_V, scale="top"), "scale is 'top'"),
-    (lambda: ff.Sweep(SETUP, F_HZ, 1j * A_V), "amplitude_v is complex"),
-    (lambda: ff.Sweep(DRIVE, F_HZ, A_V), "setup is a Drive, wanted a Setup"),  # type: ignore[arg-type]
+    (lambda: ff.Sweep(SETUP, F_HZ, 1j * A_V), "amplitude_v"),
+    (lambda: ff.Sweep(DRIVE, F_HZ, A_V), "setup is a Drive"),  # type: ignore[arg-type]
     (lambda: ff.Tikhonov(beta=1.0), "beta is 1.0"),
     (lambda: ff.Tikhonov(levels=0), "levels is 0"),
     (lambda: ff.Tikhonov(misfit="cubes"), "misfit is 'cubes'"),
@@ -214,7 +226,7 @@ def test_nonsense_is_refused_where_it_is_made(make: Callable[[], object], words:
 
 @pytest.fixture(scope="module")
 def fmu(swift_fmu: Path) -> ff.Fmu:
-    return ff.Fmu(swift_fmu)
+    return ff.Fmu(swift_fmu, workers=1)
 
 
 def problem(fmu: ff.Fmu, *sweeps: ff.Sweep | ff.Tones, **changes: Any) -> ff.Problem:
@@ -243,37 +255,37 @@ def test_what_only_the_fmu_can_tell_is_refused_beside_it(fmu: ff.Fmu) -> None:
     other = ff.Setup(DRIVE, "q2_hybrid", start_values={"periodic_start": True}, steady_start=True)
     sweep = ff.Sweep(SETUP, F_HZ, A_V)
     for make, words in (
-        (lambda: problem(fmu, derived=["lamda"]), "did you mean 'lambda'"),
+        (lambda: problem(fmu, derived=["lamda"]), "'lambda'"),
         (lambda: problem(fmu, ff.Sweep(SETUP, F_HZ, A_V, settings={"theta": 1.0})), "'theta' is"),
         (lambda: problem(fmu, sweep, sweep), "2 sweeps"),
         (lambda: problem(fmu, sweep, ff.Sweep(other, F_HZ, A_V)), "different setups"),
         (lambda: problem(fmu, ff.Sweep(SETUP, F_HZ, A_V, use="scale")), "nothing to fit"),
-        (lambda: problem(fmu, driven(frequency_unit="kHz")), "frequency_unit is 'kHz', but the"),
-        (lambda: problem(fmu, driven(amplitude_names=("A1", "A3"))), "setup: drive: the FMU has"),
-        (lambda: problem(fmu, started(d1="3 Hz")), "'d1' is fitted and also set by the setup's"),
-        (lambda: problem(fmu, started(d9=3.0)), "setup: start_values: d9: the FMU has no variable"),
+        (lambda: problem(fmu, driven(frequency_unit="kHz")), "frequency_unit is 'kHz'"),
+        (lambda: problem(fmu, driven(amplitude_names=("A1", "A3"))), "setup: drive: "),
+        (lambda: problem(fmu, started(d1="3 Hz")), "'d1'"),
+        (lambda: problem(fmu, started(d9=3.0)), "setup: start_values: d9: "),
         (
             lambda: problem(fmu, started(eta_plus="3 Hzz")),
-            "setup: start_values: eta_plus: found '3 Hzz', but there is no unit 'Hzz', wanted 'Hz'",
+            "setup: start_values: eta_plus: found '3 Hzz'",
         ),
         (
             lambda: problem(fmu, ff.Sweep(SETUP, F_HZ, A_V, settings={"dd": 1.0}, series="b")),
-            "series 'b': sweep: settings: dd: the FMU has no variable",
+            "series 'b': sweep: settings: dd: ",
         ),
         (
             lambda: problem(fmu, sweep, TONES(amplitude_unit="m")),
-            "sweep in 'V', tones in 'm'; wanted one amplitude_unit",
+            "sweep in 'V', tones in 'm'",
         ),
-        (lambda: problem(fmu, TONES()), "tones: amplitude_unit: found unit 'V', wanted 'm'"),
+        (lambda: problem(fmu, TONES()), "tones: amplitude_unit: "),
         (
             lambda: problem(fmu, TONES(amplitude_unit="m", settings={"d2": "1 V"}, series="c")),
-            "series 'c': tones: experiment '1': d2: found unit 'V'",
+            "series 'c': tones: experiment '1': d2: ",
         ),
-        (lambda: problem(fmu, alternatives={"g1": 1.0}), "alternatives: g1: found 1.0, wanted"),
-        (lambda: problem(fmu, 1), "measurements hold a int, wanted Tones or Sweep"),  # type: ignore[arg-type]
+        (lambda: problem(fmu, alternatives={"g1": 1.0}), "alternatives: g1: found 1.0"),
+        (lambda: problem(fmu, 1), "measurements hold a int"),  # type: ignore[arg-type]
         (lambda: fmu.simulate({"u1": "3 kg"}), "u1"),
-        (lambda: fmu.simulate(tones=("theta",)), "wanted a frequency"),
-        (lambda: problem(fmu).logp([1.0, 2.0]), "wanted (..., 3)"),
+        (lambda: fmu.simulate(tones=("theta",)), "theta"),
+        (lambda: problem(fmu).logp([1.0, 2.0]), "(..., 3)"),
     ):
         with pytest.raises(ff.BadInput, match=re.escape(words)):
             make()
@@ -288,7 +300,7 @@ def test_quantities_are_numbers_in_their_own_unit(fmu: ff.Fmu) -> None:
     assert posed.from_search([0.0, 0.0]).tolist() == [94.0, 100.0]
     assert posed.from_search([1.0, 0.0])[0] == 144.0
     # a bound in the FMU's unit, which is known only there
-    with pytest.raises(ff.BadInput, match="parameter 'd1': lower = 2000"):
+    with pytest.raises(ff.BadInput, match=r"'d1': .*2000"):
         ff.Problem(fmu, ff.Parameter("d1", 5.0, bounds=("2 kHz", 9.0)), driven())
 
 
@@ -327,9 +339,9 @@ def test_an_open_value_is_nan_and_has_a_range(fmu: ff.Fmu) -> None:
     assert width.interval()[0] < low < high < width.interval()[1]
     with pytest.raises(ff.BadInput, match=r"0\.68 or 0\.95"):
         width.interval(0.5)
-    with pytest.raises(KeyError, match="did you mean"):
+    with pytest.raises(KeyError, match="'width_plus'"):
         _ = found["width_pluss"]
-    with pytest.raises(ff.BadInput, match="no value 'widht'"):
+    with pytest.raises(ff.BadInput, match="'widht'"):
         ff.profile(found, ["widht"])
     rows = {row["name"]: row for row in found.to_dict()}
     assert rows["width_plus"]["value"] == width.value

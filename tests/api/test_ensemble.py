@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -111,7 +112,7 @@ def test_finished_items_of_another_ensemble_are_refused(swift_fmu: Path, tmp_pat
         ff.ensemble(laboratories(1), swift_fmu, OPTIONS, executor=pool, out=tmp_path)
         other = ff.Laboratories("transmission", 1, seed=3, changes={"points": 16})
         options = ff.EnsembleOptions(profiles=False, resume=True)
-        with pytest.raises(ff.BadInput, match="belongs to other data"):
+        with pytest.raises(ff.BadInput, match=re.escape(ITEMS_FILE)):
             ff.ensemble(other, swift_fmu, options, executor=pool, out=tmp_path)
 
 
@@ -135,7 +136,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_same_table(
         found = ff.ensemble(
             laboratories(), fmu, OPTIONS, executor=address, out=tmp_path / "out", progress=disturb
         )
-        with pytest.raises(ff.BadInput, match="wanted the address of a dask scheduler"):
+        with pytest.raises(ff.BadInput, match="nothing://here"):
             ff.ensemble(laboratories(1), swift_fmu, OPTIONS, executor="nothing://here")
     assert killed
     assert tables(found) == wanted
@@ -178,10 +179,10 @@ def test_campaigns_of_a_folder_are_fitted_each_and_failures_say_why(
     assert a.values[1].truth == 420e3
     assert all(math.isnan(v.truth) for v in b.values)  # nobody has said it
     assert [row.failed for row in found.rows] == [False, False, True, True, True]
-    assert c.message == f"{campaigns}/c/sweep.csv: no such file"
+    assert c.message.startswith(f"{campaigns}/c/sweep.csv: ")
     assert "campaign.toml" in d.message
     assert "no.fmu" in e.message
-    assert found.message == "5 of 5 items have ended, 3 of them without a fit"
+    assert re.findall(r"\d+", found.message) == ["5", "5", "3"]
     mend_and_resume(campaigns, found, tmp_path / "out")
 
 
@@ -208,10 +209,10 @@ def mend_and_resume(campaigns: Path, before: ff.Ensemble, out: Path) -> None:
 @pytest.mark.parametrize(
     ("of", "words"),
     [
-        ([], "no campaigns, wanted at least one"),
-        ("empty", "no campaign.toml below it"),
-        ("table.csv", "no column 'campaign'"),
-        ("none.csv", "no such file"),
+        ([], "campaigns"),
+        ("empty", "campaign.toml"),
+        ("table.csv", r"table\.csv: .*'campaign'"),
+        ("none.csv", r"none\.csv"),
         (ff.Laboratories("q3", 2), "q3"),
     ],
 )
@@ -224,7 +225,9 @@ def test_nothing_to_do_is_refused(of: Any, words: str, tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("numbers", [{"count": 0}, {"seed": -1}])
-def test_impossible_numbers_of_laboratories_are_refused(numbers: dict[str, Any]) -> None:
-    with pytest.raises(ff.BadInput, match="wanted at least 1 and at least 0"):
-        ff.Laboratories("q1", **numbers)
+@pytest.mark.parametrize(
+    ("count", "seed", "named"), [(0, 1, "count is 0"), (1, -1, "seed -1")], ids=["count", "seed"]
+)
+def test_impossible_numbers_of_laboratories_are_refused(count: int, seed: int, named: str) -> None:
+    with pytest.raises(ff.BadInput, match=named):
+        ff.Laboratories("q1", count, seed=seed)

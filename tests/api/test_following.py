@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from fitting.inference.posterior.learnt import fits
 from tests.support import closed_posteriors as closed
 
 LEARNT = "fitting.inference.posterior.learnt"
+NIGHTLY = pytest.mark.nightly
 
 
 @pytest.fixture(autouse=True)
@@ -103,14 +105,14 @@ def test_while_draws_are_made_it_says_so_and_how_far_they_are(
     monkeypatch.setattr("fitting.inference.posterior.summary.LONG_ENOUGH", 1e9)
     problem, told = ring(), list[str]()
     ff.posterior(problem, fitted(problem), ff.Sampling(steps=220), progress=told.append)
-    begun = next(k for k, words in enumerate(told) if words.startswith("drawing steps 1 to 200"))
-    assert told[begun] == "drawing steps 1 to 200, of 220 at most"
-    assert told[begun - 1] == "proposals for the draws, from what was learnt"
-    assert told[begun - 2].startswith("learning where it is likely, round 2")
-    assert told[begun + 1].startswith("160 steps are ")
-    further = f"drawing steps 201 to 220, of 220 at most; so far {told[begun + 1]}"
-    assert told[begun + 2] == further
-    assert told[begun + 3].startswith("176 steps are ")
+    begun = next(k for k, words in enumerate(told) if words.startswith("drawing "))
+    assert re.findall(r"\d+", told[begun]) == ["1", "200", "220"]
+    assert told[begun - 1].startswith("proposals ")
+    assert "round 2" in told[begun - 2]
+    assert told[begun + 1].startswith("160 steps ")
+    further = told[begun + 2].removesuffix(told[begun + 1])
+    assert re.findall(r"\d+", further) == ["201", "220", "220"]
+    assert told[begun + 3].startswith("176 steps ")
 
 
 def test_rows_with_the_scatter_of_one_place_have_the_derivatives_that_are_told() -> None:
@@ -137,7 +139,7 @@ def test_a_surrogate_is_not_made_of_what_is_too_large(monkeypatch: pytest.Monkey
     assert not fits(13)
 
 
-@pytest.mark.parametrize("limit", ["DIMENSIONS", "LARGEST"])
+@pytest.mark.parametrize("limit", ["DIMENSIONS", pytest.param("LARGEST", marks=NIGHTLY)])
 def test_what_is_too_large_is_drawn_without_a_surrogate(
     monkeypatch: pytest.MonkeyPatch, limit: str
 ) -> None:
@@ -146,7 +148,7 @@ def test_what_is_too_large_is_drawn_without_a_surrogate(
     at = fitted(problem)
     found = ff.posterior(problem, at, ff.Sampling(steps=200), progress=told.append)
     assert any("no surrogate" in words for words in told)
-    assert any("first walk, 2 of 2" in words for words in told)
+    assert any("2 of 2" in words for words in told)
     assert not any("round" in words for words in told)
     assert np.mean(np.sum(found.draws**2, axis=2)) == pytest.approx(1.0, abs=0.04)
     assert ff.posterior_cost(problem, at).surrogate_s == 0.0

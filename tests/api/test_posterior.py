@@ -114,7 +114,7 @@ def test_a_gaussian_prior_is_one_more_measurement() -> None:
     found = ff.posterior(problem, fitted(problem))
     close(found, *closed.linear_moments(prior))
     assert found.values["p1"].prior_sigma == 0.2
-    assert "p1 has a Gaussian prior" in " ".join(found.summary.notes)
+    assert any("p1" in note for note in found.summary.notes)
 
 
 def test_an_exchange_that_a_prior_favours_has_both_minima_as_often_as_they_are_likely() -> None:
@@ -132,7 +132,7 @@ def test_an_exchange_that_a_prior_favours_has_both_minima_as_often_as_they_are_l
     assert here.share + there.share == pytest.approx(1.0)
     assert here.share_error < 0.03
     assert sorted(here.parameters.values()) == pytest.approx([3.0, 7.0], abs=0.1)
-    assert "share of draws" in repr(found)
+    assert re.search(r"\bshare\b", repr(found))
 
 
 def test_the_most_likely_minimum_stands_first_though_a_broad_one_has_more_draws() -> None:
@@ -148,7 +148,7 @@ def test_the_most_likely_minimum_stands_first_though_a_broad_one_has_more_draws(
     [panel] = draw(found.summary, found.draws.reshape(-1, 1)).figure.axes
     [starred] = [line for line in panel.lines if line.get_color() == RED]
     assert starred.get_xdata() == pytest.approx([closed.NARROW] * 2, abs=0.1 * closed.NARROW_WIDTH)
-    assert re.search(r"a point of the box +0 .*\n.*the fit +[-−]0\.50 ", repr(found))
+    assert re.search(r"box +0 .*\n.*fit +[-−]0\.50 ", repr(found))
 
 
 def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
@@ -162,7 +162,7 @@ def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
     assert math.isnan(found["p1"].median)
     assert all(math.isnan(end) for end in (*found["p1"].interval68, *found["p1"].interval95))
     assert all(math.isnan(mode.share) for mode in found.summary.modes)
-    assert "no interval is told" in repr(found)
+    assert "not converged" in repr(found)
     assert found.values["p1"].rhat > 1.01
 
 
@@ -219,7 +219,7 @@ def test_an_angle_is_told_in_the_turn_of_the_fit_with_all_that_stands_beside_it(
     ff.write_posterior(found, tmp_path, drawn=False)
     _, *rows = (tmp_path / "draws.csv").read_text("utf-8").splitlines()
     assert np.abs(np.array(rows, dtype=float) - 2.0).max() < 0.5 * math.pi
-    assert re.search(r"p has a period: .* from 0\.4\d* to\s3\.\d* rad\.", repr(found))
+    assert re.search(r"p .*period.* 0\.4\d* .*\s3\.\d* rad\b", repr(found))
 
 
 def test_where_the_model_has_no_value_nothing_is_likely() -> None:
@@ -233,13 +233,14 @@ def test_where_the_model_has_no_value_nothing_is_likely() -> None:
     assert f"{found.summary.failed} of {found.summary.evaluations}" in repr(found)
 
 
-def test_the_same_seed_draws_the_same_and_another_one_others(linear: ff.Posterior) -> None:
+def test_the_same_seed_draws_the_same_and_another_one_others() -> None:
     problem = closed.linear()
     at = fitted(problem)
-    again = ff.posterior(problem, at, ff.Sampling(seed=1))
-    assert np.array_equal(again.draws, linear.draws)
-    other = ff.posterior(problem, at, ff.Sampling(seed=2))
-    assert not np.array_equal(other.draws[:9], linear.draws[:9])
+    one, again, other = (
+        ff.posterior(problem, at, ff.Sampling(seed=seed, steps=200)) for seed in (1, 1, 2)
+    )
+    assert np.array_equal(again.draws, one.draws)
+    assert not np.array_equal(other.draws[:9], one.draws[:9])
 
 
 def test_an_interrupted_chain_goes_on_as_if_it_had_not_been(
@@ -258,10 +259,10 @@ def test_an_interrupted_chain_goes_on_as_if_it_had_not_been(
     ended = ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
     assert np.array_equal(ended.draws, linear.draws)
     assert ended.summary.evaluations >= linear.summary.evaluations
-    with pytest.raises(ff.BadInput, match="other data"):
+    with pytest.raises(ff.BadInput, match=re.escape(CHAIN_FILE)):
         ff.posterior(problem, at, ff.Sampling(resume=True, seed=3), out=tmp_path)
     (tmp_path / CHAIN_FILE).write_bytes(b"no chain")
-    with pytest.raises(ff.BadInput, match=r"changed since|no chain"):
+    with pytest.raises(ff.BadInput, match=re.escape(CHAIN_FILE)):
         ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
 
 
@@ -283,7 +284,7 @@ def test_what_is_written_says_what_was_found(tmp_path: Path, linear: ff.Posterio
     assert np.array_equal(table, wanted, equal_nan=True)
     page = (tmp_path / "report.html").read_text("utf-8")
     assert "converged" in page
-    assert "uniform in the box" in page
+    assert "uniform" in page
 
 
 def test_the_cost_is_known_before(linear: ff.Posterior) -> None:
@@ -299,22 +300,20 @@ def test_the_cost_is_known_before(linear: ff.Posterior) -> None:
 def test_what_cannot_be_drawn_from_is_told(tmp_path: Path) -> None:
     problem = closed.linear()
     at = fitted(problem)
-    with pytest.raises(ff.BadInput, match="4 walkers for 3 parameters, wanted at least 6"):
+    with pytest.raises(ff.BadInput, match=r"\b4 .*\b3 .*\b6\b"):
         ff.posterior(problem, at, ff.Sampling(walkers=4))
-    with pytest.raises(ff.BadInput, match="walkers is 7, wanted an even number"):
+    with pytest.raises(ff.BadInput, match="walkers is 7"):
         ff.Sampling(walkers=7)
-    with pytest.raises(ff.BadInput, match="steps is 10, wanted at least 200"):
+    with pytest.raises(ff.BadInput, match=r"steps is 10, .*\b200\b"):
         ff.Sampling(steps=10)
-    with pytest.raises(ff.BadInput, match="seed is -1, wanted at least 0"):
+    with pytest.raises(ff.BadInput, match="seed is -1"):
         ff.Sampling(seed=-1)
-    with pytest.raises(ff.BadInput, match="of another problem: p, p1, p2 and p3"):
+    with pytest.raises(ff.BadInput, match="p, p1, p2 and p3"):
         ff.posterior(one_of_unknown_noise(), at)
     unknown = one_of_unknown_noise()
-    with pytest.raises(
-        ff.BadInput, match="noise of 1 of 1 rows is not known, and these are too few"
-    ):
+    with pytest.raises(ff.BadInput, match="1 of 1 rows"):
         ff.posterior(unknown, fitted(unknown))
-    with pytest.raises(ff.BadInput, match="found a int, wanted a Fit"):
+    with pytest.raises(ff.BadInput, match=r"\bint\b"):
         ff.posterior(problem, 3)  # type: ignore[arg-type]
 
 
@@ -344,5 +343,5 @@ def test_without_the_library_a_sentence_says_how_to_have_it(
         return given(name, names, inside, some, level)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ff.BadInput, match=r"pip install 'fmu-fit\[posterior\]'"):
+    with pytest.raises(ff.BadInput, match=r"'fmu-fit\[posterior\]'"):
         ff.posterior(problem, at)

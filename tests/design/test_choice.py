@@ -116,5 +116,5 @@ def test_points_without_a_gradient_are_left_out() -> None:
     nowhere = DesignProblem(
         base=one.base, gains=one.gains, gradients=np.full((1, 2), np.nan), shown=2, costs=one.costs
     )
-    with pytest.raises(ValueError, match="no gradient at any point"):
+    with pytest.raises(ValueError, match="gradient"):
         choose(nowhere, 1, "target")

@@ -214,11 +214,12 @@ def test_the_campaign_asks_for_both_quadratures_and_is_read_when_they_are_filled
     made = proposed(fmu, written(tmp_path / "old", CABLE))
     made.write(tmp_path / "next", report=False)
     path = tmp_path / "next/campaign/campaign.toml"
-    with pytest.raises(ff.BadInput, match=r"sweeps\.csv: row 5, column 'X': found ''"):
+    with pytest.raises(ff.BadInput, match=r"sweeps\.csv: row 5, column 'X'"):
         ff.read_campaign(path)
     sweeps = path.with_name("sweeps.csv")
     lines = sweeps.read_text().splitlines()
-    assert lines[0] == "# Next sweeps. Fill in the columns X and Y."
+    assert lines[0].startswith("# ")
+    assert "X and Y" in lines[0]
     head = next(csv.reader([lines[2]]))
     assert head == ["V (V)", "frequency (Hz)", "X (V)", "Y (V)"]
     filled = []
@@ -252,6 +253,5 @@ def test_noise_is_what_the_sweeps_leave_about_a_smooth_curve_or_asked_for(
     assert found.relative_noise == 0.0
     short = written(tmp_path / "y", PLAIN, noise='range = ["999.7 kHz", "1000.6 kHz"]')
     problem = ff.Problem.of([ff.read_campaign(short)], fmu)
-    complaint = r"noise_floor: is not there and \[complex_control_sweep\] tells no noise"
-    with pytest.raises(ff.BadInput, match=complaint):
+    with pytest.raises(ff.BadInput, match=r"noise_floor: .*\[complex_control_sweep\]"):
         ff.limits(problem, short.parent / "design.toml")

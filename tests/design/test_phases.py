@@ -76,7 +76,7 @@ def test_a_detector_tells_phases_where_the_campaign_has_some_or_says_so(
     assert not limits_from(replace(bound, experiments=amplitudes), workers).phases
     assert limits_from(replace(bound, experiments=amplitudes), workers, phases=True).phases
     table = DesignTable(Path("x.toml"), WrittenDesign(phases=False), frozenset({"phases"}))
-    with pytest.raises(BadInput, match=r"phases: found true, wanted false as in x\.toml"):
+    with pytest.raises(BadInput, match=r"phases: found true, .*x\.toml"):
         refuse_wider(replace(off, phases=True), off, table, str, "V")
 
 

@@ -108,9 +108,9 @@ def test_setups_keep_the_limits(bound: BoundCampaign, limits: Limits) -> None:
         assert high - low >= 20.0
         assert max(setup.centre_hz - low, high - setup.centre_hz) <= 110.0
         assert low % 20.0 == high % 20.0 == 0.0
-    with pytest.raises(BadInput, match="no drive frequencies lie within the limits"):
+    with pytest.raises(BadInput, match="drive frequencies"):
         setups_of(bound, replace(limits, least_spacing_hz=500.0))
-    with pytest.raises(BadInput, match="setups lie within the limits, wanted at most"):
+    with pytest.raises(BadInput, match=r"\d+ setups"):
         setups_of(bound, replace(limits, levels=tuple(map(float, range(1, 1000)))))
 
 
@@ -193,7 +193,7 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     assert np.array(both)[1:, 0] == pytest.approx(94.1, abs=2.0)
     assert np.ptp(np.array(both)[1:, 1]) < 8.0
     more = replace(other, parameters=other.parameters[:2])
-    with pytest.raises(BadInput, match="fits d1, theta, but"):
+    with pytest.raises(BadInput, match="d1, theta"):
         weigh(bound, workers, limits, goal, also=[more])
 
 
@@ -265,16 +265,16 @@ def test_nothing_measurable_is_said(
 ) -> None:
     deaf = replace(limits, noise_floor_v=1.0, outputs=("q1_hybrid",))
     one = replace(bound, alternatives=bound.alternatives[:1])
-    with pytest.raises(BadInput, match="setups can be measured: every peak is below"):
+    with pytest.raises(BadInput, match=r"\d+ setups"):
         weigh(one, workers, deaf, DesignGoal("lambda"))
-    with pytest.raises(BadInput, match="target 'nu' is neither fitted nor derived"):
+    with pytest.raises(BadInput, match="target 'nu'"):
         weigh(bound, workers, limits, DesignGoal("nu"))
 
 
 def test_a_target_without_a_value_is_said(weighed: Weighed, limits: Limits) -> None:
     nowhere = np.full_like(weighed.problem.gradients, np.nan)
     without = replace(weighed, problem=replace(weighed.problem, gradients=nowhere))
-    with pytest.raises(BadInput, match="no value, or none that can be differentiated"):
+    with pytest.raises(BadInput, match="no value"):
         chosen_by(without, limits, "target")
     assert len(chosen_by(without, limits, "D")) == limits.number
 
@@ -286,20 +286,20 @@ def test_a_prior_over_more_than_a_period_counts_once(bound: BoundCampaign) -> No
 @pytest.mark.parametrize(
     ("table", "complaint"),
     [
-        ({"outputs": ["q3_hybrid"]}, "no variable 'q3_hybrid'"),
-        ({"outputs": []}, "is empty"),
-        ({"frequency_step": 10}, "has no unit"),
-        ({"levels": [0]}, "wanted a list of positive numbers"),
-        ({"repeats": [1.5]}, "wanted whole numbers"),
-        ({"number": 0}, "wanted a whole number from 1 to 1000"),
-        ({"number": 1000}, "at most 50"),
-        ({"tones": 3}, "a design places one or two"),
-        ({"noise_floor": "3 Hz"}, "wanted 'V'"),
-        ({"settings": {"g2": 0}}, "wanted a list of values"),
-        ({"setting_sigma": {"eta_plus": -1.0}}, "wanted zero or more"),
-        ({"centres": "7 MHz"}, "wanted frequencies"),
-        ({"relative_noise": -0.1}, "wanted zero or more"),
-        ({"spectra": 3}, "unknown key 'spectra'"),
+        ({"outputs": ["q3_hybrid"]}, "'q3_hybrid'"),
+        ({"outputs": []}, "outputs"),
+        ({"frequency_step": 10}, "frequency_step"),
+        ({"levels": [0]}, "levels"),
+        ({"repeats": [1.5]}, "repeats"),
+        ({"number": 0}, "number.* 1000"),
+        ({"number": 1000}, "number.* 50"),
+        ({"tones": 3}, "tones"),
+        ({"noise_floor": "3 Hz"}, "noise_floor.*'V'"),
+        ({"settings": {"g2": 0}}, "g2"),
+        ({"setting_sigma": {"eta_plus": -1.0}}, "eta_plus"),
+        ({"centres": "7 MHz"}, "centres"),
+        ({"relative_noise": -0.1}, "relative_noise"),
+        ({"spectra": 3}, "'spectra'"),
     ],
 )
 def test_limits_that_mean_nothing(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ def test_without_the_package_it_is_named(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "distributed", None)
     monkeypatch.delitem(sys.modules, "fitting.engine.cluster", raising=False)
     with (
-        pytest.raises(BadInput, match=r"scheduler: wants the package distributed; install"),
+        pytest.raises(BadInput, match="distributed"),
         opened("tcp://127.0.0.1:9", ()),
     ):
         pass
@@ -35,7 +36,7 @@ def test_an_address_without_host_and_port_is_refused_before_a_client_is_made(
         raise AssertionError("a client that finds nobody hangs when it goes")
 
     monkeypatch.setattr("fitting.engine.cluster.Client", never)
-    with pytest.raises(BadInput, match=f"found '{address}', .*wanted"), opened(address, ()):
+    with pytest.raises(BadInput, match=f"'{address}'"), opened(address, ()):
         pass
 
 
@@ -47,7 +48,7 @@ def test_a_worker_of_another_version_is_refused(
 
     sent = Files({})
     monkeypatch.setattr(fitting, "__version__", "0.0.1")
-    with pytest.raises(BadInput, match=r"fmu-fit 0\.0\.1 there, wanted"):
+    with pytest.raises(BadInput, match=r"\b0\.0\.1\b"):
         sent.setup(SimpleNamespace(local_directory=str(tmp_path)))
 
 
@@ -65,5 +66,5 @@ def test_a_file_that_was_sent_is_known_by_its_content(
     assert place_of(file).read_bytes() == b"one"
     assert place_of(NeededFile.of(path)) == path
     path.unlink()
-    with pytest.raises(BadInput, match="no such file on the machine of this worker"):
+    with pytest.raises(BadInput, match=re.escape(str(path))):
         place_of(NeededFile(str(path), "0"))

@@ -48,12 +48,12 @@ def test_one_that_is_lost_twice_is_told_and_costs_no_other(
     assert len(list(tmp_path.glob("lost*"))) == 2
     [lost] = [e for e in ended if e.lost]
     assert (lost.item.number, lost.result) == (3, None)
-    assert "killed by signal 9" in lost.lost
+    assert "signal 9" in lost.lost
     assert sorted(e.result for e in ended if e.result) == [(k, k * k) for k in range(8) if k != 3]
 
 
 def test_what_no_pickle_can_carry_is_told(two: LocalProcesses) -> None:
-    with pytest.raises(RuntimeError, match="Local cannot be handed over"):
+    with pytest.raises(RuntimeError, match="Local"):
         two.submit(work.refusing, Piece(1)).result()
     assert two.submit(work.refusing, Piece(2)).result() == (2, 4)
 
@@ -106,5 +106,5 @@ def test_processes_end_with_a_caller_that_is_killed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("count", [0, 257])
 def test_an_impossible_number_of_processes_is_refused(count: int) -> None:
-    with pytest.raises(BadInput, match="wanted 1 to 256"), opened(count, ()):
+    with pytest.raises(BadInput, match=f"{count}.*256"), opened(count, ()):
         pass

@@ -63,11 +63,11 @@ def test_the_fit_finds_what_was_put_in(kind: str, swift_fmu: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"d1_hz": 0.0}, r"d1_hz: found 0\.0, wanted a number above zero"),
-        ({"noise": -1.0}, r"noise: found -1\.0, wanted zero or more"),
-        ({"eta_minus_hz": 900.0}, r"eta_plus_hz: found 1000000\.0, wanted less than eta_minus_hz"),
-        ({"length_s": 1e-3}, r"length_s: found 0\.001, wanted 64 samples"),
-        ({"points": 9}, r"points: has no meaning for the curve 'lock-in', wanted before_s"),
+        ({"d1_hz": 0.0}, r"d1_hz: found 0\.0"),
+        ({"noise": -1.0}, r"noise: found -1\.0"),
+        ({"eta_minus_hz": 900.0}, r"eta_plus_hz: found 1000000\.0, .* eta_minus_hz"),
+        ({"length_s": 1e-3}, r"length_s: found 0\.001, .* 64 "),
+        ({"points": 9}, r"points: .*'lock-in', .*before_s"),
     ],
 )
 def test_what_no_string_has_is_refused(changes: dict[str, Any], words: str) -> None:

@@ -179,13 +179,13 @@ def test_the_same_seed_gives_the_same_series_and_its_errors_are_as_stated() -> N
 def test_what_is_no_laboratory_is_refused() -> None:
     lab = duffing_bench()
     assert max(with_level(lab, 0.1).levels) == 0.1
-    with pytest.raises(ValueError, match="levels for"):
+    with pytest.raises(ValueError, match="1 levels"):
         replace(lab, levels=(0.1,))
-    with pytest.raises(ValueError, match="must be positive"):
+    with pytest.raises(ValueError, match=r"levels.*-1\.0"):
         with_level(lab, -1.0)
-    with pytest.raises(ValueError, match="must be finite"):
+    with pytest.raises(ValueError, match=r"inf"):
         Cubic(math.inf)
-    with pytest.raises(ValueError, match="one or two that differ"):
+    with pytest.raises(ValueError, match=r"tones \(1\.0, 1\.0\)"):
         Drive.equal((1.0, 1.0), 1.0)
-    with pytest.raises(ValueError, match="wanted a weaker drive"):
+    with pytest.raises(ValueError, match=r"at 3\.0 m/s"):
         measure(with_level(lab, 3.0), 1)

@@ -93,11 +93,11 @@ def test_without_a_pump_there_are_no_sidebands() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"d_hz": (1.0, 2.0)}, "d_hz has 2 values, wanted 3"),
-        ({"gains": (1.0,)}, "gains has 1 values, wanted 3"),
-        ({"f_hz": (1.0, -2.0, 3.0)}, "must be positive"),
+        ({"d_hz": (1.0, 2.0)}, "d_hz.* 2 .* 3"),
+        ({"gains": (1.0,)}, "gains.* 1 .* 3"),
+        ({"f_hz": (1.0, -2.0, 3.0)}, r"f = .*-2\.0"),
         ({"coupling_hz": {(1, 0): 1.0}}, r"pair \(1, 0\)"),
-        ({"coupling_hz": {(0, 1): -1.0}}, "must not be negative"),
+        ({"coupling_hz": {(0, 1): -1.0}}, r"-1\.0"),
         ({"coupling_hz": {(0, 1): 8e6}}, "no restoring force"),
     ],
 )
@@ -107,7 +107,7 @@ def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:
 
 
 def test_a_pump_needs_a_frequency() -> None:
-    with pytest.raises(ValueError, match=r"pump frequency 0\.0 Hz"):
+    with pytest.raises(ValueError, match=r"pump.* 0\.0 Hz"):
         Pump(frequency_hz=0.0)
 
 

@@ -53,8 +53,8 @@ def test_noise_is_alike_on_both_quadratures() -> None:
 @pytest.mark.parametrize(
     ("series", "reader", "words"),
     [
-        ("q1", PhaseDetectors(restarts=(5,)), r"before drive pair 6, wanted one of 2 to 5"),
-        ("duffing", PhaseDetectors(), r"lock-in amplifiers have no meaning"),
+        ("q1", PhaseDetectors(restarts=(5,)), r"pair 6, .*2 to 5"),
+        ("duffing", PhaseDetectors(), r"lock-in"),
     ],
 )
 def test_what_the_bench_cannot_do_is_refused(

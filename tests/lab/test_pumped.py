@@ -81,15 +81,15 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"alpha1": 1.0}, "alpha1: has no meaning for the bench 'pumped'"),
-        ({"theta_rad": 1.0}, "has no lambda"),
-        ({"points": 3}, "wanted 8 points or more"),
+        ({"alpha1": 1.0}, "alpha1: .*'pumped'"),
+        ({"theta_rad": 1.0}, "lambda"),
+        ({"points": 3}, "8 points"),
         (
             {"apart_hz": 2.0 * 6.94026e6},
-            r"settings\[3\]: a pump .* makes the motion grow, by 1\.00",
+            r"settings\[3\]: .* 1\.00",
         ),
-        ({"plan": TONES}, "plan: the bench 'pumped' measures sweeps, not the tones of a plan"),
-        ({"instrument": PhaseDetectors()}, "instrument: the bench 'pumped' .* its amplitudes"),
+        ({"plan": TONES}, "plan: .*'pumped'"),
+        ({"instrument": PhaseDetectors()}, r"instrument: .*'pumped'"),
     ],
 )
 def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:

@@ -162,7 +162,7 @@ def test_what_a_design_proposes_is_measured_and_fitted(
         proposed.write(tmp_path / "next", report=False)
         made = ff.synthesize(old / "campaign.toml", plan=plan, seed=6, out=tmp_path / "lab")
         both = [old / "campaign.toml", tmp_path / "lab/campaign.toml"]
-        found = ff.fit(ff.Problem.of(both, fmu)).result.parameters
+        found = ff.fit(ff.Problem.of(both, fmu), starts=1).result.parameters
     truth = true_values(made.truth)
     for name in ("a0", "a1", "f2", "lambda12", "d1", "d2"):
         assert abs(found[name].value - truth[name]) < 4.0 * found[name].std
@@ -173,11 +173,11 @@ def test_what_a_design_proposes_is_measured_and_fitted(
 @pytest.mark.parametrize(
     ("truth", "keys", "words"),
     [
-        ("q1", {}, "q1: is no laboratory of sweeps over a control; wanted one of 'crossing' or"),
-        ("pumped", {}, "controls: the virtual laboratory cannot set 'V', wanted detuning, depth"),
-        ("crossing", {"table": 'output = "q2"'}, "does not observe 'q2', wanted 'q1'"),
-        ("crossing", {"table": 'drive = "1/f"'}, "one amplitude and one tone at a time"),
-        ("crossing", {"phases": True, "table": 'scale = "shared"'}, "with another phase"),
+        ("q1", {}, "q1: .*'crossing'"),
+        ("pumped", {}, "controls: .*'V'.*detuning, depth"),
+        ("crossing", {"table": 'output = "q2"'}, "'q2'.*'q1'"),
+        ("crossing", {"table": 'drive = "1/f"'}, "one tone"),
+        ("crossing", {"phases": True, "table": 'scale = "shared"'}, "restarted"),
     ],
 )
 def test_plans_that_the_laboratory_cannot_follow(
@@ -193,11 +193,11 @@ def test_numbers_of_the_laboratory_may_be_others(tmp_path: Path) -> None:
     plan = planned(tmp_path / "plan")
     made = ff.synthesize("crossing", plan=plan, d1_hz=5.0)
     assert true_values(made.truth)["d1"] == 5.0
-    with pytest.raises(BadInput, match="theta_rad: has no meaning for the curve 'crossing'"):
+    with pytest.raises(BadInput, match=r"theta_rad: .*'crossing'"):
         ff.synthesize("crossing", plan=plan, theta_rad=1.0)
 
 
 def test_the_truth_of_a_curve_is_no_series_of_tones(tmp_path: Path) -> None:
     ff.synthesize_curves("crossing", out=tmp_path)
-    with pytest.raises(BadInput, match=r"truth\.toml: is the truth of a curve"):
+    with pytest.raises(BadInput, match=r"truth\.toml"):
         ff.synthesize(tmp_path / "campaign.toml")

@@ -54,18 +54,18 @@ def test_nothing_is_written_unless_asked_and_nothing_measured_written_over(tmp_p
     made.write(tmp_path)
     made.write(tmp_path)  # its own
     (tmp_path / "campaign.toml").write_text('title = "measured"\n')
-    with pytest.raises(BadInput, match="was changed since fmu-fit synthesize wrote it"):
+    with pytest.raises(BadInput, match=r"campaign\.toml: .*changed.*synthesize"):
         made.write(tmp_path)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"alpha1": 1e32}, "alpha1: has no meaning for the bench 'q1'"),
-        ({"d3_hz": 1.0}, "d3_hz: has no meaning"),
-        ({"level": 1.0}, "level: has no meaning"),
-        ({"d1_hz": -1.0}, "damping d1 = -1.0"),
-        ({"seed": -1}, "seed: found -1"),
+        ({"alpha1": 1e32}, "alpha1: .*'q1'"),
+        ({"d3_hz": 1.0}, "d3_hz: "),
+        ({"level": 1.0}, "level: "),
+        ({"d1_hz": -1.0}, r"d1 = -1\.0"),
+        ({"seed": -1}, "seed: .*-1"),
     ],
 )
 def test_what_the_bench_does_not_have_is_refused(changes: dict[str, float], words: str) -> None:
@@ -114,7 +114,7 @@ def test_a_further_kind_of_instrument_is_a_class_of_its_own() -> None:
     lines = np.hypot(made.measured.array("x_v"), made.measured.array("y_v"))
     assert lines == pytest.approx(made.measured.true_peaks_v, rel=1e-14)
     rows = str(made.files["experiments.csv"]).splitlines()
-    assert rows[2] == "experiment,u1 (MHz),u2 (MHz),x1 (V),y1 (V)"
+    assert rows[2].split(",")[3:] == ["x1 (V)", "y1 (V)"]
     assert float(rows[3].split(",")[3]) == made.measured.readings[0].arrays["x_v"][0]
     table = tomllib.loads(str(made.files["campaign.toml"]))["experiments"]
     assert table == {"file": "experiments.csv", "quadratures": ["x1", "y1"]}

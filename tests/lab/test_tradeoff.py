@@ -22,6 +22,7 @@ from fitting.fmu import FmuWorkers
 from fitting.lab import exact as exact_modes
 from fitting.lab.names import AMPLITUDES
 from fitting.lab.string import TwoModes, steady_state
+from fitting.lab.tradeoff import study
 from fitting.lab.tradeoff.bench import Bench, Patience, largest_lines, read, window_of
 from fitting.lab.tradeoff.extrapolation import closed_orbits, stepped_setting
 from fitting.lab.tradeoff.front import cheapest, pareto
@@ -37,6 +38,15 @@ from fitting.text.errors import BadInput
 from tests.support import reference
 
 ONCE = Patience(1, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _once() -> Iterator[None]:
+    """Every setting is timed once: nothing here is said of times that needs more."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study, "QUICK_PATIENCE", ONCE)
+        patch.setattr(study, "QUICK_ROUNDS", 1)
+        yield
 
 
 # --- 50 digits -----------------------------------------------------------------------------------
@@ -163,8 +173,8 @@ def richardson(coarse: FloatArray, fine: FloatArray) -> FloatArray:
 
 
 @pytest.fixture(scope="module")
-def sensor(oscillator_fmu: Path) -> Iterator[Bench]:
-    with FmuWorkers(oscillator_fmu) as workers:
+def sensor(swift_fmu: Path) -> Iterator[Bench]:
+    with FmuWorkers(swift_fmu) as workers:
         yield Bench(scene_named("low-q"), workers, ONCE)
 
 
@@ -232,11 +242,11 @@ def test_closed_orbits_are_closed_at_the_strings_own_q(duffing_fmu: Path) -> Non
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_processor_time_is_told_of_one_process_only(oscillator_fmu: Path, count: int) -> None:
+def test_processor_time_is_told_of_one_process_only(swift_fmu: Path, count: int) -> None:
     """Of several the sum is nobody's waiting: then wall time is what costs are compared by."""
     scene = scene_named("low-q")
     setting = stepped_setting(scene, 40.0, 0.0)
-    with FmuWorkers(oscillator_fmu, workers=count) as workers:
+    with FmuWorkers(swift_fmu, workers=count) as workers:
         bench = Bench(scene, workers, ONCE)
         bench.warm(dict(setting.values))
         _, cost = bench.timed(lambda: values_of(bench, setting, None))
@@ -247,16 +257,19 @@ def test_processor_time_is_told_of_one_process_only(oscillator_fmu: Path, count:
     assert (cost.repeats, cost.runs, cost.reads) == (1, 1, 64)
 
 
-def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_interrupted_and_resumed_is_the_same(swift_fmu: Path, tmp_path: Path) -> None:
     """Finished settings are kept as they are, the others give the errors of an unbroken run."""
     scene = scene_named("string")
-    options = StudyOptions(accuracies=(1e-3,), quick=True, quantities=(AMPLITUDES,), longest_s=1.0)
+    # whatever counts its steps is extrapolated, however fast the machine is
+    options = StudyOptions(
+        accuracies=(1e-3,), quick=True, quantities=(AMPLITUDES,), longest_s=1e-12
+    )
 
     def stop(text: str) -> None:
         if text.startswith("20/"):
             raise KeyboardInterrupt
 
-    with FmuWorkers(oscillator_fmu) as workers:
+    with FmuWorkers(swift_fmu) as workers:
         broken = run_study(scene, workers, options, Memory(tmp_path, "job"), stop)
         kept = Memory(tmp_path, "job")
         assert kept.resume()
@@ -274,7 +287,7 @@ def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Pat
     assert [m.setting for m in resumed_grid] == [m.setting for m in whole_grid]
     for a, b in zip(resumed_grid, whole_grid, strict=True):
         assert a.extrapolated or a.error == b.error
-    with pytest.raises(BadInput, match="belongs to other data"):
+    with pytest.raises(BadInput, match=r"tradeoff-checkpoint\.json"):
         Memory(tmp_path, "another job").resume()
 
 
@@ -304,12 +317,12 @@ def test_what_may_still_come_is_not_told_as_missed(
 ) -> None:
     setting = Setting(quantity=AMPLITUDES, solver="exact", window_s=1.0, samples=8)
     rough = Measurement(setting=setting, error=1e-3, cost=Cost(seconds=1.0, cpu_s=1.0, repeats=1))
-    study = halfway(rough, replace(rough, planned_for=1e-2), status=status)
-    shown = "\n".join(terminal(study))
+    half = halfway(rough, replace(rough, planned_for=1e-2), status=status)
+    shown = "\n".join(terminal(half))
     assert wanted[0] in shown
-    for text in (shown, markdown(study), repr(page_of(study, ()))):
+    for text in (shown, markdown(half), repr(page_of(half, ()))):
         assert not any(words in text for words in unwanted)
-    for text in (markdown(study), repr(page_of(study, ()))):
+    for text in (markdown(half), repr(page_of(half, ()))):
         assert all(words in text for words in wanted)
 
 
@@ -317,14 +330,14 @@ def test_a_study_that_ended_before_its_first_setting_is_written(tmp_path: Path) 
     names = [path.name for path in write_tradeoff(halfway(), tmp_path)]
     assert names == ["tradeoff.csv", "tradeoff.md", "report.html"]
     assert rows(tmp_path) == []
-    assert "The whole trade" not in (tmp_path / "report.html").read_text("utf-8")
+    assert "tradeoff_" not in (tmp_path / "report.html").read_text("utf-8")  # a figure's name
 
 
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ({"accuracies": (1e-3, 2.0)}, "accuracies: found 2.0, wanted numbers between 0 and 1"),
-        ({"quantities": ("phases",)}, "quantities: found 'phases', wanted some of amplitudes"),
+        ({"accuracies": (1e-3, 2.0)}, r"accuracies: found 2\.0"),
+        ({"quantities": ("phases",)}, "quantities: found 'phases', .*amplitudes"),
     ],
 )
 def test_what_cannot_be_asked_of_a_study(asked: dict[str, Any], words: str) -> None:
@@ -338,7 +351,8 @@ def test_what_cannot_be_asked_of_a_study(asked: dict[str, Any], words: str) -> N
 @pytest.fixture(scope="module")
 def quick_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("tradeoff")
-    assert main(["tradeoff", "--scene", "string", "--quick", "--out", str(out)]) == 0
+    asked = ["--scene", "string", "--quick", "--accuracies", "1e-3"]
+    assert main(["tradeoff", *asked, "--out", str(out)]) == 0
     return out
 
 
@@ -354,7 +368,7 @@ def test_quick_run_writes_everything(quick_run: Path) -> None:
     assert not any("checkpoint" in name for name in names)
     page = (quick_run / "report.html").read_text("utf-8")
     assert "SYNTHETIC DATA" in page
-    assert "For this accuracy: these settings" in page
+    assert "1_tradeoff_string" in page
     assert "nan<" not in page
 
 
@@ -453,7 +467,7 @@ def test_a_campaigns_own_knobs_are_tried(tmp_path: Path) -> None:
 
     assert least_error(80.0) < least_error(20.0) / 100.0
     page = (out / "tradeoff.md").read_text("utf-8")
-    assert "the finest setting (full model) against the next finest" in page
+    assert "full model" in page
     assert {r["cost_is"] for r in table} == {"measured"}
 
 
@@ -461,11 +475,11 @@ def test_a_campaigns_own_knobs_are_tried(tmp_path: Path) -> None:
     ("arguments", "words"),
     [
         (["--scene", "sring"], "sring"),
-        (["--accuracies", "1e-3,fine"], "'fine', wanted numbers between 0 and 1"),
-        (["--accuracies", "2"], "'2', wanted numbers between 0 and 1"),
+        (["--accuracies", "1e-3,fine"], "--accuracies: found 'fine'"),
+        (["--accuracies", "2"], "--accuracies: found '2'"),
         (["--campaign", "absent.toml"], "absent.toml"),
-        (["--scene", "string", "--campaign", "absent.toml"], "not allowed with"),
-        (["--workers", "0"], "wanted a whole number of at least 1"),
+        (["--scene", "string", "--campaign", "absent.toml"], "--campaign"),
+        (["--workers", "0"], "--workers"),
     ],
 )
 def test_bad_input_is_one_line(

@@ -20,6 +20,7 @@ from fitting.report.words.line import sentences
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.records import read_json
 from tests.support.lines import mode, noise, write_csv
+from tests.support.samples import sampled
 
 DATA = Path(__file__).parents[2] / "data"
 AFM = DATA / "afm_sensor" / "afm_sensor_sweep.dat"
@@ -77,9 +78,12 @@ def test_errors_are_those_of_the_scatter_and_the_form_is_the_true_one(
         assert np.mean(delays) == pytest.approx(3e-3, abs=1e-4)
 
 
-def test_noise_invents_no_cable() -> None:
+@sampled(8, 24)
+def test_noise_invents_no_cable(count: int) -> None:
     """The criterion alone gives a sixth of all lines without one a delay (P(chi2_1 > 2) = 0.16)."""
-    found = [ff.line(F, line_alone(F) + noise(F.size, 0.02, seed)) for seed in range(100, 124)]
+    found = [
+        ff.line(F, line_alone(F) + noise(F.size, 0.02, seed)) for seed in range(100, 100 + count)
+    ]
     assert [each.delay_s for each in found if not math.isnan(each.delay_s)] == []
     doubted = [each for each in found if each.forms[0].criterion > 0.0]
     assert doubted  # else this would show nothing
@@ -95,18 +99,19 @@ def test_errors_have_the_size_of_the_closed_form() -> None:
     2 sigma^2 w df/(pi |a|^2); the width, with the size of the gain, likewise a factor 4 more.
     """
     step, sigma = 0.25, 0.01
-    f = ETA + np.arange(-3000.0, 3001.0) * step
+    f = ETA + np.arange(-2000.0, 2001.0) * step
     found = ff.line(f, 2.0 * mode(f, ETA, WIDTH) + noise(f.size, sigma, 1), wiring="transmission")
     bound = sigma / 2.0 * math.sqrt(2.0 * WIDTH * step / math.pi)
     assert found.frequency_std_hz == pytest.approx(bound, rel=0.05)
     assert found.width_std_hz == pytest.approx(2.0 * bound, rel=0.05)
 
 
+@sampled(4, 8)
 @pytest.mark.parametrize("phases", [True, False], ids=["complex", "amplitudes"])
-def test_errors_are_wider_where_neighbours_follow_each_other(phases: bool) -> None:
+def test_errors_are_wider_where_neighbours_follow_each_other(phases: bool, count: int) -> None:
     """Noise of first order, rho = 0.7: the variance of sums is (1 + rho)/(1 - rho) = 5.7 times."""
     pulls = []
-    for seed in range(8):
+    for seed in range(count):
         white, rough = noise(F.size, 0.02, seed), np.zeros(F.size, dtype=complex)
         for k in range(1, F.size):
             rough[k] = 0.7 * rough[k - 1] + math.sqrt(1.0 - 0.49) * white[k]
@@ -194,7 +199,7 @@ def test_an_internal_loss_within_its_error_of_zero_has_a_lower_end_alone() -> No
     [reading] = found.readings
     low, high = reading.q_internal_ci95
     assert low < 62750.0 < high == math.inf
-    assert any("Q internal at least" in each for each in sentences(found))
+    assert any("at least" in each for each in sentences(found))
 
 
 def test_a_narrow_dip_behind_a_long_cable_is_found() -> None:
@@ -226,17 +231,17 @@ SECOND = mode(F, ETA + 50.0, 12.0)
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        (1.0 + noise(F.size, 0.05, 1), "shows no resonance between 4.92 and 5.08 kHz"),
-        (np.abs(1.0 + noise(F.size, 0.05, 1)), "shows no resonance between 4.92 and 5.08 kHz"),
-        (line_alone(F) + 1.5 * SECOND, "shows two resonances, at 5 and 5.05 kHz"),
-        (np.abs(line_alone(F) + 1.5 * SECOND), "shows two resonances"),
-        (line_alone(F[:8]), "no resonance between"),
-        (np.abs(line_alone(F[:84])), "is cut off by the last point of the sweep at 5.003 kHz"),
-        (line_alone(F[75:]), "is cut off by the first point of the sweep at 4.995 kHz"),
-        (line_alone(F[:7]), "7 points are too few"),
+        (1.0 + noise(F.size, 0.05, 1), "4.92 and 5.08 kHz"),
+        (np.abs(1.0 + noise(F.size, 0.05, 1)), "4.92 and 5.08 kHz"),
+        (line_alone(F) + 1.5 * SECOND, "5 and 5.05 kHz"),
+        (np.abs(line_alone(F) + 1.5 * SECOND), "two resonances"),
+        (line_alone(F[:8]), "no resonance"),
+        (np.abs(line_alone(F[:84])), "5.003 kHz"),
+        (line_alone(F[75:]), "4.995 kHz"),
+        (line_alone(F[:7]), "7 points"),
         (-np.abs(line_alone(F)), "wanted magnitudes"),
-        (0.0 * F, "holds nothing but zeros"),
-        (np.where(F == ETA, np.nan, 1.0), "value number 81 is nan"),
+        (0.0 * F, "zeros"),
+        (np.where(F == ETA, np.nan, 1.0), "81 is nan"),
     ],
     ids=[
         *("noise", "noise_a", "two", "two_a", "flank", "cut_right", "cut_left", "few", "negative"),
@@ -268,7 +273,7 @@ def test_two_lines_with_one_top_are_told_with_their_places() -> None:
     """Hybrid modes 9.3 Hz apart and 12 Hz wide on average: no number of one line is told."""
     f = ETA + np.linspace(-100.0, 100.0, 401)
     seen = np.abs(overlapped(f, 8.0, (10.0, 14.0)) + noise(f.size, 6e-3, 21))
-    with pytest.raises(ff.BadInput, match="two lines that overlap describe its points") as error:
+    with pytest.raises(ff.BadInput, match="two lines") as error:
         ff.line(f, seen)
     one = r"at (\S+)\s±\s(\S+)\sHz, (\S+)\s.*wide"
     told = re.search(rf"{one}, and {one}", str(error.value))
@@ -282,10 +287,11 @@ def test_two_lines_with_one_top_are_told_with_their_places() -> None:
     assert width == pytest.approx(2.0 * lower.imag, rel=0.1)
 
 
+@sampled(5, 12)
 @pytest.mark.parametrize("kind", ["phases", "amplitudes", "single"])
-def test_one_line_is_not_told_to_be_two_that_overlap(kind: str) -> None:
-    """Of 12 each: on a constant, of 0.1 to 10 % noise."""
-    for seed in range(12):
+def test_one_line_is_not_told_to_be_two_that_overlap(kind: str, count: int) -> None:
+    """On a constant, of 0.1 to 10 % noise."""
+    for seed in range(count):
         rng = np.random.default_rng(seed)
         exact, error = on_crosstalk(F) / 2.3, noise(F.size, 10.0 ** rng.uniform(-3, -1), seed)
         seen = {
@@ -309,11 +315,11 @@ def test_the_command_tells_the_number_first_and_writes_what_it_found(
     value, error = re_numbers(told[0])
     assert told[0].startswith("f ")
     assert abs(value - ETA) < 4 * error < 1.0
-    assert any("real part 'X' (mV)" in line for line in told)
+    assert any("'X' (mV)" in line for line in told)
     found = read_json(out / "line.json", ff.Line)
     assert found == ff.line(file)
     table = (out / "line.csv").read_text("utf-8").splitlines()
-    assert table[0].startswith("frequency (Hz),measured X (mV)")
+    assert table[0].split(",")[:2] == ["frequency (Hz)", "measured X (mV)"]
     assert len(table) == 1 + F.size
     assert {p.name for p in out.glob("line.*")} == {"line.json", "line.csv", "line.png", "line.svg"}
     assert main(["line", str(file), "--json"]) == 0
@@ -329,15 +335,15 @@ def re_numbers(text: str) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("head", "options", "words"),
     [
-        ("a,b", [], "wanted the frequency's name by --frequency"),
-        ("f,b", [], "tells no unit of its frequencies"),
+        ("a,b", [], "--frequency"),
+        ("f,b", [], "--unit-frequency"),
         ("f,b (V)", ["--unit-frequency", "kHz"], ""),
-        ("a (kHz),b", ["--frequency", "c"], "no column 'c'"),
-        ("a (kHz),b", ["--real", "b"], "real: names a column alone, wanted imaginary, too"),
-        ("a (kHz),b", ["--unit-frequency", ""], "--unit-frequency: is empty"),
-        ("a (kHz),b", ["--from", "5.1 kHz", "--to", "5 kHz"], "wanted a rising range"),
-        ("a (kHz),b", ["--from", "5.1 kHz"], "0 points lie between --from and --to"),
-        ("a (kHz),b", ["--from", "4.995 kHz"], "is cut off by the first point"),
+        ("a (kHz),b", ["--frequency", "c"], "'c'"),
+        ("a (kHz),b", ["--real", "b"], "imaginary"),
+        ("a (kHz),b", ["--unit-frequency", ""], "--unit-frequency: "),
+        ("a (kHz),b", ["--from", "5.1 kHz", "--to", "5 kHz"], "--from"),
+        ("a (kHz),b", ["--from", "5.1 kHz"], "0 points"),
+        ("a (kHz),b", ["--from", "4.995 kHz"], "first point"),
     ],
     ids=[
         *(
@@ -376,7 +382,7 @@ def test_a_cell_that_is_no_number_is_named_where_one_column_could_be_the_amplitu
     file = tmp_path / "mine.csv"
     rows = [f"{f!r},{'n/a' if k == 7 else 1.0 + k}\n" for k, f in enumerate(F.tolist())]
     file.write_text("f (Hz),R\n" + "".join(rows), "utf-8")
-    with pytest.raises(ff.BadInput, match="row 9, column 'R': found 'n/a', wanted a finite number"):
+    with pytest.raises(ff.BadInput, match="row 9, column 'R': found 'n/a'"):
         ff.line(file)
 
 
@@ -394,16 +400,13 @@ def test_decibels_and_powers_give_the_same_line(tmp_path: Path) -> None:
 def test_the_order_of_the_rows_is_told_as_it_is(tmp_path: Path) -> None:
     amplitude, order = np.abs(line_alone(F)), np.random.default_rng(1).permutation(F.size)
     for rows, told in (
-        (np.arange(F.size), ""),
-        (np.arange(F.size)[::-1], "runs downwards in frequency"),
-        (order, "not in the order of their frequencies"),
+        (np.arange(F.size), []),
+        (np.arange(F.size)[::-1], ["downwards"]),
+        (order, ["order"]),
     ):
         found = ff.line(write_csv(tmp_path / "mine.csv", "f (Hz),a (V)", F[rows], amplitude[rows]))
         said = " ".join(sentences(found))
-        assert ("runs downwards" in said, "not in the order" in said) == (
-            "runs downwards" in told,
-            "not in the order" in told,
-        )
+        assert [word for word in ("downwards", "order") if word in said] == told
 
 
 def test_levels_say_what_their_amplitudes_are(tmp_path: Path) -> None:
@@ -430,7 +433,7 @@ def test_a_folder_that_cannot_be_used_is_refused_before_anything_is_read(
     (out / "line.json").write_text("mine", "utf-8")
     assert main(["line", str(tmp_path / "absent.csv"), "--out", str(out)]) == 2
     told = capsys.readouterr().err
-    assert "line.json: is there already" in told
+    assert "line.json: " in told
     assert (out / "line.json").read_text("utf-8") == "mine"
 
 
@@ -457,7 +460,7 @@ def test_a_line_is_drawn_into_given_axes_as_it_was_measured(
     for wrong in (count, -count - 1):
         with pytest.raises(ff.BadInput, match=rf"there are {count}, counted from 0"):
             ff.plot.line(found, number=wrong, ax=axes)
-    with pytest.raises(ff.BadInput, match=r"found a int, wanted what fitting\.line returns"):
+    with pytest.raises(ff.BadInput, match=r"fitting\.line"):
         ff.plot.line(1)  # type: ignore[arg-type]
 
 
@@ -502,7 +505,7 @@ def test_noise_in_a_unit_without_prefixes_stands_behind_a_times_sign() -> None:
     seen = 1e-14 * (np.hypot(np.abs(line_alone(F)), 0.6) + noise(F.size, 0.01, 0).real)
     found = ff.line(F, seen, unit="(m^2/Hz)^0.5", wiring="floor")
     said = " ".join(sentences(found))
-    assert re.search(r"The noise beside the line is (5\.9|6\.0|6\.1)\d? × 10⁻¹⁵ \(m", said), said
+    assert re.search(r" (5\.9|6\.0|6\.1)\d? × 10⁻¹⁵ \(m", said), said
 
 
 def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -517,8 +520,11 @@ def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.Monkey
         ff.line(F[:70], np.abs(line_alone(F[:70]) + noise(70, 0.02, 1)))
 
 
+@sampled(6, 12)
 @pytest.mark.parametrize("averaged", [1, 25], ids=["single", "averaged"])
-def test_readings_that_nobody_averaged_are_told_from_averaged_ones(averaged: int) -> None:
+def test_readings_that_nobody_averaged_are_told_from_averaged_ones(
+    averaged: int, count: int
+) -> None:
     """|line + noise|, once and as the mean of 25: its root mean square is sqrt(2) of a quadrature.
 
     Single ones scatter by 0.66 of a quadrature's noise beside the line, averaged ones by a fifth
@@ -527,7 +533,7 @@ def test_readings_that_nobody_averaged_are_told_from_averaged_ones(averaged: int
     """
     f, quadrature = ETA + np.linspace(-200.0, 200.0, 401), 0.1
     chosen, sizes = [], []
-    for seed in range(12):
+    for seed in range(count):
         drawn = noise(f.size * averaged, quadrature, seed).reshape(averaged, f.size)
         amplitude = np.mean(np.abs(mode(f, ETA, WIDTH) + drawn), axis=0)
         found = ff.line(f, amplitude, unit="V")
@@ -535,9 +541,9 @@ def test_readings_that_nobody_averaged_are_told_from_averaged_ones(averaged: int
         if found.wiring in ("single", "rice"):
             sizes.append(found.beside)
         if found.wiring == "single":
-            assert any("Noise of each reading: " in each for each in sentences(found))
+            assert any("each reading" in each for each in sentences(found))
             assert not any("averaged" in each for each in sentences(found))
-    assert chosen.count("single") >= 9 if averaged == 1 else "single" not in chosen
+    assert chosen.count("single") >= 0.75 * count if averaged == 1 else "single" not in chosen
     if averaged == 1:
         assert set(chosen) <= {"single", "fano"}
         assert np.mean(sizes) == pytest.approx(quadrature, rel=0.03)
@@ -545,26 +551,28 @@ def test_readings_that_nobody_averaged_are_told_from_averaged_ones(averaged: int
         assert np.mean(sizes) == pytest.approx(math.sqrt(2.0) * quadrature, rel=0.05)
 
 
-def test_small_noise_of_a_high_line_is_called_nothing_beside_it() -> None:
+@sampled(3, 10)
+def test_small_noise_of_a_high_line_is_called_nothing_beside_it(count: int) -> None:
     """Where the line is everywhere ten times its noise, Rice's is not seen (s/2 a of s)."""
     f = ETA + np.linspace(-40.0, 40.0, 101)
-    found = [ff.line(f, np.abs(line_alone(f) + noise(f.size, 0.02, k))) for k in range(10)]
+    found = [ff.line(f, np.abs(line_alone(f) + noise(f.size, 0.02, k))) for k in range(count)]
     assert "single" not in [each.wiring for each in found]
 
 
 def test_a_line_that_no_form_describes_is_not_called_a_straight_one() -> None:
     """A triangle of half a span: every form of a line leaves what hangs together."""
     shape = np.maximum(0.0, 1.0 - np.abs(F - ETA) / 40.0) + 0.4 * np.sin(F / 4.0)
-    with pytest.raises(ff.BadInput, match=r"worth .* independent ones|two resonances"):
+    with pytest.raises(ff.BadInput, match=r"independent|two"):
         ff.line(F, np.abs(shape) + 0.3)
 
 
 def test_noise_added_to_complex_values_is_no_wiring() -> None:
-    with pytest.raises(ff.BadInput, match="offset wants amplitudes alone"):
+    with pytest.raises(ff.BadInput, match="offset"):
         ff.line(F, line_alone(F), wiring="offset")
 
 
-def test_errors_hold_where_another_form_may_be_the_true_one() -> None:
+@sampled(12, 40)
+def test_errors_hold_where_another_form_may_be_the_true_one(count: int) -> None:
     """A constant of a tenth in a sweep of three widths: a phase or noise describes it as well.
 
     Of 40 intervals of 95 % on average 2 miss, and more than 5 in one of 70 tries; those of the form
@@ -572,7 +580,7 @@ def test_errors_hold_where_another_form_may_be_the_true_one() -> None:
     """
     f = ETA + np.linspace(-1.5 * WIDTH, 1.5 * WIDTH, 81)
     held, alone, told = 0, 0, 0
-    for seed in range(40):
+    for seed in range(count):
         seen = np.abs(mode(f, ETA, WIDTH)) + 0.1 + noise(f.size, 0.01, seed).real
         found = ff.line(f, seen)
         low, high = found.width_ci95_hz
@@ -580,6 +588,6 @@ def test_errors_hold_where_another_form_may_be_the_true_one() -> None:
         first = found.forms[0]
         alone += abs(first.width_hz - WIDTH) <= first.width_std_hz * found.ratio95
         told += any(text.startswith("The errors hold for ") for text in sentences(found))
-    assert held >= 35
+    assert held >= 0.875 * count
     assert alone < held
-    assert told > 5
+    assert told > count / 8

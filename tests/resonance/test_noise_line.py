@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from fitting.cli.main import main
 from fitting.resonance.noise_line import averages_of
 from fitting.text.arrays import FloatArray
 from tests.support.lines import write_csv
+from tests.support.samples import sampled
 
 F0, WIDTH, HEIGHT, FLOOR = 10_000.0, 40.0, 1e-12, 2e-14
 F = np.arange(9_700.0, 10_300.0, 3.0)
@@ -29,12 +31,15 @@ def averaged(s: FloatArray, averages: float, seed: int) -> FloatArray:
     return s * np.random.default_rng(seed).gamma(averages, 1.0 / averages, s.size)
 
 
+@sampled(5, 12)
 @pytest.mark.parametrize("averages", [1, 30])
-def test_frequency_width_quality_and_power_are_found_with_their_errors(averages: int) -> None:
-    """Twelve spectra: pulls of about one; the power is the integral, pi/2 height width."""
+def test_frequency_width_quality_and_power_are_found_with_their_errors(
+    averages: int, count: int
+) -> None:
+    """Pulls of about one; the power is the integral, pi/2 height width."""
     rms = math.sqrt(0.5 * math.pi * HEIGHT * WIDTH)
     pulls = []
-    for seed in range(12):
+    for seed in range(count):
         found = ff.noise_line(F, averaged(density() + FLOOR, averages, seed), unit="V")
         pulls.append(
             [
@@ -89,7 +94,7 @@ def test_a_file_whose_unit_is_a_density_is_one(
     path = write_csv(tmp_path / "noise.csv", head, F, seen**power)
     assert main(["line", str(path), "--out", str(tmp_path / "o")]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert "points scatter by 14 % of themselves" in told or "by 15 % of" in told
+    assert re.search(r"\b1[45] % ", told)
     assert "rms " in told
     written = json.loads((tmp_path / "o" / "line.json").read_text("utf-8"))
     assert abs(written["frequency_hz"] - F0) < 4.0 * written["frequency_std_hz"]
@@ -106,14 +111,14 @@ def test_two_lines_are_told() -> None:
     assert found.second is not None
     assert abs(found.second.frequency_hz - 10_150.0) < 4.0 * found.second.frequency_std_hz
     assert abs(found.second.width_hz - 20.0) < 4.0 * found.second.width_std_hz
-    assert "Two lines. The second one is at 101" in " ".join(repr(found).split())
+    assert re.search(r"second .* 101\d\d", " ".join(repr(found).split()))
 
 
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        pytest.param(averaged(FLOOR + 0.0 * F, 20, 1), "shows no line as a noise", id="level"),
-        pytest.param(density() * np.sign(F - F0 - 0.5), "wanted densities above zero", id="signs"),
+        pytest.param(averaged(FLOOR + 0.0 * F, 20, 1), "no line", id="level"),
+        pytest.param(density() * np.sign(F - F0 - 0.5), "above zero", id="signs"),
     ],
 )
 def test_what_is_no_line_is_refused(values: FloatArray, words: str) -> None:
@@ -126,8 +131,8 @@ def test_a_kind_is_asked_of_files_over_frequency_alone(
 ) -> None:
     path = write_csv(tmp_path / "sweep.csv", "f (Hz),A (V)", F, np.sqrt(density()))
     assert main(["line", str(path), "--kind", "noise"]) != 0
-    assert "neither unit nor name says that it is a noise spectrum" in capsys.readouterr().err
+    assert "noise spectrum" in capsys.readouterr().err
     t = np.linspace(0.0, 1.0, 100)
     path = write_csv(tmp_path / "ring.csv", "t (s),A (V)", t, np.exp(-t))
     assert main(["line", str(path), "--kind", "noise"]) != 0
-    assert "--kind: is of a sweep, and" in capsys.readouterr().err
+    assert "--kind: " in capsys.readouterr().err

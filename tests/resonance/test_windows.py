@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,10 @@ from fitting.report.words.line import answer, sentences
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.bench.bench_windows import scene
 from tests.support.lines import mode, noise
+from tests.support.samples import sampled
 
 ETA, WIDTH = 7e6, 50.0
+NIGHTLY = pytest.mark.nightly
 
 
 def two(f: FloatArray, apart: float, ratio: complex, width: float = 40.0) -> ComplexArray:
@@ -38,7 +41,7 @@ def test_errors_are_those_of_the_scatter_where_another_line_stands_outside() -> 
         half = WIDTH * rng.uniform(1.6, 0.45 * apart)
         found = ff.line(f, np.abs(seen), within_hz=(ETA - half, ETA + half))
         assert found.wiring == "tail"
-        assert any("show another line" in sentence for sentence in sentences(found))
+        assert found.further_hz
         assert found.amplitude_std < 0.2 * found.amplitude
         pulls.append((found.frequency_hz - ETA) / found.frequency_std_hz)
         pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
@@ -47,16 +50,23 @@ def test_errors_are_those_of_the_scatter_where_another_line_stands_outside() -> 
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "words"),
+    ("low", "high", "words", "whole"),
     [
-        (1.0, 6.0, "first point at .* cuts off a line: the points are the flank of one beyond"),
-        (-8.0, -1.0, "last point at .* cuts off a line: the points are the flank of one beyond"),
-        (1.0, 9.0, "largest at its first point|first point at .* cuts off a line"),
-        (0.2, 5.0, "cut off by the first point|cuts off a line"),
+        pytest.param(1.0, 6.0, "first point.*flank", True, marks=NIGHTLY),
+        pytest.param(1.0, 6.0, "first point.*flank", False, marks=NIGHTLY),
+        (-8.0, -1.0, "last point.*flank", True),
+        (-8.0, -1.0, "last point.*flank", False),
+        (1.0, 9.0, "first point", True),
+        pytest.param(1.0, 9.0, "first point", False, marks=NIGHTLY),
+        (0.2, 5.0, "first point|cuts off", True),
+        (0.2, 5.0, "first point|cuts off", False),
     ],
-    ids=["upper flank", "lower flank", "two flanks", "half"],
+    ids=[
+        f"{kind}-{of}"
+        for kind in ("upper flank", "lower flank", "two flanks", "half")
+        for of in ("range", "file")
+    ],
 )
-@pytest.mark.parametrize("whole", [True, False], ids=["range", "file"])
 def test_a_line_that_an_end_cuts_off_is_told_as_that(
     low: float, high: float, words: str, whole: bool
 ) -> None:
@@ -72,7 +82,7 @@ def test_a_line_that_an_end_cuts_off_is_told_as_that(
 def test_where_the_line_is_points_outside_of_the_range_tell() -> None:
     f = grid(10.0)
     seen = np.abs(two(f, 10.0, 0.8)) + noise(f.size, 1e-4, 3).real
-    with pytest.raises(ff.BadInput, match=r"flank of one beyond it, near 7(\.0000\d)? MHz"):
+    with pytest.raises(ff.BadInput, match=r"flank .* 7(\.0000\d)? MHz"):
         ff.line(f, seen, within_hz=(None, ETA - WIDTH))
 
 
@@ -96,9 +106,9 @@ def test_without_phases_the_other_amplitude_is_told() -> None:
     truth = sorted([1.0, abs(1.0 + 2j * beside)])
     for value, true in zip(both, truth, strict=True):
         assert abs(value - true) < 6.0 * found.amplitude_std < 0.05
-    assert any("A may as well be" in sentence for sentence in sentences(found))
+    assert any(re.search(r"\bA may\b", sentence) for sentence in sentences(found))
     assert " or " in answer(found)[3]
-    assert answer(found)[3].endswith("not determined which)")
+    assert "not determined" in answer(found)[3]
 
 
 def test_an_amplitude_that_slopes_do_not_see_has_an_error_that_holds() -> None:
@@ -120,9 +130,9 @@ def test_the_form_in_words_is_that_of_the_table() -> None:
     found = ff.line(f, seen)
     [taken] = [text for text in sentences(found) if text.startswith("Taken: ")]
     assert found.forms[0].delayed
-    assert taken.startswith(f"Taken: {found.forms[0].name}, delay, the line and a complex ")
+    assert f": {found.forms[0].name}, delay, " in taken
     count = sum(not math.isnan(form.criterion) for form in found.forms)
-    assert f"the best of the {count} forms that could be fitted" in taken
+    assert f" {count} forms" in taken
 
 
 def test_with_phases_tails_of_lines_outside_invent_no_delay_and_move_nothing() -> None:
@@ -140,9 +150,10 @@ def test_with_phases_tails_of_lines_outside_invent_no_delay_and_move_nothing() -
     assert max(map(abs, pulls)) < 4.0
 
 
-def test_noise_that_grows_with_the_amplitude_makes_no_point_a_fault() -> None:
+@sampled(2, 8)
+def test_noise_that_grows_with_the_amplitude_makes_no_point_a_fault(count: int) -> None:
     f = np.linspace(ETA - 8.0 * WIDTH, ETA + 8.0 * WIDTH, 301)
-    for seed in range(8):
+    for seed in range(count):
         scatter = 1.0 + 0.01 * np.random.default_rng(seed).standard_normal(f.size)
         assert ff.line(f, np.abs(mode(f, ETA, WIDTH)) * scatter).faults == ()
 
@@ -155,7 +166,7 @@ def test_columns_that_are_told_are_not_told_to_be_guessed(tmp_path: Path) -> Non
     np.savetxt(path, np.column_stack([f / 1e3, 0.0 * f + 5.0, np.abs(seen)]))
     columns = ff.Columns(frequency="column 1", unit_frequency="kHz", amplitude="column 3")
     said = ff.line(path, columns=columns).said
-    assert not any("is taken for" in sentence for sentence in said)
+    assert not any("taken" in sentence for sentence in said)
 
 
 @pytest.mark.parametrize("seed", [26, 50, 58, 110, 145])
