@@ -22,6 +22,7 @@ from tests.support.cfmu_build import build_c_fmu
 from tests.support.oscillator_campaign import CAMPAIGN, FILES
 
 ROOT = Path(__file__).parents[2]
+QUICKLY = ("--workers", "1", "--no-report", "--no-profiles")
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +59,7 @@ def refused(
     Where finished levels are left, a second line says how to go on.
     """
     out = folder / "out"
-    words = ["reconstruct", str(folder / "campaign.toml"), "--out", str(out), "--workers", "1"]
+    words = ["reconstruct", str(folder / "campaign.toml"), "--out", str(out), *QUICKLY]
     assert main(words) == code
     told = capsys.readouterr()
     assert told.out == ""
@@ -75,7 +76,7 @@ def test_the_campaign_is_fitted_while_nothing_is_broken(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["reconstruct", str(folder / "campaign.toml"), "--out", str(folder / "out")]
-    assert main([*words, "--workers", "1", "--no-report", "--no-profiles"]) == 0
+    assert main([*words, *QUICKLY]) == 0
     assert capsys.readouterr().err == ""
     assert left_in(folder / "out") == ["history.csv", "result.json"]
 
@@ -85,49 +86,49 @@ FIRST = "frequency (Hz),amplitude (mV)\n"
 
 WRONG = {
     # what is wrong: file, text, its replacement, words of the message
-    "missing file": (TOML, "sweep.csv", "swep.csv", ["swep.csv: no such file", "'sweep.csv'"]),
-    "missing spectrum": (EXPERIMENTS, "two,", "too,", ["too.csv: no such file", "'two.csv'"]),
-    "missing FMU": (TOML, "oscillator.fmu", "absent.fmu", ["absent.fmu", "wanted an FMU file"]),
-    "missing column": (EXPERIMENTS, "f (Hz)", "g (Hz)", ["experiments.csv", "no column 'f'"]),
-    "missing unit": (SWEEP, "(mV)", "", ["sweep.csv", "'amplitude' has no unit in its header"]),
-    "wrong unit": (SWEEP, "(mV)", "(kg)", ["sweep.csv", "'amplitude'", "found unit 'kg'"]),
+    "missing file": (TOML, "sweep.csv", "swep.csv", ["swep.csv", "'sweep.csv'"]),
+    "missing spectrum": (EXPERIMENTS, "two,", "too,", ["too.csv", "'two.csv'"]),
+    "missing FMU": (TOML, "oscillator.fmu", "absent.fmu", ["absent.fmu"]),
+    "missing column": (EXPERIMENTS, "f (Hz)", "g (Hz)", ["experiments.csv", "column 'f'"]),
+    "missing unit": (SWEEP, "(mV)", "", ["sweep.csv", "'amplitude'", "unit"]),
+    "wrong unit": (SWEEP, "(mV)", "(kg)", ["sweep.csv", "'amplitude'", "'kg'"]),
     "NaN": (SWEEP, FIRST, FIRST + "291,NaN\n", ["sweep.csv: row 2, column 'amplitude'", "'NaN'"]),
     "text": (SWEEP, FIRST, FIRST + "291,low\n", ["sweep.csv: row 2, column 'amplitude'", "'low'"]),
-    "text in a spectrum": (TWO, "\n", "\nx,1\n", ["two.csv: row 2, column 'frequency'", "'x'"]),
-    "negative amplitude": (SWEEP, FIRST, FIRST + "291,-2\n", ["row 2", "negative amplitude -2 mV"]),
-    "unsorted": (SWEEP, FIRST, FIRST + "400,1\n", ["row 3: frequency 292 Hz follows 400"]),
-    "duplicated": (SWEEP, FIRST, FIRST + "292,1\n", ["row 3: frequency 292 Hz appears twice"]),
+    "text in a spectrum": (TWO, "\n", "\nx,1\n", ["two.csv: row 2", "'frequency'", "'x'"]),
+    "negative amplitude": (SWEEP, FIRST, FIRST + "291,-2\n", ["row 2", "-2 mV"]),
+    "unsorted": (SWEEP, FIRST, FIRST + "400,1\n", ["row 3", "292 Hz", "400"]),
+    "duplicated": (SWEEP, FIRST, FIRST + "292,1\n", ["row 3", "292 Hz", "twice"]),
     "tone not in the spectrum": (
         EXPERIMENTS,
         ",330",
         ",390",
-        ["two.csv: does not contain the tone", "its points run from"],
+        ["two.csv", "tone 390 Hz", "305", "355"],
     ),
-    "no line at the tone": (EXPERIMENTS, ",330", ",340", ["two.csv: no peak at the tone"]),
-    "tone without a number": (EXPERIMENTS, ",330", ",fast", ["row 3, column 'f': found 'fast'"]),
-    "bounds reversed": (TOML, "upper = 0.6", "upper = 0.01", ["'damping'", "lower = 0.05 is not"]),
-    "start outside": (TOML, "start = 0.25", "start = 9", ["'damping'", "start = 9.0 lies outside"]),
+    "no line at the tone": (EXPERIMENTS, ",330", ",340", ["two.csv", "tone 340 Hz"]),
+    "tone without a number": (EXPERIMENTS, ",330", ",fast", ["row 3", "column 'f'", "'fast'"]),
+    "bounds reversed": (TOML, "upper = 0.6", "upper = 0.01", ["'damping'", "lower = 0.05"]),
+    "start outside": (TOML, "start = 0.25", "start = 9", ["'damping'", "start = 9.0"]),
     "unknown parameter": (
         TOML,
         '"damping"',
         '"dampning"',
-        ["no variable 'dampning'", "did you mean 'damping'?"],
+        ["'dampning'", "'damping'"],
     ),
     "unknown output": (TOML, '"displacement"', '"position"', ["[observe] output", "'position'"]),
-    "unknown start value": (TOML, "mass =", "weight =", ["[fmu.start] weight", "no variable"]),
-    "unit of a parameter": (TOML, '"N/m"', '"N/s"', ["'stiffness'", "found unit 'N/s'", "'N/m'"]),
-    "unit of a start value": (TOML, '"1 g"', '"1 s"', ["mass: found unit 's', wanted 'kg'"]),
-    "no unit at all": (TOML, '"3 kHz"', "3000", ["[observe] line_width: 3000 has no unit"]),
-    "unknown key": (TOML, "timeout_s", "time_out", ["[fmu]: unknown key 'time_out'", "timeout_s"]),
-    "not TOML": (TOML, "[fmu]", "[fmu", ["campaign.toml: not valid TOML", "line 2"]),
+    "unknown start value": (TOML, "mass =", "weight =", ["[fmu.start] weight"]),
+    "unit of a parameter": (TOML, '"N/m"', '"N/s"', ["'stiffness'", "'N/s'", "'N/m'"]),
+    "unit of a start value": (TOML, '"1 g"', '"1 s"', ["mass: ", "'s'", "'kg'"]),
+    "no unit at all": (TOML, '"3 kHz"', "3000", ["[observe] line_width: 3000", "unit"]),
+    "unknown key": (TOML, "timeout_s", "time_out", ["[fmu]: ", "'time_out'", "timeout_s"]),
+    "not TOML": (TOML, "[fmu]", "[fmu", ["campaign.toml: ", "TOML", "line 2"]),
     "decimal comma": (
         TOML,
         "start = 0.25",
         "start = 0,25",
-        ["not valid TOML", "a point, not a comma: 0.25"],
+        ["campaign.toml: ", "TOML", "0.25"],
     ),
-    "misspelt table": (TOML, "[sweep]", "[swep]", ["unknown key 'swep'; did you mean 'sweep'?"]),
-    "not an FMU": (TOML, "oscillator.fmu", "sweep.csv", ["sweep.csv: is not an FMU"]),
+    "misspelt table": (TOML, "[sweep]", "[swep]", ["'swep'", "'sweep'"]),
+    "not an FMU": (TOML, "oscillator.fmu", "sweep.csv", ["sweep.csv: ", "FMU"]),
 }
 
 
@@ -155,25 +156,28 @@ def test_everything_that_is_wrong_is_told_at_once(
         ("iterations = 1", "iterations = 0"),
     ):
         broken(folder, TOML, old, new)
-    words = ["reconstruct", str(folder / TOML), "--out", str(folder / "out")]
+    words = ["reconstruct", str(folder / TOML), "--out", str(folder / "out"), *QUICKLY]
     assert main(words) == 2
     path = folder / TOML
-    assert set(capsys.readouterr().err.splitlines()) == {
-        f"fmu-fit: {path}: [fmu] timeout_s: found 'long', wanted a positive number",
-        f"fmu-fit: {path}: [observe]: unknown key 'steady'; did you mean 'steady_start'?",
-        f"fmu-fit: {path}: [observe] line_width: found unit 's', wanted 'Hz' or one convertible "
-        "to it",
-        f"fmu-fit: {path}: [parameters 'damping']: key 'upper' is missing",
-        f"fmu-fit: {path}: [continuation] iterations: found 0, wanted a whole number from 1 "
-        "to 1000",
-    }
+    lines = capsys.readouterr().err.splitlines()
+    assert all(line.startswith(f"fmu-fit: {path}: ") for line in lines)
+    tokens = (
+        ("[fmu] timeout_s", "'long'"),
+        ("[observe]", "'steady'", "'steady_start'"),
+        ("[observe] line_width", "'s'", "'Hz'"),
+        ("[parameters 'damping']", "'upper'"),
+        ("[continuation] iterations", "0", "1000"),
+    )
+    assert len(lines) == len(tokens)
+    for named in tokens:
+        assert sum(all(token in line for token in named) for line in lines) == 1, named
     path.write_text(CAMPAIGN)
     broken(folder, EXPERIMENTS, "one,", "on,")
     broken(folder, TWO, "\n", "\nx,1\n")
     broken(folder, SWEEP, FIRST, FIRST + "291,NaN\n")
     assert main(words) == 2
     told = capsys.readouterr().err.splitlines()
-    places = ["on.csv: no such file", "two.csv: row 2, column 'frequency'", "sweep.csv: row 2"]
+    places = ["on.csv: ", "two.csv: row 2", "sweep.csv: row 2"]
     assert len(told) == len(places)
     assert all(place in line for place, line in zip(places, told, strict=True))
     assert left_in(folder / "out") == []
@@ -182,10 +186,10 @@ def test_everything_that_is_wrong_is_told_at_once(
 def test_a_flood_of_complaints_is_counted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = "".join(f"{name},{300 + name}\n" for name in range(30))
     (folder / EXPERIMENTS).write_text(f"experiment,f (Hz)\n{rows}")
-    assert main(["reconstruct", str(folder / TOML), "--out", str(folder / "out")]) == 2
+    assert main(["reconstruct", str(folder / TOML), "--out", str(folder / "out"), *QUICKLY]) == 2
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 21
-    assert told[-1] == "fmu-fit: and 10 more complaints"
+    assert re.findall(r"\d+", told[-1]) == ["10"]
 
 
 def test_a_missing_campaign_and_too_few_points(
@@ -193,13 +197,14 @@ def test_a_missing_campaign_and_too_few_points(
 ) -> None:
     sweep = (folder / SWEEP).read_text()
     (folder / SWEEP).write_text(FIRST + "300,1\n310,2\n320,1\n330,0.5\n")
-    assert "sweep.csv: 4 points are too few for a sweep; wanted at least" in refused(folder, capsys)
+    assert "sweep.csv: 4 points" in refused(folder, capsys)
     (folder / SWEEP).write_text(sweep)
     (folder / TWO).write_text(FIRST + "329,0.1\n330,9\n")
-    assert "two.csv: 2 points; wanted at least 3" in refused(folder, capsys)
+    assert re.search(r"two\.csv: 2 points.* 3$", refused(folder, capsys), re.MULTILINE)
     (folder / TOML).rename(folder / "campaing.toml")
     said = refused(folder, capsys)
-    assert "campaign.toml: no such file; did you mean 'campaing.toml'?" in said
+    assert "campaign.toml: " in said
+    assert "'campaing.toml'" in said
 
 
 def test_an_fmu_without_a_binary_for_this_platform(
@@ -208,19 +213,19 @@ def test_an_fmu_without_a_binary_for_this_platform(
     foreign = build_c_fmu(tmp_path_factory.mktemp("foreign"), platform="plan9")
     (folder / "oscillator.fmu").write_bytes(foreign.read_bytes())
     said = refused(folder, capsys)
-    assert "oscillator.fmu: no binary for this platform; wanted binaries/" in said
-    assert "found binaries for: plan9" in said
+    for token in ("oscillator.fmu: ", "binaries/", "plan9"):
+        assert token in said
 
 
 FAILING = {
     # values of `misbehave` in cfmus/model.h, and the FMU's words
-    "hangs": (1, ["the FMU gave no answer within 1.5 s and was stopped"]),
-    "segfaults": (2, ["SIGSEGV", "about to crash at 0 s"]),
-    "returns NaN": (3, ["output displacement is nan", "lost the state after 0 s"]),
-    "stops early": (4, ["stopped early at t = ", "fmi2DoStep returned 'discard'"]),
-    "refuses to start": (5, ["fmi2EnterInitializationMode returned 'error'", "told to fail"]),
-    "raises in a step": (6, ["fmi2DoStep from t = 0.0 s", "'error'", "cannot step from 0 s"]),
-    "aborts": (10, ["SIGABRT", "assertion of the solver failed"]),
+    "hangs": (1, ["1.5 s"]),
+    "segfaults": (2, ["SIGSEGV", "about to crash"]),
+    "returns NaN": (3, ["displacement is nan", "lost the state"]),
+    "stops early": (4, ["t = ", "fmi2DoStep", "'discard'"]),
+    "refuses to start": (5, ["fmi2EnterInitializationMode", "'error'", "told to fail"]),
+    "raises in a step": (6, ["fmi2DoStep", "t = 0.0 s", "'error'", "cannot step"]),
+    "aborts": (10, ["SIGABRT", "assertion of the solver"]),
 }
 
 
@@ -267,7 +272,7 @@ def test_a_failure_midway_keeps_finished_levels_whole(
     """The second alternative fails: the first one's levels are there to go on from."""
     broken(folder, TOML, "[continuation]", "[alternatives]\nmisbehave = [0, 6]\n[continuation]")
     said = refused(folder, capsys, code=3, left=("checkpoint.json",))
-    assert "cannot step from 0 s" in said
+    assert "misbehave = 6" in said
     saved = json.loads((folder / "out" / "checkpoint.json").read_text())
     assert [step["alternative"] for step in saved["finished"]] == [0]
 
@@ -288,14 +293,13 @@ def test_the_program_itself_ends_so(folder: Path) -> None:
     broken(folder, SWEEP, FIRST, FIRST + "291,NaN\n")
     out = folder / "out"
     words = [sys.executable, "-m", "fitting", "reconstruct", str(folder / TOML), "--out", str(out)]
+    words += QUICKLY
     told = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=False)
     assert told.returncode == 2
     assert told.stdout == ""
-    assert told.stderr == (
-        f"fmu-fit: {folder}/sweep.csv: row 2, column 'amplitude': found 'NaN', "
-        "wanted a finite number; where nothing was measured leave the row out, "
-        "or end a sampled record before it\n"
-    )
+    assert told.stderr.startswith(f"fmu-fit: {folder}/sweep.csv: row 2, column 'amplitude': ")
+    assert "'NaN'" in told.stderr
+    assert told.stderr.count("\n") == 1
     assert not out.exists()
 
 
@@ -303,7 +307,7 @@ def test_a_value_from_elsewhere_in_a_wrong_unit_is_refused_before_the_fit(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = folder / "out"
-    words = ["reconstruct", str(folder / TOML), "--out", str(out), "--external"]
+    words = ["reconstruct", str(folder / TOML), "--out", str(out), *QUICKLY, "--external"]
     assert main([*words, "stiffness=3 kHz"]) == 2
     told = capsys.readouterr()
     assert told.out == ""

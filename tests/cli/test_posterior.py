@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from pathlib import Path
 
 import pytest
@@ -11,14 +13,17 @@ from fitting.inference.posterior.summary import PosteriorSummary
 from fitting.result.result import read_result
 from fitting.text.records import read_json
 from tests.support.in_process import told
-from tests.support.small_campaign import small_campaign
+from tests.support.small_campaign import of_pairs, small_campaign
+
+#: The fewest walkers of three values that an affine move wants, on one worker.
+FEW = ("--workers", "1", "--walkers", "8")
 
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory: pytest.TempPathFactory, swift_fmu: Path) -> tuple[Path, Path]:
-    """A campaign of one parameter and five offsets, and its fit."""
+    """A campaign of one parameter and two offsets, and its fit."""
     folder = tmp_path_factory.mktemp("posterior")
-    campaign = small_campaign(folder / "small", swift_fmu)
+    campaign = of_pairs(small_campaign(folder / "small", swift_fmu), 1, 3)
     words = ("--quick", "--no-profiles", "--no-report", "--workers", "1")
     ended = told("reconstruct", campaign, "--out", folder / "fit", *words)
     assert ended.code == 0, ended.err
@@ -28,23 +33,24 @@ def fitted(tmp_path_factory: pytest.TempPathFactory, swift_fmu: Path) -> tuple[P
 def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_path: Path) -> None:
     campaign, result = fitted
     out = str(tmp_path / "out")
-    words = ["posterior", str(campaign), "--at", str(result), "--out", out, "--workers", "1"]
+    words = ["posterior", str(campaign), "--at", str(result), "--out", out, *FEW]
     cost = told(*words, "--dry-run")
     assert cost.code == 0, cost.err
     assert cost.out.startswith("expected: ")
-    assert "evaluations of the model" in cost.out
-    assert "a surrogate takes 0 to " in cost.out
+    assert re.search(r"\d+ evaluations", cost.out)
+    assert "surrogate" in cost.out
     assert not (tmp_path / "out").exists()
 
-    first = told(*words, "--steps", "200")
+    first = told(*words, "--steps", "200", "--no-report")
     names = {path.name for path in (tmp_path / "out").rglob("*") if path.is_file()}
-    assert {"posterior.json", "draws.csv", "chain.npz", "report.html", "1_corner.svg"} <= names
-    assert first.code == 1, first.out  # a chain of six values is not long enough yet
-    said = " ".join(first.out.split())  # wherever lines break
-    assert "not converged" in said
-    assert "no interval is told" in said
-    assert "--steps 800" in first.out
-    assert "--resume" in first.out
+    assert {"posterior.json", "draws.csv", "chain.npz"} <= names
+    assert first.code == 1, first.out  # a chain of three values is not long enough yet
+    early = read_json(tmp_path / "out" / "posterior.json", PosteriorSummary)
+    assert early.status == "not converged"
+    assert all(math.isnan(value.interval95[0]) for value in early.values.values())
+    [further_words] = re.findall("fmu-fit posterior .*", first.out)
+    assert "--steps 800" in further_words
+    assert "--resume" in further_words
 
     outputs_stand_in_the_table(tmp_path / "out", result, there=False)
 
@@ -58,29 +64,27 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     width = kept.values["d1"]
     assert width.interval95[0] < fit.parameters["d1"].most_likely < width.interval95[1]
     assert width.profile95 == fit.parameters["d1"].ci95
-    page = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "fmu-fit posterior" in page
+    assert "--resume" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert any((tmp_path / "out").rglob("1_corner.svg"))
     outputs_stand_in_the_table(tmp_path / "out", result, there=True)
 
 
 def outputs_stand_in_the_table(out: Path, result: Path, *, there: bool) -> None:
-    """Derived outputs come with enough draws; before, the page says so."""
+    """Derived outputs come with enough draws."""
     names = set(read_result(result).derived)
     assert names
     head, *_ = (out / "draws.csv").read_text("utf-8").splitlines()
     columns = {cell.split(" ")[0] for cell in head.split(",")}
     assert names & columns == (names if there else set())
-    later = "derived outputs of the fit stand beside them once there are enough draws"
-    assert (later in (out / "report.html").read_text("utf-8")) is not there
 
 
 def test_what_does_not_suit_is_one_line(fitted: tuple[Path, Path], tmp_path: Path) -> None:
     campaign, result = fitted
     out = ("--out", tmp_path / "out")
     for words, complaint in (
-        (("--at", tmp_path / "none.json"), "none.json: no such file"),
-        (("--at", result, "--walkers", "7"), "--walkers: found '7', wanted an even number of"),
-        (("--at", result, "--steps", "60"), "--steps: found '60', wanted a whole number of at le"),
+        (("--at", tmp_path / "none.json"), "none.json: "),
+        (("--at", result, "--walkers", "7"), "--walkers: found '7'"),
+        (("--at", result, "--steps", "60"), "--steps: found '60'"),
     ):
         ended = told("posterior", campaign, *words, *out)
         assert (ended.code, ended.err.count("\n")) == (2, 1), ended.err

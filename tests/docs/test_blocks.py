@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import re
+import shlex
 import tomllib
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,9 +16,11 @@ from typing import Any
 import jsonschema
 import pytest
 
+from docs.site import blocks as site_blocks
 from docs.site.blocks import REMARKS, ROOT, blocks, pages, pasted, prepare, run
 from fitting.cli.words.parser import parsed
 from fitting.measurements.schema import campaign_schema
+from tests.support.in_process import told
 
 #: Programs beside Python and ours that a reader has.
 PROGRAMS = (
@@ -40,19 +46,57 @@ def test_remarks_are_known_and_have_a_reason(name: str) -> None:
     assert len(fences) == 2 * len(ALL[name]), "a fence that is indented or not closed"
 
 
-@pytest.mark.parametrize("name", [n for n, found in ALL.items() if any(b.is_tested for b in found)])
+in_processes = site_blocks._printed
+
+
+def printed(words: Sequence[str], folder: Path, text: str, exit_code: int) -> str:
+    """What a block prints, in this process where it consists of ``fmu-fit`` and Python alone.
+
+    Raises:
+        RuntimeError: it does not end as the page says.
+    """
+    if words[1] == "-c":
+        out = io.StringIO()
+        with contextlib.chdir(folder), contextlib.redirect_stdout(out):
+            exec(compile(text, "the page", "exec"), {"__name__": "__main__"})
+        return out.getvalue()
+    lines = [shlex.split(s, comments=True) for s in text.replace("\\\n", " ").splitlines()]
+    commands = [line for line in lines if line]
+    if any(line[0] != "fmu-fit" or set(line) & {"|", "||", "&&", ">"} for line in commands):
+        return in_processes(words, folder, text, exit_code)
+    with contextlib.chdir(folder):
+        endings = [told(*line[1:]) for line in commands]
+    codes = [ending.code for ending in endings]
+    if codes != [*[0] * (len(commands) - 1), exit_code]:
+        raise RuntimeError(f"{text}ended with {codes}\n{[ending.err for ending in endings]}")
+    return "".join(ending.out for ending in endings)
+
+
+#: Pages whose blocks take longest; each of their commands has tests of its own.
+LONG = ("docs/how-to/control-sweep.md", "docs/how-to/other-tools.md")
+RUN = [
+    pytest.param(name, marks=[pytest.mark.nightly] if name in LONG else [])
+    for name, found in ALL.items()
+    if any(block.is_tested for block in found)
+]
+
+
+@pytest.mark.usefixtures("swift_models")
+@pytest.mark.parametrize("name", RUN)
 def test_the_blocks_run_and_print_what_is_pasted(
-    name: str, tmp_path: Path, oscillator_fmu: Path
+    name: str, tmp_path: Path, oscillator_fmu: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(site_blocks, "_printed", printed)
+    monkeypatch.setenv("COLUMNS", "100")
     prepare(tmp_path)
     (tmp_path / "build").mkdir()
     (tmp_path / "build" / oscillator_fmu.name).symlink_to(oscillator_fmu)
     found = ALL[name]
-    printed = {block.start: output for block, output in run(found, tmp_path, tested=True)}
+    said = {block.start: output for block, output in run(found, tmp_path, tested=True)}
     output: str | None = None
     for block in found:
         if block.is_run:
-            output = None if "tested with" in block.remarks else printed.get(block.start)
+            output = None if "tested with" in block.remarks else said.get(block.start)
         elif "output" in block.remarks and output is not None:
             again = f"run 'python docs/paste_outputs.py {name}'"
             assert shape(pasted(block, output)) == shape(block.text), again

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import shlex
 from dataclasses import replace
 
 import pytest
@@ -14,7 +16,13 @@ from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
 from fitting.report.tables.published import latex, rows_of
 from fitting.report.tables.values import interval_table, parameter_table, values_table
-from fitting.report.words.answer import CUT_SHORT, NO_PROFILES, answer_lines, answer_of
+from fitting.report.words.answer import (
+    BY_SWEEP,
+    CUT_SHORT,
+    NO_PROFILES,
+    answer_lines,
+    answer_of,
+)
 from fitting.report.words.result import further_warnings, result_lines
 from fitting.result.result import Result
 from tests.support import plot_records
@@ -59,41 +67,40 @@ def test_known_and_not_known_are_told_apart(result: Result) -> None:
     answer = answer_of(result)
     assert {k.name for k in answer.known} == {"d1", "D11"}
     assert [words.partition(" (")[0] for words in answer.open] == ["theta", "lambda"]
-    assert "lambda (63 to 781 kHz)" in answer.open_words.replace("\u00a0", " ")
+    assert "63 to 781 kHz" in answer.open_words.replace("\u00a0", " ")
 
 
 def test_a_whole_period_is_no_interval(result: Result) -> None:
     """Any π of an angle that goes round at π is all of it; a little less is an interval."""
     theta = replace(result.parameters["theta"], period=math.pi, ci95=(0.31, 0.31 + math.pi))
     for found, answered, row in (
-        (theta, "theta (may be anything: its whole period of 3.14 rad fits)", "whole period"),
-        (replace(theta, ci95=(0.31, 3.4)), "theta (0.31 to 3.40 rad)", "0.31 to 3.40 fits"),
+        (theta, "3.14 rad", "whole period"),
+        (replace(theta, ci95=(0.31, 3.4)), "0.31 to 3.40 rad", "0.31 to 3.40"),
     ):
         there = replace(result, parameters={**result.parameters, "theta": found})
-        assert answered in answer_of(there).open_words.replace("\u00a0", " ")
+        said = answer_of(there).open_words.replace("\u00a0", " ")
+        assert re.search(rf"\btheta \([^)]*{re.escape(answered)}", said)
         [line] = [line for line in text_lines(values_table(there, "")) if line.startswith("theta")]
         assert row in line
         [cells] = [cells for cells in parameter_table(there).rows if cells[0].text == "theta"]
         assert cells[4].text == ("whole period" if found is theta else "0.31 to 3.40")
         [published] = [each for each in rows_of(there) if each.name == "theta"]
         written = latex([published]).splitlines()[5].replace("~", " ")
+        _, value, interval, verdict, *_ = (cell.strip() for cell in written.split(" & "))
+        assert (value, verdict) == ("--", Verdict.OPEN)
+        assert answered in interval
         if found is theta:
-            assert "& -- & its whole period of 3.14 rad & not determined &" in written
             assert math.isnan(published.low)
             assert math.isnan(published.high)
         else:
-            assert "& -- & 0.31 to 3.40 rad & not determined &" in written
             assert (published.low, published.high) == (0.31, 3.4)
 
 
 @pytest.mark.parametrize(
-    ("ends", "said"),
-    [
-        (("round", "round"), "theta: not determined, every value around its period fits"),
-        (("bound", "bound"), "theta: not determined, 0.31 to 3.46 rad"),
-    ],
+    ("ends", "told"),
+    [(("round", "round"), False), (("bound", "bound"), True)],
 )
-def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], said: str) -> None:
+def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], told: bool) -> None:
     profile = replace(plot_records.profile(), verdict=Verdict.OPEN, ends=ends, boxes=())
     nothing = math.nan
     theta = ff.Value(
@@ -111,7 +118,11 @@ def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], said
         interval95=(0.31, 3.46),
         profile=profile,
     )
-    assert repr(theta) == said
+    said = repr(theta)
+    assert said.startswith("theta: ")
+    assert Verdict.OPEN in said
+    assert ("0.31 to 3.46 rad" in said) is told
+    assert bool(re.search(r"\d", said)) is told
 
 
 def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> None:
@@ -127,8 +138,10 @@ def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> Non
         for name, p in result.parameters.items()
     }
     table = interval_table(replace(result, parameters=cut), "")
-    assert [row[-1].text for row in table.rows[:2]] == ["not known: cut for its cost"] * 2
-    assert table.note == "Where the search was cut for its cost, a larger --budget would tell."
+    verdicts = [row[-1].text for row in table.rows[:2]]
+    assert all(text.startswith(f"{Verdict.UNKNOWN}: cut") for text in verdicts)
+    assert not any("budget" in text for text in verdicts)
+    assert table.note.count("--budget") == 1
     assert not interval_table(result, "").note
 
 
@@ -145,7 +158,7 @@ def test_what_holds_under_a_condition_alone_stands_with_it(result: Result) -> No
     assert "given: d1 = " in told
     assert told.count("d1 = ") == 1
     alone = answer_of(replace(result, warnings=(said.replace("theta and d1", "d1 and D11"),)))
-    assert alone.nothing == "nothing but what is given below"
+    assert "given" in alone.nothing
 
 
 def test_a_verdict_that_rests_on_boxes_names_them_wherever_it_stands(result: Result) -> None:
@@ -170,13 +183,13 @@ def test_the_sweep_s_own_line_is_told_where_it_knows_better(result: Result) -> N
     answer = answer_of(with_width(result, line.width_hz + 1.25, 0.7))
     known = next(k for k in answer.known if k.name == "d1")
     assert known.shown.replace("\u00a0", " ") == f"= {line.width_hz:.2f} ± 0.24 Hz"
-    assert known.told == f"{known.shown} (sweep alone)"
+    assert known.told == f"{known.shown} ({BY_SWEEP})"
     [first] = [said for said in answer_lines(answer) if said.startswith("known:")]
-    assert f"d1 = {line.width_hz:.2f} ± 0.24 Hz (sweep alone)" in first.replace("\u00a0", " ")
+    assert f"d1 {known.told}".replace("\u00a0", " ") in first.replace("\u00a0", " ")
     # hypot(0.7, 0.24) = 0.74 Hz
     assert known.apart == pytest.approx(1.25 / 0.74)
-    assert answer.notes[0].startswith("d1 is best known by the line of the sweep alone.")
-    assert "1.7 standard errors away" in answer.notes[0]
+    assert answer.notes[0].startswith("d1 ")
+    assert re.search(r"\b1\.7\b", answer.notes[0])
 
 
 @pytest.mark.parametrize(("off", "std"), [(0.1, 0.2), (5.0, 0.7)], ids=["better", "contradicts"])
@@ -206,16 +219,15 @@ def test_the_next_step_is_a_command_that_can_be_copied(result: Result) -> None:
     )
     told = f"{origin.command} --resume --no-profiles --no-report"
     answer = answer_of(replace(result, provenance=replace(origin, command=told)))
-    assert answer.advice == "profiles, which say what the data determine:"
+    assert answer.advice.startswith("profiles")
     assert answer.command == f"{origin.command} --no-report"
     answer = answer_of(replace(result, provenance=replace(origin, command="")))
-    assert answer.advice.endswith("determine: ff.profile")
+    assert answer.advice.endswith(": ff.profile")
     assert answer.command == ""
     profiled = replace(result, provenance=origin, knowledge=plot_records.knowledge())
     answer = answer_of(profiled)
-    assert answer.command == (
-        "fmu-fit design 'a b.toml' more.toml --at 'my out/result.json' --target lambda"
-    )
+    words = ["fmu-fit", "design", "a b.toml", "more.toml", "--at", "my out/result.json"]
+    assert shlex.split(answer.command) == [*words, "--target", "lambda"]
     [line] = [line for line in answer_lines(answer) if line.startswith("next:")]
     assert answer.command in line
 
@@ -229,14 +241,14 @@ def test_profiles_that_were_not_done_are_gone_on_with(result: Result) -> None:
     again = replace(origin, command=f"{asked} --resume")
     assert answer_of(replace(ended, provenance=again)).command == f"{asked} --resume"
     spent = replace(ended, warnings=(CUT_SHORT,))
-    assert answer_of(spent).command == "fmu-fit reconstruct a.toml --no-report"
+    words = ["fmu-fit", "reconstruct", "a.toml", "--no-report"]  # without the budget
+    assert shlex.split(answer_of(spent).command) == words
 
 
 @pytest.mark.parametrize("told", [NO_PROFILES, CUT_SHORT])
 def test_without_profiles_verdicts_are_not_said_to_be_missing(told: str) -> None:
     """Every row has one: linearised only, or not known."""
     assert "no verdict" not in told
-    assert told.endswith("and which values the data determine is not known.")
 
 
 @pytest.mark.parametrize(
@@ -257,7 +269,7 @@ def test_values_that_the_samples_leave_are_settled_by_the_box(result: Result) ->
     said = ("Sampled 10 times a second, f1 and f1 − 10 Hz give the same record: a box decides.",)
     knowledge = replace(knowledge, sentences=(*knowledge.sentences, *said))
     answer = answer_of(replace(result, knowledge=knowledge))
-    assert answer.advice.startswith("a box that holds one of the values")
+    assert answer.advice.startswith("a box ")
     assert not answer.command
 
 
@@ -280,13 +292,12 @@ def test_of_a_model_that_does_not_describe_the_data_nothing_is_known(result: Res
     answer = answer_of(bad)
     assert not answer.by_data
     assert answer.nothing == "nothing"
-    assert answer.open == ("theta and d1 (the model does not describe the data)",)
+    [said] = answer.open
+    assert said.startswith("theta and d1 (")
     knowledge = plot_records.knowledge()
     misfit = replace(knowledge.adequacy, chi_square=4e3, p_value=0.0, describes=False)
     judged = replace(bad, knowledge=replace(knowledge, adequacy=misfit))
-    assert answer_of(judged).nothing.replace("\u00a0", " ") == (
-        "nothing by the model; the line of the sweep alone is 94.00 ± 0.24 Hz wide"
-    )
+    assert "94.00 ± 0.24 Hz" in answer_of(judged).nothing.replace("\u00a0", " ")
     # where the sweep itself may be wrong its line tells nothing
     for doubt in (replace(misfit, absent="a line"), replace(misfit, scale_off=2.0)):
         there = replace(knowledge, adequacy=doubt)
@@ -295,26 +306,28 @@ def test_of_a_model_that_does_not_describe_the_data_nothing_is_known(result: Res
 
 def test_the_answer_stands_before_all_else_and_nothing_is_said_twice(result: Result) -> None:
     ending = Ending(words="converged and describes the data", ground="χ² = 4 on 4", whole=True)
-    said = ending.told("All 3 levels were done.")
+    done = "All 3 levels were done."
+    said = ending.told(done)
     verdict = "Not determined by these data: theta, lambda. Prior and start decide where these " + (
         "values are reported."
     )
     told = replace(result, ending=ending, message=said, warnings=(verdict, "Another one."))
     lines = result_lines(told)
-    assert lines[1] == "Converged and describes the data: χ² = 4 on 4."
+    assert lines[1] == f"{ending.words.capitalize()}: {ending.ground}."
     assert [line.split(":")[0] for line in lines[3:6]] == ["known", "not known", "next"]
-    assert sum("All 3 levels were done." in line for line in lines) == 1
+    assert sum(done in line for line in lines) == 1
     assert further_warnings(told) == ("Another one.",)
     assert sum("± holds 68 %" in line for line in lines) == 1
     failed = replace(told, status="not converged", ending=Ending(words="not converged"))
-    assert result_lines(replace(failed, message="Not converged. Why."))[1] == "Not converged. Why."
+    message = "Not converged. Why."
+    assert result_lines(replace(failed, message=message))[1] == message
 
 
 @pytest.mark.parametrize(
     ("ground", "told"),
     [
-        ("errors 12 times as wide for residuals that hang together", "which is not noise"),
-        ("χ² = 9 on 9 degrees of freedom", "less noise, or more points"),
+        ("errors 12 times as wide for residuals that hang together", "not noise"),
+        ("χ² = 9 on 9 degrees of freedom", "less noise"),
     ],
     ids=["structure", "noise"],
 )
@@ -330,7 +343,7 @@ def test_structure_of_the_residuals_comes_before_less_noise(
         ending=Ending(words="converged and describes the data", ground=ground),
     )
     answer = answer_of(known)
-    assert answer.open_words == "nothing that was asked for"
+    assert not answer.open
     assert told in answer.advice
 
 
@@ -394,13 +407,17 @@ def test_of_a_value_beyond_its_box_that_of_the_data_is_known(result: Result, rep
     answer = answer_of(there)
     known = next(k for k in answer.known if k.name == "d1")
     shown = known.shown.replace("\u00a0", " ")
-    assert shown == "= 93.42 ± 0.24 Hz (beyond its box, which ends at 90 Hz)"
-    assert answer.notes[0].replace("\u00a0", " ").startswith("d1: believe what stands here, 93.42")
-    assert "those of 90 Hz instead" in answer.notes[0].replace("\u00a0", " ")
-    assert answer.advice.replace("\u00a0", " ") == (
-        "a box of d1 that holds 93.425 Hz, with room (it ends at 90 Hz)"
-    )
-    table = "\n".join(text_lines(values_table(there, there.title)))
-    assert "beyond its box (ends at 90 Hz)" in table
+    assert known.beyond
+    assert shown.startswith("= 93.42 ± 0.24 Hz (")
+    assert "90 Hz" in shown
+    note = answer.notes[0].replace("\u00a0", " ")
+    assert note.startswith("d1: ")
+    assert "93.42" in note
+    assert "90 Hz" in note
+    advice = answer.advice.replace("\u00a0", " ")
+    assert advice.startswith("a box of d1 ")
+    assert re.findall(r"[\d.]+ Hz", advice) == ["93.425 Hz", "90 Hz"]
+    [row] = [row for row in values_table(there, there.title).rows if row[0].text == "d1"]
+    assert any("beyond" in cell.text and "90 Hz" in cell.text for cell in row)
     inside = answer_of(replace(result, line=None))
     assert all(not k.beyond for k in inside.known)

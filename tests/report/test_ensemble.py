@@ -57,8 +57,12 @@ def value(estimate: float, verdict: Verdict = Verdict.DETERMINED) -> EnsembleVal
     )
 
 
+#: Why an item has failed, with a sign that is another thing in a table.
+WHY = "no file | of that name"
+
+
 def row(index: int, *values: EnsembleValue) -> EnsembleRow:
-    status, message = ("converged", "") if values else (FAILED, "no file | of that name")
+    status, message = ("converged", "") if values else (FAILED, WHY)
     return EnsembleRow(
         index=index, label=f"seed {index}", status=status, message=message, values=values
     )
@@ -92,9 +96,9 @@ def test_every_item_is_in_the_table_and_a_failure_says_why(several: Ensemble) ->
     rows = list(csv.DictReader(io.StringIO(csv_of(several))))
     assert [r["label"] for r in rows] == [f"seed {k}" for k in range(6)]
     assert [r["pull"] for r in rows] == ["0.5", "1.5", "-3.0", "", "40.0", ""]
-    assert rows[5]["message"] == "no file | of that name"
+    assert rows[5]["message"] == WHY
     assert rows[5]["value"] == ""
-    assert "| seed 5 | no file \\| of that name |" in markdown(several)
+    assert f"| seed 5 | {WHY.replace('|', f'{chr(92)}|')} |" in markdown(several)
     words = "\n".join(terminal(several))
     assert "2/4 = 50.0 % (6.8 to 93.2)" in words  # Clopper and Pearson's table
     assert "seed 5" in words

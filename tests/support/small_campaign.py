@@ -43,3 +43,20 @@ def small_campaign(folder: Path, fmu: Path) -> Path:
         text = text.replace(old, new)
     path.write_text(text, "utf-8")
     return path
+
+
+def of_pairs(path: Path, *numbers: int) -> Path:
+    """The same campaign with some of its drive pairs alone: an offset fewer for each left out.
+
+    Args:
+        path: of the campaign file, whose table of experiments is changed.
+        numbers: of the pairs that stay.
+    """
+    table = path.parent / "experiments.csv"
+    kept = tuple(f"pair{number}," for number in numbers)
+    rows = table.read_text("utf-8").splitlines(keepends=True)
+    measured = [row.startswith("pair") for row in rows]
+    stays = [row for row, is_pair in zip(rows, measured, strict=True) if not is_pair]
+    stays += [row for row in rows if row.startswith(kept)]
+    table.write_text("".join(stays), "utf-8")
+    return path

@@ -167,9 +167,10 @@ def test_micro_is_written_in_one_way() -> None:
 
 
 def test_signs_of_figures_are_told_where_they_are_not_the_name() -> None:
-    assert notation.signs_words(["theta", "eta_plus", "d1", "width_plus"]) == (
-        "In figures θ is theta and η₊ is eta_plus."
-    )
+    said = notation.signs_words(["theta", "eta_plus", "d1", "width_plus"])
+    assert [token in said for token in ("θ is theta", "η₊ is eta_plus", "d1", "width")] == [
+        *(True, True, False, False)
+    ]
     assert notation.signs_words(["d1"]) == ""
 
 
@@ -293,8 +294,8 @@ def test_one_is_no_plural(count: int | str, words: str) -> None:
 def test_a_plural_of_its_own() -> None:
     assert notation.how_many(1, "point lies", "points lie") == "1 point lies"
     assert notation.how_many(3, "point lies", "points lie") == "3 points lie"
-    assert notation.freedom_words("1") == "1 degree of freedom"
-    assert notation.freedom_words(9) == "9 degrees of freedom"
+    assert notation.freedom_words("1").startswith("1 degree ")
+    assert notation.freedom_words(9).startswith("9 degrees ")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -63,7 +64,7 @@ def test_what_others_wrote_is_kept_and_nothing_else_written(
     with pytest.raises(BadInput, match=words) as refused:
         put(tmp_path, "sweep", first="new", data="new")
     assert str(tmp_path / "data") in str(refused.value)
-    assert "wanted another folder (--out)" in str(refused.value)
+    assert "(--out)" in str(refused.value)
     assert {name: (tmp_path / name).read_bytes() for name in names(tmp_path)} == before
 
 
@@ -72,11 +73,11 @@ def test_a_file_that_no_pattern_foretold_is_kept_too(tmp_path: Path) -> None:
     (tmp_path / "figures" / "mine.png").write_text("mine")
     with results_folder(tmp_path, "sweep", ["figures/[0-9]*.png"]):
         write_whole(tmp_path / "figures" / "1_a.png", "ours")
-        with pytest.raises(BadInput, match=r"mine.png: is there already"):
+        with pytest.raises(BadInput, match=r"mine\.png: "):
             write_whole(tmp_path / "figures" / "mine.png", "ours")
         write_whole(tmp_path / "figures" / "mine.png", "mine")  # the very same: nothing is lost
     with (
-        pytest.raises(BadInput, match=r"mine.png: is there already"),
+        pytest.raises(BadInput, match=r"mine\.png: "),
         results_folder(tmp_path, "sweep", ["figures/*.png"]),
     ):
         pass
@@ -94,7 +95,7 @@ def test_the_innermost_open_folder_knows_the_file(tmp_path: Path) -> None:
         write_whole(tmp_path / "next" / "sub" / "a", "a")
         write_whole(tmp_path / "b", "b")
     put(tmp_path / "next", "synthesize", **{"sub/a": "new"})
-    with pytest.raises(BadInput, match="was written by fmu-fit design"):
+    with pytest.raises(BadInput, match="fmu-fit design"):
         put(tmp_path, "synthesize", b="new")
 
 
@@ -126,7 +127,7 @@ def test_a_second_thread_is_refused(tmp_path: Path) -> None:
         thread.start()
         thread.join()
     assert len(said) == 1
-    assert "another fmu-fit command is writing there" in said[0]
+    assert said[0].startswith(f"{tmp_path}: ")
     assert not names(tmp_path)
 
 
@@ -138,7 +139,7 @@ def test_a_second_process_is_refused_and_takes_over_when_the_first_is_killed(
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as held:
         assert held.stdout is not None
         assert held.stdout.readline() == "open\n"
-        with pytest.raises(BadInput, match="another fmu-fit command is writing there"):
+        with pytest.raises(BadInput, match=re.escape(f"{tmp_path}: ")):
             put(tmp_path, "sweep", **{"sweep.csv": "ours"})
         assert (tmp_path / "sweep.csv").read_text() == "theirs"
         os.kill(held.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
@@ -236,14 +237,14 @@ def test_only_what_was_foretold_goes_and_only_when_the_work_is_done(tmp_path: Pa
 
 def test_what_is_no_folder_or_no_record_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(BadInput, match=r"file: cannot be written: "):
+    with pytest.raises(BadInput, match=r"file: "):
         put(tmp_path / "file", "sweep", a="a")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / RECORD_NAME).write_text("[]")
-    with pytest.raises(BadInput, match=r"is no list of the files that fmu-fit wrote there"):
+    with pytest.raises(BadInput, match=re.escape(f"{RECORD_NAME}: ")):
         put(tmp_path / "out", "sweep", a="a")
     assert names(tmp_path / "out") == [RECORD_NAME]
     (tmp_path / "out" / RECORD_NAME).unlink()
     (tmp_path / "out" / "a").mkdir()
-    with pytest.raises(BadInput, match=r"a: is there and no file, so it is kept"):
+    with pytest.raises(BadInput, match=r"out/a: "):
         put(tmp_path / "out", "sweep", a="a")

@@ -36,6 +36,8 @@ from fitting.text.toml import read_toml
 from fitting.text.written import Written
 
 PATH = Path("folder/file.toml")
+#: Words of the records below, which complaints hand on.
+MISSING, GOOD = "wanted a or b", "wanted a good name"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,14 +52,14 @@ class Inner(Keys):
 
     def __post_init__(self) -> None:
         if self.name == "evil":
-            raise Refused("found 'evil', wanted a good name", "name")
+            raise Refused(f"found 'evil', {GOOD}", "name")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outer(Keys):
     """All kinds of keys."""
 
-    word: Annotated[Text, OneOf(("a", "b")), Missing("wanted a or b")]
+    word: Annotated[Text, OneOf(("a", "b")), Missing(MISSING)]
     """One of two."""
     names: Texts = ()
     """Texts."""
@@ -110,31 +112,36 @@ def test_all_complaints_at_once() -> None:
         "levle": 1,
         "inner": [{"name": "ok"}, {"name": "evil"}, {"name": "n", "share": 1}, {"sharp": 1}, 5],
     }
-    assert set(complaints(data)) == {
-        f"{PATH}: {said}"
-        for said in (
-            "top level: key 'word' is missing: wanted a or b",
-            "names: ['x', 'x'] names something twice, wanted each once",
-            "count: found True, wanted a whole number from 1 to 1000000",
-            'width: 3.0 has no unit, wanted a text as in "3.0 Hz"',
-            "file: found 4, wanted a text",
-            "level: found nan, wanted a finite number",
-            "top level: unknown key 'levle'; did you mean 'level'?",
-            "[inner 'evil'] name: found 'evil', wanted a good name",
-            "[inner 'n'] share: found 1, wanted a share as \"1 %\" or 0.01",
-            "[inner '4']: key 'name' is missing",
-            "[inner '4']: unknown key 'sharp'; did you mean 'share'?",
-            "[inner '5']: found 5, wanted a table",
-        )
-    }
+    wanted = (
+        ("top level: ", "'word'", MISSING),
+        ("names: ", "['x', 'x']"),
+        ("count: ", "True", "1000000"),
+        ("width: ", "3.0", '"3.0 Hz"'),
+        ("file: ", "4"),
+        ("level: ", "nan"),
+        ("top level: ", "'levle'", "'level'"),
+        ("[inner 'evil'] name: ", "'evil'", GOOD),
+        ("[inner 'n'] share: ", "1", '"1 %"'),
+        ("[inner '4']: ", "'name'"),
+        ("[inner '4']: ", "'sharp'", "'share'"),
+        ("[inner '5']: ", "5"),
+    )
+    said = complaints(data)
+    assert len(set(said)) == len(wanted)
+    for place, *tokens in wanted:
+        lines = [line for line in said if line.startswith(f"{PATH}: {place}")]
+        assert any(all(token in line for token in tokens) for line in lines), (place, tokens)
 
 
 def test_a_misspelt_key_is_not_missing_as_well() -> None:
-    assert complaints({"wrod": "a"}) == [
-        f"{PATH}: top level: unknown key 'wrod'; did you mean 'word'?"
-    ]
-    assert complaints([]) == [f"{PATH}: top level: found [], wanted a table"]
-    assert complaints({"word": "c"}) == [f'{PATH}: word: found \'c\', wanted one of "a", "b"']
+    for data, tokens in (
+        ({"wrod": "a"}, ("top level: ", "'wrod'", "'word'")),
+        ([], ("top level: ", "[]")),
+        ({"word": "c"}, ("word: ", "'c'", '"a", "b"')),
+    ):
+        [said] = complaints(data)
+        assert said.startswith(f"{PATH}: ")
+        assert all(token in said for token in tokens)
 
 
 def test_the_schema_has_words_choices_units_and_defaults() -> None:

@@ -62,5 +62,4 @@ def test_a_folder_is_removed_with_one_file_left_to_be_opened(tmp_path: Path) -> 
 def test_no_place_for_temporary_files_is_a_sentence(tmp_path: Path) -> None:
     said = told(NOWHERE, tmp_path).splitlines()
     assert len(said) == 1
-    assert "no folder for temporary files can be made" in said[0]
-    assert "(set TMPDIR)" in said[0]
+    assert "TMPDIR" in said[0]

@@ -137,5 +137,5 @@ def test_frequencies_of_a_column_are_hertz_whichever_way_they_count() -> None:
     assert hertz_of([2.0 * math.pi], "krad/s", where="") == pytest.approx([1000.0], rel=1e-15)
     assert is_frequency("krad/s")
     assert not is_frequency("rad")
-    with pytest.raises(BadInput, match=r"column 'f': found unit 's', wanted 'Hz'"):
+    with pytest.raises(BadInput, match=r"column 'f': .*'s', .*'Hz'"):
         hertz_of([1.0], "s", where="column 'f'")
