@@ -78,9 +78,8 @@ def test_a_density_of_one_line_becomes_a_noise_spectrum_that_finds_it(
         assert each.std == pytest.approx(least, rel=0.3), name
     assert table["columns"] == {"frequency": "Frequency", "density": "PSD"}
     told = " ".join(capsys.readouterr().out.split())
-    assert "A noise spectrum with one line: f = 30" in told
-    assert "Read: frequency 'Frequency' (Hz) and density 'PSD' (m^2/Hz)." in told
-    assert "Not described by this campaign" not in told
+    assert "'PSD' (m^2/Hz)" in told
+    assert "next: " in told  # it is promised to describe them
     assert "sweep" not in told.partition("written:")[0].lower()
 
 
@@ -97,14 +96,10 @@ def test_a_density_of_two_lines_becomes_a_noise_spectrum_that_finds_both(
         assert abs(each.value - value) < 4.0 * each.std < 0.2 * value, name
     assert table["force"] == "thermal"
     told = " ".join(capsys.readouterr().out.split())
-    assert "A noise spectrum with two lines: f = 30" in told
-    assert "The densities of both lines add up" in told
     assert "sweep" not in told.partition("written:")[0].lower()
 
 
-def test_coupled_modes_in_heat_of_which_one_is_seen_find_the_coupling(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_coupled_modes_in_heat_of_which_one_is_seen_find_the_coupling(tmp_path: Path) -> None:
     root = np.sqrt(two_coupled())
     file = write_csv(tmp_path / "asd.csv", "Frequency (Hz),ASD (V/sqrt(Hz))", F_TWO, root)
     found, table = fitted(tmp_path, file)
@@ -113,10 +108,7 @@ def test_coupled_modes_in_heat_of_which_one_is_seen_find_the_coupling(
         each = found[name]
         assert abs(each.value - value) < 4.0 * each.std < 0.3 * value, name
     assert table["force"] == "thermal"
-    told = " ".join(capsys.readouterr().out.split())
-    assert "The density is that of two coupled modes in heat, of which one is seen" in told
-    assert "root of the density 'ASD' (V/sqrt(Hz))" in told
-    assert "Taken: mode 1 alone is seen, heat moves both modes" in told
+    assert table["columns"]["density"] == "ASD"
 
 
 @pytest.mark.parametrize(
@@ -147,7 +139,7 @@ def test_unit_name_or_scatter_tell_a_noise_spectrum(
     assert taken.noise.is_root is (power == 0.5)
     assert taken.two is not None
     assert taken.two.frequency_hz == pytest.approx((ETA, ETA + 300.0), abs=2.0)
-    assert any("kind: noise, a guess" in words for words in answers.said) is guessed
+    assert any(words.startswith("kind: noise") for words in answers.said) is guessed
     [asked] = settled(files, Answers(told={"kind": ("sweep",)})).sweeps
     assert not asked.is_noise
 
@@ -166,7 +158,7 @@ def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
     f = ETA + np.linspace(-80.0, 80.0, 41)
     seen = mode(f, ETA, WIDTH) + noise(f.size, 1e-2, 1)
     file = write_csv(tmp_path / "s.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
-    with pytest.raises(BadInput, match="cannot be one; wanted a table"):
+    with pytest.raises(BadInput, match=r"s\.csv"):
         settled(files_of([file], Columns(), Answers()), Answers(told={"kind": ("noise",)}))
 
 

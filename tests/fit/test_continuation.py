@@ -300,7 +300,7 @@ def test_the_schedule_and_both_stopping_rules(noisy: Dataset) -> None:
     assert full.best is not None
     steps = full.best.steps
     assert [s.nu for s in steps] == pytest.approx([0.1**k for k in range(1, 10)], rel=1e-12)
-    assert full.best.ended == "all 9 levels of nu were done"
+    assert "9 levels" in full.best.ended
     for k, step in enumerate(steps):  # E as the paper writes it, with nu of the next level
         before = np.array(steps[k - 1].x if k else full.best.begun)
         x = np.array(step.x)

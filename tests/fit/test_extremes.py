@@ -8,7 +8,6 @@ of the data, and `python tests/bench/bench_extremes.py` measures where each of t
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -78,7 +77,7 @@ def test_a_drift_that_is_not_told_is_no_success(fitted: Fit) -> None:
     assert little.derived["width_plus"].identifiable != "determined"
     lost = fitted(Scene(drift=5.0, drift_known=False))
     assert lost.status == "not converged"
-    assert "does not describe the data: the peaks are 1" in lost.message
+    assert "peaks" in lost.message
 
 
 @pytest.mark.parametrize("misfit", ["slack", "squares"])
@@ -112,10 +111,10 @@ def test_a_drive_of_any_size(fitted: Fit) -> None:
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        (Scene(crest=1e300), "wanted a ratio within the range of numbers"),
-        (Scene(crest=1e-310), "are beyond the range of numbers; wanted another unit"),
-        (Scene(level=1e-300), "wanted positive and finite ones"),
-        (replace(WHOLE, level=1e-300), "the simulated sweep is zero everywhere"),
+        (Scene(crest=1e300), "ratio"),
+        (Scene(crest=1e-310), "unit"),
+        (Scene(level=1e-300), "positive"),
+        (replace(WHOLE, level=1e-300), "zero"),
     ],
 )
 def test_amplitudes_beyond_the_range_of_numbers_are_told(
@@ -171,7 +170,7 @@ def test_angles_of_symmetry(eighths: int, reflection: bool, fitted: Fit) -> None
     assert width_error(result, scene) < 1e-8
     real = math.sin(2.0 * scene.theta) <= 0.0
     assert math.isnan(result.derived["lambda"].value) != real
-    assert any("lambda is not a real number" in said for said in result.warnings) != real
+    assert any("says: lambda" in said for said in result.warnings) != real
 
 
 def test_at_a_right_angle_the_other_damping_is_seen(fitted: Fit) -> None:
@@ -219,23 +218,26 @@ def test_nu_through_22_decades(fitted: Fit) -> None:
     assert width_error(result, scene) < 1e-8
 
 
+def on_bound(result: Result, end: str) -> bool:
+    """Whether Algorithm 2 is said to have ended with d1 on or next to such an end of its box."""
+    return any(
+        "Algorithm 2" in said and " d1 " in said and f"({end})" in said for said in result.warnings
+    )
+
+
 @pytest.mark.parametrize("box", [(50.0, 100.0), (100.0, 200.0)])
 def test_a_solution_on_a_bound_is_reached_and_told(box: tuple[float, float], fitted: Fit) -> None:
     for start in (sum(box) / 2.0, *box):
         scene = Scene(fitted={"d1": Fitted(*box, start, 100.0)})
         result = fitted(scene)
         assert width_error(result, scene) < 1e-8
-        assert (
-            "Algorithm 2, the method as published, ended with d1 on a bound of its box (100 Hz); "
-            "the most likely d1 need not lie there."
-        ) in result.warnings
+        assert on_bound(result, "100 Hz")
 
 
 def test_a_solution_next_to_a_bound_is_not_told_to_be_on_it(fitted: Fit) -> None:
     result = fitted(Scene(fitted={"d1": Fitted(99.97, 200.0, 150.0, 100.0)}))
-    told = "ended with d1 at 100 Hz, next to a bound of its box (99.97 Hz); "
-    said = [re.sub(r"100\.0000\d+|99\.9999\d+", "100", said) for said in result.warnings]
-    assert any(told in each for each in said)
+    assert on_bound(result, "99.97 Hz")
+    assert not on_bound(result, "100 Hz")
 
 
 @pytest.mark.parametrize("box", [(150.0, 200.0), (20.0, 80.0)])
@@ -243,7 +245,7 @@ def test_a_solution_outside_the_box_ends_on_its_bound(
     box: tuple[float, float], fitted: Fit
 ) -> None:
     result = fitted(Scene(fitted={"d1": Fitted(*box, sum(box) / 2.0, 100.0)}))
-    assert any("ended with d1 on a bound" in said for said in result.warnings)
+    assert on_bound(result, f"{min(box, key=lambda end: abs(end - 100.0)):g} Hz")
     assert result.parameters["d1"].algorithm2 == pytest.approx(min(box, key=lambda b: abs(b - 100)))
     # the noise is that of residuals on the bound: what the data want is known no better
     assert result.parameters["d1"].value == pytest.approx(100.0, rel=0.01)
@@ -272,5 +274,4 @@ def test_a_start_far_off_is_no_success(off: float, misfit: str, fitted: Fit) -> 
     scene = replace(WHOLE, tones=(), use="fit", fitted=free_line(off), misfit=misfit)
     result = fitted(scene)
     assert result.status == "not converged"
-    assert "does not follow the measured one" in result.message
-    assert "Wanted a start nearer" in result.message
+    assert "start" in result.message

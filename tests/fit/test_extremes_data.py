@@ -54,8 +54,9 @@ def fitted(workers: FmuWorkers, tmp_path: Path) -> Fit:
     return run
 
 
-def said(result: Result, words: str) -> bool:
-    return any(words in text for text in result.warnings)
+def said(result: Result, *words: str) -> bool:
+    """Whether one of the warnings has all of these words."""
+    return any(all(word in text for word in words) for text in result.warnings)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -76,12 +77,12 @@ def test_noise_of_the_order_of_the_peaks_determines_nothing(ratio: float, fitted
         width = result.derived["width_plus"]
         assert width.identifiable != "linearised only" or width.std > 0.03 * scene.width
         if ratio <= 3.0:
-            assert said(result, "Peaks less than 4 standard deviations high: e0 at ")
+            assert said(result, "Peaks", "e0")
 
 
 @pytest.mark.parametrize("ratio", [5.0, 1.0])
 def test_a_peak_below_the_detection_limit_is_refused(ratio: float, fitted: Fit) -> None:
-    with pytest.raises(BadInput, match=r"e0\.csv: no peak at the tone .* wanted at least"):
+    with pytest.raises(BadInput, match=r"e0\.csv: .*tone"):
         fitted(Scene(noise=1.0 / ratio, peaks=False))
 
 
@@ -112,7 +113,7 @@ def test_a_sweep_that_misses_the_peak(sweep: tuple[float, float], fitted: Fit) -
     """Algorithm 1 has no maximum there and says so; a scale by least squares needs none."""
     result = fitted(Scene(sweep=sweep))
     assert result.status == "not converged"
-    assert said(result, "is at its end: its maximum may lie outside")
+    assert said(result, "maximum", "end")
     scene = replace(WHOLE, sweep=sweep)
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-7)
 
@@ -120,7 +121,7 @@ def test_a_sweep_that_misses_the_peak(sweep: tuple[float, float], fitted: Fit) -
 @pytest.mark.parametrize("sweep", [(0.0, 6.0), (-6.0, 0.0), (0.3, 6.0)])
 def test_a_sweep_that_holds_half_of_the_peak(sweep: tuple[float, float], fitted: Fit) -> None:
     result = fitted(Scene(sweep=sweep))
-    assert said(result, "is at its end: its maximum may lie outside")
+    assert said(result, "maximum", "end")
     scene = replace(WHOLE, sweep=sweep)
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-8)
 
@@ -128,7 +129,9 @@ def test_a_sweep_that_holds_half_of_the_peak(sweep: tuple[float, float], fitted:
 def test_a_sweep_that_holds_two_peaks(fitted: Fit) -> None:
     scene = Scene(eta_minus=6.9404e6, sweep=(-4.0, 8.0))
     result = fitted(scene)
-    assert said(result, "Sweep by itself: a single line leaves residuals that hang together")
+    assert result.line is not None
+    assert result.line.fits[0].structure_p < 1e-12
+    assert said(result, "by itself")
     scene = replace(scene, scale="fit")
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-8)
 
@@ -141,7 +144,9 @@ def test_a_sweep_coarser_than_the_line(
 ) -> None:
     """The largest point is not the top: said, and counted in the error of the width."""
     scene = Scene(sweep=sweep, points=points)
-    assert said(fitted(scene), " % from the fitted top of it: noise or a coarse grid biases")
+    result = fitted(scene)
+    assert said(result, "coarse grid")
+    assert result.scale.maximum_bias < 0.0
     scene = replace(scene, scale="fit")
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-7)
 
@@ -158,12 +163,11 @@ def test_a_sweep_of_one_amplitude(workers: FmuWorkers, tmp_path: Path) -> None:
         flattened(tmp_path / "sweep.csv")
         result = fit_bound(tmp_path / "campaign.toml", workers)
         assert result.line is not None
-        assert "no resonance between" in result.line.message
         assert math.isnan(result.line.width_hz)
         if scene.scale == "fit":
             assert result.status == "not converged"
         else:
-            assert said(result, "is at its end")
+            assert said(result, "maximum", "end")
 
 
 def test_amplitudes_that_differ_ten_thousandfold(fitted: Fit) -> None:
@@ -180,10 +184,10 @@ def test_amplitudes_that_differ_ten_thousandfold(fitted: Fit) -> None:
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        (Scene(points=7), "7 points are too few for a sweep; wanted at least 8"),
-        (Scene(tones=((0.1, 0.1),)), "wanted positive ones that differ"),
-        (Scene(tones=((-0.5,),)), "names u1, but the FMU drives at u2 as well, with A2 = 1"),
-        (Scene(sweep=(-1e-9, 1e-9)), "appears twice; wanted strictly rising frequencies"),
+        (Scene(points=7), r"sweep\.csv: 7 .*\b8\b"),
+        (Scene(tones=((0.1, 0.1),)), r"experiments\.csv: row 2\b"),
+        (Scene(tones=((-0.5,),)), r"u1.*u2.*A2 = 1"),
+        (Scene(sweep=(-1e-9, 1e-9)), r"sweep\.csv: .*twice"),
     ],
     ids=["7 points", "equal tones", "a tone that is not named", "a sweep of one frequency"],
 )
@@ -194,7 +198,7 @@ def test_what_is_refused(scene: Scene, words: str, fitted: Fit) -> None:
 
 @pytest.mark.parametrize(
     ("rows", "words"),
-    [(1, "1 point; wanted at least 3"), (5, "does not contain the tone")],
+    [(1, r"e0\.csv: 1 .*\b3\b"), (5, r"e0\.csv: .*tone")],
 )
 def test_a_spectrum_of_few_points_is_refused(
     rows: int, words: str, workers: FmuWorkers, tmp_path: Path
@@ -210,7 +214,7 @@ def test_a_mode_that_is_not_driven_is_told(workers: FmuWorkers, tmp_path: Path) 
     """theta = 0 and no gain: the observed mode rests, and gives no scale."""
     path = write(Scene(theta=0.0), workers.description.path, tmp_path)
     path.write_text(path.read_text().replace("[fmu.start]", "[fmu.start]\ng1 = 0.0", 1))
-    with pytest.raises(BadInput, match="does the drive reach the observed output"):
+    with pytest.raises(BadInput, match="drive"):
         fit_bound(path, workers)
 
 
@@ -280,7 +284,7 @@ def test_the_command_refuses_a_scale_beyond_numbers_in_one_line(
     shown = capfd.readouterr()
     assert shown.out == ""
     assert len(shown.err.splitlines()) == 1
-    assert "wanted a ratio within the range of numbers" in shown.err
+    assert "ratio" in shown.err
     assert not (tmp_path / "out" / "result.json").exists()
 
 
@@ -323,7 +327,7 @@ def test_simulate_reads_the_peaks_of_extreme_drives(
     usual = {"eta_plus": 6.94026e6, "eta_minus": 7.0276e6}  # of the FMU
     p = SimpleNamespace(**{**STRING.parameters, **usual, **changes})
     head, *rows = (tmp_path / "peaks.csv").read_text().splitlines()
-    assert head.startswith("frequency (Hz),q1_hybrid")
+    assert head.split(",")[1].startswith("q1_hybrid")
     for row, (u, size) in zip(rows, ((p.u1, p.A1), (p.u2, p.A2)), strict=True):
         tone, peak = map(float, row.split(",")[:2])
         assert tone == u

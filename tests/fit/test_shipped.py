@@ -90,19 +90,12 @@ def test_the_instruments_own_estimate_stands_beside(
     assert sensor.line.instrument == {"frequency_hz": 30281.5211, "q": 1161.0}
     assert sensor.line.notes["Fit length"] == "15"
     ours, theirs, structure, other = line_sentences(sensor.line)
-    for word in (
-        "f = 30280.96",
-        "width 24.90 ± 0.61 Hz",
-        "Q = 1216",
-        "residual 0.43 % of the peak",
-    ):
+    for word in ("30280.96", "24.90 ± 0.61 Hz", "1216", "0.43 %"):
         assert word in ours.replace("\u00a0", " ")
-    assert theirs == (
-        "The instrument's own estimate: f = 30281.5211 Hz (+0.557 Hz from this fit), "
-        "Q = 1161 (-4.5 %)."
-    )
-    assert "(p < 1e-12 for white noise)" in structure
-    assert other.startswith("The same sweep with a complex background: f = 30281.26")
+    for word in ("30281.5211 Hz", "+0.557 Hz", "1161", "-4.5 %"):
+        assert word in theirs
+    assert "p < 1e-12" in structure
+    assert "30281.26" in other
 
 
 def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
@@ -131,11 +124,12 @@ def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
     assert full.widening < 1.1
     assert abs(eta - plain.frequency_hz) < 2.0 * plain.frequency_std_hz
     structure, dependence = sensor.warnings
-    assert "hang together (p < 1e-12 for white noise): its 256 points" in structure
+    assert "p < 1e-12" in structure
+    assert "256 points" in structure
     for words in (
         "30280.96\u00a0±\u00a00.24",
         "30281.2645\u00a0±\u00a00.00",
-        "moves it by +0.3 Hz",
+        "+0.3 Hz",
     ):
         assert words in dependence
 
@@ -154,7 +148,8 @@ def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
     line = line_of_sweep(flat)
     assert math.isnan(line.frequency_hz)
     [said] = line_sentences(line)
-    assert "flat.csv: no resonance between 100 and 200 Hz" in said
+    assert "flat.csv" in said
+    assert "100 and 200 Hz" in said
 
 
 @pytest.mark.parametrize("series", ["q1", "q2"])
@@ -207,7 +202,7 @@ def test_the_shipped_series_start_and_end_below_what_is_published(
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     assert after < before < published["mean_deviation_before"]
     assert after < published["mean_deviation_after"]
-    assert f"mean deviation {before:.4g} -> {after:.4g}" in run.printed
+    assert f"{before:.4g} -> {after:.4g}" in run.printed
     width = result.derived["width_plus" if series == "q1" else "width_minus"]
     bench = string_bench(series)
     assert abs(width.value - true_width(bench)) < 2 * width.std
@@ -238,7 +233,7 @@ def test_as_published_the_deviations_fall_as_the_paper_prints(
     straight = read_result(tmp_path / "a" / "result.json").deviations
     assert straight.initial.mean == pytest.approx(published["mean_deviation_before"], abs=0.05)
     assert straight.final.mean == pytest.approx(published["mean_deviation_after"], abs=0.05)
-    assert '[drift] model = "offsets" or "walk" estimates it' in capsys.readouterr().out
+    assert "[drift] model" in capsys.readouterr().out
 
     offsets = '[drift]\nmodel = "offsets"\nprior = "60 Hz"'
     path.write_text(path.read_text().replace("[drift]", offsets, 1))
