@@ -17,6 +17,7 @@ from fitting.api.init import Question, drafted, init
 from fitting.cli.main import main
 from fitting.draft.ringdown import ringdown_of
 from fitting.draft.two_modes import two_modes_of
+from fitting.fit.fit import Status
 from fitting.inference.verdict import Verdict
 from fitting.resonance.trace import trace_of
 from fitting.result.result import Result, read_result
@@ -250,7 +251,7 @@ def test_a_fit_that_leaves_a_constant_does_not_describe_its_sweep(
     Path(campaign).write_text(re.sub(r"(?m)^background = .*$", "", text), "utf-8")
     assert main(["reconstruct", campaign, "--out", str(tmp_path / "r"), *quick]) == 4
     result = read_result(tmp_path / "r" / "result.json")
-    assert result.status == "does not describe the data"
+    assert result.status == Status.MISFIT.value
     assert {value.identifiable for value in result.parameters.values()} == {Verdict.WITHDRAWN}
     told = " ".join(capsys.readouterr().out.split())
     assert "drift" not in told

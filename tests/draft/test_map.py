@@ -84,7 +84,7 @@ def test_spectra_of_several_lengths_and_a_column_that_is_held(tmp_path: Path) ->
     volt = np.repeat([0.0, 1.0], [21, 31])
     head = "V (mV),T (K),frequency (Hz),amplitude (V)"
     path = write_csv(tmp_path / "map.csv", head, volt, np.full(52, 4.0), f, 1.0 + f % 3)
-    with pytest.raises(ff.BadInput, match=r"2 .*\bV \(mV\).* 21 to 31 "):
+    with pytest.raises(ff.BadInput, match=r"2 .*V \(mV\).* 21 to 31 "):
         ff.line(path)
 
 
@@ -279,7 +279,7 @@ def test_rms_is_told_by_its_flag(tmp_path: Path) -> None:
 def test_a_map_of_one_line_is_not_drafted(tmp_path: Path) -> None:
     volts = np.linspace(-3.0, 3.0, 7)
     sizes = spectra_of(lambda v: 1001.0 + 4.0 * v, lambda _: 5000.0, 1.0, volts)
-    with pytest.raises(ff.BadInput, match=r"7 .*\bV\b.*one line") as caught:
+    with pytest.raises(ff.BadInput, match=r"7 .*V.*one line") as caught:
         drafted(written_map(tmp_path, volts, sizes), tmp_path)
     assert "--fmu" not in str(caught.value)  # it was given
 

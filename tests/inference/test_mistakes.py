@@ -50,14 +50,14 @@ def warned_of(kind: str, seed: int, folder: Path) -> list[Warned]:
 @pytest.mark.parametrize(
     ("seed", "kind", "words"),
     [
-        (0, Kind.SCALE_FACTOR, r"1\.4\d+.* one of them were rms"),
-        (1, Kind.SCALE_FACTOR, r"2\.00\d+.* driven twice as hard"),
-        (2, Kind.SWEEP, r"the power 1\.9\d+.* decibels"),
-        (3, Kind.SWEEP, r"are equal: it is clipped.* scale of the peaks is taken from this sweep"),
-        (4, Kind.SWEEP, r"stands on a background"),
-        (5, Kind.SWEEP, r"One point of the sweep, at 1\.32761414 kHz"),
-        (6, Kind.SWAPPED, r"pair3: its peaks .* changed places"),
-        (7, Kind.LINES, r"hold a line at none of the declared tones"),
+        (0, Kind.SCALE_FACTOR, r"1\.4\d+.* rms"),
+        (1, Kind.SCALE_FACTOR, r"2\.00\d+.* twice"),
+        (2, Kind.SWEEP, r"1\.9\d+.* decibels"),
+        (3, Kind.SWEEP, "clipped"),
+        (4, Kind.SWEEP, "background"),
+        (5, Kind.SWEEP, r"1\.32761414 kHz"),
+        (6, Kind.SWAPPED, "pair3"),
+        (7, Kind.LINES, "tones"),
     ],
 )
 def test_a_mistake_is_named_by_its_kind(seed: int, kind: Kind, words: str, tmp_path: Path) -> None:
@@ -92,7 +92,8 @@ def test_a_box_a_thousand_times_off_the_line_is_named(place: float, said: bool) 
     found = slipped_sentences(problem, {"": line_of_sweep(sweep)})  # type: ignore[arg-type]
     assert bool(found) is said
     for sentence in found:
-        assert re.search(r"mine\.csv is at 52\.3\d+ kHz, but f1 .* MHz only, 1000 times", sentence)
+        assert "mine.csv" in sentence
+        assert re.search(r"52\.3\d+ kHz.*\bf1\b.*\b1000 ", sentence)
 
 
 @pytest.mark.parametrize(
