@@ -16,6 +16,8 @@ from fitting.text.arrays import ComplexArray
 from tests.support.cfmu_build import build_lag_fmu
 from tests.support.lines import write_csv
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 REFERENCE = 1.2e6
 T = np.arange(1200) / 2000.0
 ONE = ((REFERENCE + 31.0, 4.0, 1.0),)

@@ -15,6 +15,8 @@ import fitting as ff
 from fitting.api.init import init
 from fitting.text.errors import BadInput
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 HEAD = (
     "!CSV A.01.01\n!Keysight Technologies,N5247B,US56070639,A.17.30.08\n"
     "!Date: Friday, September 11, 2026 14:48:21\n!Source: Standard\n\nBEGIN CH1_DATA\n"

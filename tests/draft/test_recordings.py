@@ -14,6 +14,8 @@ import fitting as ff
 from fitting.api.init import Question, init
 from fitting.measurements.traces.table import ReadTraces
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 #: A line of 4.1 kHz, 70 Hz wide, in closed form.
 F_HZ, WIDTH_HZ = 4100.0, 70.0
 LECROY = (

@@ -18,6 +18,8 @@ from fitting.text.arrays import FloatArray
 from tests.support.crossing_spectra import A0, A1, B0, LAMBDA, SWEPT_HZ, VOLTS, WIDTH, response
 from tests.support.lines import mode
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 #: Amplitudes in V by the closed form, (voltages, frequencies).
 EXACT = 1e6 * np.array([response(SWEPT_HZ, volt) for volt in VOLTS])
 

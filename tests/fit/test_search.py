@@ -33,6 +33,8 @@ from tests.support.virtual.judge import Likelihood
 from tests.support.virtual.kinds import KINDS
 from tests.support.whitened import SIGMA, parameter, whitened
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 
 def test_points_fill_the_box_by_decades_and_go_on_where_they_ended() -> None:
     box = Box(laboratory(0).parameters)

@@ -30,13 +30,14 @@ from tests.support.reconstruction import ReconstructionOptions, reconstruct_thro
 from tests.support.shipped_runs import ShippedRun
 from tests.support.virtual.answers import ModesResponse
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 DATA = Path(__file__).parents[2] / "data"
 AFM = DATA / "afm_sensor"
-SEEDS = range(1, 13)
 
 
 @pytest.fixture(scope="module")
-def sensor(tmp_path_factory: pytest.TempPathFactory) -> Result:
+def sensor(swift_models: None, tmp_path_factory: pytest.TempPathFactory) -> Result:
     """The measured campaign, by the command."""
     out = tmp_path_factory.mktemp("afm")
     words = ["reconstruct", str(AFM / "campaign.toml"), "--out", str(out), "--no-report"]
@@ -152,7 +153,7 @@ def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
     assert "100 and 200 Hz" in said
 
 
-@pytest.mark.parametrize("series", ["q1", "q2"])
+@pytest.mark.parametrize("series", ["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def test_clean_data_give_the_width_back_through_the_fmu(
     series: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
@@ -165,15 +166,16 @@ def test_clean_data_give_the_width_back_through_the_fmu(
     assert all(a.equal_to_best for a in result.alternatives)
 
 
-def test_noise_moves_the_width_by_no_more_than_its_scatter(tmp_path: Path) -> None:
-    """As shipped, twelve times: noise on everything, and a drift that bends 5 Hz off its line.
+@pytest.mark.parametrize("draws", [5, pytest.param(12, marks=pytest.mark.nightly)])
+def test_noise_moves_the_width_by_no_more_than_its_scatter(draws: int, tmp_path: Path) -> None:
+    """As shipped, some times: noise on everything, and a drift that bends 5 Hz off its line.
 
     Answered by the closed form, which takes a tenth of the time; the FMU's answers are the same.
     """
     bench = string_bench("q1")
     widths, claimed = [], []
     fmu = ff.Fmu("CoupledOscillator")
-    for seed in SEEDS:
+    for seed in range(1, draws + 1):
         write_all(tmp_path / str(seed), campaign_files(measure(bench, seed), "test"))
         campaign = ff.read_campaign(tmp_path / str(seed) / "campaign.toml")
         record = ff.Problem.of(campaign, fmu).record
@@ -187,7 +189,7 @@ def test_noise_moves_the_width_by_no_more_than_its_scatter(tmp_path: Path) -> No
     assert abs(error) < 2.0 * scatter
     assert scatter < 0.01 * true_width(bench)
     off = np.abs(np.array(widths) - true_width(bench))
-    assert np.count_nonzero(off < 2.0 * np.array(claimed)) >= 10
+    assert np.count_nonzero(off < 2.0 * np.array(claimed)) >= 0.8 * draws
     assert np.mean(claimed) < 2.0 * scatter
 
 
@@ -208,7 +210,7 @@ def test_the_shipped_series_start_and_end_below_what_is_published(
     assert abs(width.value - true_width(bench)) < 2 * width.std
 
 
-@pytest.mark.parametrize("series", ["q1", "q2"])
+@pytest.mark.parametrize("series", ["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def test_as_published_the_deviations_fall_as_the_paper_prints(
     series: str, swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,6 +14,8 @@ from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.judge import by_closed_form
 from tests.support.virtual.kinds import KINDS
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 DATA = Path(__file__).parents[2] / "data"
 
 

@@ -11,6 +11,8 @@ import fitting as ff
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 
 def test_the_least_chi_square_is_that_of_one_common_factor(tmp_path: Path) -> None:
     """r^T V^-1 r with V = diag(sigma^2) + s^2 1 1^T, dense; Algorithm 2 ends 41,000 above it.
