@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +83,13 @@ def drafted(path: Path, centre_hz: float, q: float) -> None:
     assert starts["d1"] == pytest.approx(centre_hz / q, rel=0.02)
 
 
-@pytest.mark.parametrize("name", ANALYSER)
+def sample(names: Iterable[str], *kept: str) -> list[Any]:
+    """All names, those that are not kept for the night."""
+    marks = {name: () if name in kept else (pytest.mark.nightly,) for name in names}
+    return [pytest.param(name, marks=mark) for name, mark in marks.items()]
+
+
+@pytest.mark.parametrize("name", sample(ANALYSER, "decibels and phases", "capitals and tabs"))
 def test_a_network_analyser_from_its_file_to_a_draft(name: str, tmp_path: Path) -> None:
     f = np.linspace(4.99e9, 5.01e9, 201)
     path = tmp_path / "a.csv"
@@ -91,7 +97,7 @@ def test_a_network_analyser_from_its_file_to_a_draft(name: str, tmp_path: Path) 
     drafted(path, 5e9, 5000.0)
 
 
-@pytest.mark.parametrize("name", SCANNER)
+@pytest.mark.parametrize("name", sample(SCANNER, "shifts"))
 def test_a_sweep_of_nanonis_from_its_file_to_a_draft(name: str, tmp_path: Path) -> None:
     f = np.linspace(30000.0, 30600.0, 301)
     path = tmp_path / "a.dat"

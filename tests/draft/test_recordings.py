@@ -50,7 +50,13 @@ FILES: dict[str, tuple[Callable[[Any, Any], str], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("tabs", "Siglent"),
+        *(pytest.param(name, marks=pytest.mark.nightly) for name in ("two remarks", "LeCroy")),
+    ],
+)
 def test_a_ringdown_is_read_and_drafted_with_its_units(name: str, tmp_path: Path) -> None:
     """`init` read tables of one kind only, and sent these to `line`."""
     write, column = FILES[name]

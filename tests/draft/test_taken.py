@@ -38,11 +38,11 @@ def measured(driven: float = BOTH, seen: float = BOTH) -> ComplexArray:
     return np.asarray(exact / np.max(np.abs(exact)) + noise(F.size, SIGMA, 19))
 
 
-def reconstructed(campaign: Path) -> Result:
+def reconstructed(campaign: Path, *also: str) -> Result:
     """The result without profiles."""
     out = campaign.parent / "results"
     words = ["reconstruct", str(campaign), "--out", str(out), "--no-profiles", "--workers", "1"]
-    assert main(words) == 0
+    assert main([*words, *also]) == 0
     return read_result(out / "result.json")
 
 
@@ -77,7 +77,7 @@ def test_what_one_sweep_does_not_tell_of_two_modes_stands_beside_the_answer(
 
 def test_two_lines_that_decay_do_not_tell_their_coupling(tmp_path: Path) -> None:
     """Two modes beside each other; lambda moves both lines by lambda^4/(2 f (f2^2 - f1^2))."""
-    t = np.arange(3000) / 50e3
+    t = np.arange(1500) / 50e3
     lines = ((10e3, 40.0, 1.0), (10.15e3, 60.0, 0.7))
     y = 0.01 * np.random.default_rng(3).standard_normal(t.size)
     for f, width, size in lines:
@@ -90,7 +90,7 @@ def test_two_lines_that_decay_do_not_tell_their_coupling(tmp_path: Path) -> None
     assert written["fmu"]["taken"] == ["lambda12"]
     assert written["trace"][0]["states"] == 4
     assert written["derived"]["outputs"] == ["Q1", "Q2"]
-    found = reconstructed(tmp_path / "campaign.toml")
+    found = reconstructed(tmp_path / "campaign.toml", "--no-report")
     values = found.parameters
     for k, (f, width, _) in enumerate(lines, start=1):
         assert abs(values[f"f{k}"].value - f) < 4.0 * values[f"f{k}"].std
@@ -146,7 +146,7 @@ def test_nothing_is_said_of_what_the_data_tell(tmp_path: Path) -> None:
         'misfit = "squares"\nstarts = 1\n',
         "utf-8",
     )
-    found = reconstructed(tmp_path / "campaign.toml")
+    found = reconstructed(tmp_path / "campaign.toml", "--no-report")
     for name, value in TRUTH.items():
         assert abs(found.parameters[name].value - value) < 4.0 * found.parameters[name].std, name
     assert not [each for each in found.warnings if "g2 = 0" in each]
