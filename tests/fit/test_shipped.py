@@ -193,7 +193,7 @@ def test_noise_moves_the_width_by_no_more_than_its_scatter(draws: int, tmp_path:
     assert np.mean(claimed) < 2.0 * scatter
 
 
-@pytest.mark.parametrize("series", ["q1", "q2"])
+@pytest.mark.parametrize("series", ["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def test_the_shipped_series_start_and_end_below_what_is_published(
     series: str, request: pytest.FixtureRequest
 ) -> None:

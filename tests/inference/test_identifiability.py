@@ -223,7 +223,7 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
     assert twin.parameters["k"] == pytest.approx(-1.5, abs=1e-3)
 
 
-@pytest.fixture(scope="module", params=["q1", "q2"])
+@pytest.fixture(scope="module", params=["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def shipped(request: pytest.FixtureRequest) -> tuple[str, Result]:
     """The shipped campaigns through the FMU, by the command."""
     run: ShippedRun = request.getfixturevalue(f"string_{request.param}_run")
