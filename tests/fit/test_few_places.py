@@ -119,14 +119,18 @@ def test_where_noise_explains_the_few_and_not_all_the_whole_is_searched(
     amplitude = lab.amplitude.copy()
     amplitude[other] = amplitude[other][::-1]  # a spectrum that no parameters describe
     whole, asked = likelihood(fmu, replace(lab, amplitude=amplitude))
-    monkeypatch.setattr(minima, "EVOLUTIONS", 0)
+    for name, least in (("EVOLUTIONS", 0), ("FINER_SCANS", 1), ("SCREENS", 1)):
+        monkeypatch.setattr(minima, name, least)
     asked.clear()
     search = minima.search_box(LikelihoodEvaluator(whole), [np.zeros(whole.lower.size)], 1, 600)
     assert not search.explained
     assert asked.count(len(lab.volts)) > minima.SCREENED
 
 
-@pytest.mark.parametrize(("probability", "thoroughly"), [(0.5, False), (0.01, True)])
+@pytest.mark.parametrize(
+    ("probability", "thoroughly"),
+    [(0.5, False), pytest.param(0.01, True, marks=pytest.mark.nightly)],
+)
 def test_what_noise_rarely_explains_is_searched_thoroughly_by_the_few(
     fmu: ff.Fmu,
     lab: CrossingLaboratory,

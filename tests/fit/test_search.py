@@ -292,6 +292,7 @@ def test_two_lines_in_a_box_of_a_hundred_widths_are_found(tmp_path: Path) -> Non
     assert least.chi_square(end) < least.chi_square(least.true) + 20.0
 
 
+@pytest.mark.nightly
 def test_rough_ground_is_searched_though_noise_explains_what_was_found(tmp_path: Path) -> None:
     """Every descent ends elsewhere, one 20 above the truth: noise leaves that one time in five."""
     virtual = KINDS["crossing"](70005)

@@ -180,7 +180,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
 
 
 def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Four lines at a noise of one per cent, of which one is three times too high."""
     texts = scene.texts()
@@ -198,7 +198,7 @@ def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
     texts["three.csv"] = "\n".join(lines)
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
-    shutil.copy(oscillator_fmu, tmp_path / scene.FMU)
+    shutil.copy(swift_fmu, tmp_path / scene.FMU)
     out = tmp_path / "out"
     words = ["reconstruct", str(tmp_path / scene.CAMPAIGN), "--out", str(out), "--no-report"]
     assert main([*words, "--workers", "1", "--quick", "--no-profiles"]) == 4

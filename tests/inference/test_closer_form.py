@@ -68,10 +68,17 @@ def test_a_line_without_what_stands_beside_it_does_not_describe(
     assert found.chi_square == pytest.approx(float(left @ left) / 5e-3**2, rel=0.4)
 
 
-def test_noise_is_not_told_to_be_another_form() -> None:
-    """Of 40 honest lines, 1 to 10 % of noise, none: the probability for it is below 1e-4 each."""
+def some(sample: int, most: int) -> pytest.MarkDecorator:
+    """A count of seeds, and a larger one for the night."""
+    night = pytest.param(most, marks=pytest.mark.nightly)
+    return pytest.mark.parametrize("count", [sample, night])
+
+
+@some(8, 40)
+def test_noise_is_not_told_to_be_another_form(count: int) -> None:
+    """Of honest lines, 1 to 10 % of noise, none: the probability for it is below 1e-4 each."""
     told = 0
-    for seed in range(40):
+    for seed in range(count):
         rng = np.random.default_rng(seed)
         f = ETA + np.linspace(-1500.0, 1500.0, int(rng.integers(9, 41)))
         noise = 10.0 ** rng.uniform(-2.0, -1.0) * rng.standard_normal(f.size)
@@ -117,10 +124,11 @@ def test_two_lines_that_overlap_are_no_single_line() -> None:
     )
 
 
-def test_one_line_of_amplitudes_is_no_pair() -> None:
-    """Of 40 honest lines, 0.1 to 10 % of noise, none."""
+@some(5, 40)
+def test_one_line_of_amplitudes_is_no_pair(count: int) -> None:
+    """Of honest lines, 0.1 to 10 % of noise, none."""
     told = 0
-    for seed in range(40):
+    for seed in range(count):
         rng = np.random.default_rng(seed)
         noise = 10.0 ** rng.uniform(-3.0, -1.0) * rng.standard_normal(F.size)
         seen = np.abs(LINE + noise)
@@ -224,10 +232,13 @@ def test_complex_values_of_more_than_was_fitted_are_not_described(
 
 @pytest.mark.parametrize("kind", ["white", "drifting", "proportional"])
 @pytest.mark.parametrize("lines", [1, 2])
-def test_a_model_that_describes_complex_values_is_not_told_not_to(kind: str, lines: int) -> None:
-    """Of 25 each, 0.1 to 10 % of noise, none."""
+@some(5, 25)
+def test_a_model_that_describes_complex_values_is_not_told_not_to(
+    kind: str, lines: int, count: int
+) -> None:
+    """Of some of each, 0.1 to 10 % of noise, none."""
     told = 0
-    for seed in range(25):
+    for seed in range(count):
         rng = np.random.default_rng(seed)
         columns = int(rng.integers(1, 4))
         exact = ONE + (OTHER if lines == 2 else 0.0)

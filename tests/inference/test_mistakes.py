@@ -97,7 +97,14 @@ def test_a_box_a_thousand_times_off_the_line_is_named(place: float, said: bool) 
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed"), [("pairs", 4), ("readings", 5), ("joint", 3), ("joint", 40028)]
+    ("kind", "seed"),
+    [
+        *(("readings", 5), ("joint", 3)),
+        *(
+            pytest.param(*each, marks=pytest.mark.nightly)
+            for each in (("pairs", 4), ("joint", 40028))
+        ),
+    ],
 )
 def test_nothing_is_named_where_nothing_is_wrong(kind: str, seed: int, tmp_path: Path) -> None:
     assert KINDS[kind](seed).honest
@@ -112,7 +119,7 @@ def test_a_scale_from_a_clipped_top_determines_nothing(tmp_path: Path) -> None:
     assert 'scale = "free"' in found.message
 
 
-@pytest.mark.parametrize("seed", [8, 32])
+@pytest.mark.parametrize("seed", [32, pytest.param(8, marks=pytest.mark.nightly)])
 def test_errors_hold_a_scale_that_is_off_by_little(seed: int, tmp_path: Path) -> None:
     """The same peaks beside a sweep of larger amplitudes: the width moves by what is said."""
     off, laboratory = 0.001, KINDS["misuse"](seed)
