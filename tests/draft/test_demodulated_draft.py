@@ -19,7 +19,7 @@ from tests.support.lines import write_csv
 pytestmark = pytest.mark.usefixtures("swift_models")
 
 REFERENCE = 1.2e6
-T = np.arange(1200) / 2000.0
+T = np.arange(600) / 2000.0
 ONE = ((REFERENCE + 31.0, 4.0, 1.0),)
 TWO = ((REFERENCE - 55.0, 7.0, 0.6), *ONE)
 

@@ -35,8 +35,9 @@ pytestmark = pytest.mark.usefixtures("swift_models")
 
 ETA, WIDTH = 30_000.0, 25.0
 F = ETA + np.linspace(-80.0, 80.0, 41)
-MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3
-F_LOW = np.linspace(286.0, 358.0, 9)
+#: A line so wide that every point of every run settles soon.
+MASS, DAMPING, STIFFNESS = 1e-3, 0.6, 4.1e3
+F_LOW = np.linspace(214.0, 430.0, 9)
 
 
 def told_of(file: Path, folder: Path) -> dict[str, Any]:
@@ -417,7 +418,7 @@ def test_a_person_is_asked_only_what_no_file_tells(tmp_path: Path) -> None:
         (["lock-in.csv", "--tone", "u3"], r"--tone: .*'u3'"),
         (["lock-in.csv", "--fmu", "absent.fmu"], r"absent\.fmu"),
         (["lock-in.csv", "--from"], "'--from'"),
-        (["pairs.csv"], r"pairs\.csv.*sweep"),
+        (["pairs.csv"], "sweep"),
         (["pairs.csv", "pairs.csv"], r"pairs\.csv.*experiments"),
         (["lock-in.csv", "--unit-phase", "kg"], "unit 'kg'"),
         (["lock-in.csv", "--real", "R"], "real: "),
