@@ -7,15 +7,18 @@ import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import Question, init
+from fitting.api.init import Question, drafted, init
 from fitting.cli.main import main
 from fitting.draft.ringdown import ringdown_of
 from fitting.draft.two_modes import two_modes_of
+from fitting.fit.fit import Status
+from fitting.inference.verdict import Verdict
 from fitting.resonance.trace import trace_of
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -32,8 +35,18 @@ pytestmark = pytest.mark.usefixtures("swift_models")
 
 ETA, WIDTH = 30_000.0, 25.0
 F = ETA + np.linspace(-80.0, 80.0, 41)
-MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3
-F_LOW = np.linspace(286.0, 358.0, 9)
+#: A line so wide that every point of every run settles soon.
+MASS, DAMPING, STIFFNESS = 1e-3, 0.6, 4.1e3
+F_LOW = np.linspace(214.0, 430.0, 9)
+
+
+def told_of(file: Path, folder: Path) -> dict[str, Any]:
+    """The campaign, of whose FMU is said what it does not describe, in the file as well."""
+    made = drafted(file, out=folder)
+    text = made.path.read_text("utf-8")
+    assert made.undescribed
+    assert made.undescribed in " ".join(re.sub("(?m)^# ?", "", text).split())
+    return tomllib.loads(text)
 
 
 @pytest.fixture(scope="module")
@@ -84,10 +97,10 @@ def test_a_lock_in_file_alone_becomes_a_campaign_that_finds_the_truth(
     f, d = found.parameters["f1"], found.parameters["d1"]
     assert abs(f.value - ETA) < 4.0 * f.std < 1.0
     assert abs(d.value - WIDTH) < 4.0 * d.std < 1.0
-    told = capsys.readouterr().out
-    assert "A sweep of amplitude and phase" in told or not phases
-    assert "output: readout" in told
-    assert "next: fmu-fit reconstruct" in told
+    written = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))
+    assert ("complex_sweep" if phases else "sweep") in written
+    assert written["observe"]["output"] == "readout"
+    assert "next: " in capsys.readouterr().out
 
 
 SPLIT, NARROW, SHARE = 60.0, 15.0, -0.7
@@ -108,9 +121,7 @@ F_TWO = ETA + np.linspace(-100.0, 160.0, 66)
 G2 = SHARE * (ETA + SPLIT) * NARROW / (ETA * WIDTH)
 
 
-def test_two_lines_become_a_campaign_of_two_modes_that_finds_both(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_lines_become_a_campaign_of_two_modes_that_finds_both(tmp_path: Path) -> None:
     found = fitted(tmp_path, [str(two_modes(tmp_path, phases=True))])
     truth = {"f1": ETA, "f2": ETA + SPLIT, "d1": WIDTH, "d2": NARROW, "g2": G2}
     assert set(found.parameters) == set(truth)
@@ -118,8 +129,6 @@ def test_two_lines_become_a_campaign_of_two_modes_that_finds_both(
         each = found.parameters[name]
         assert abs(each.value - value) < 4.0 * each.std, name
         assert each.std < 0.02 * (abs(value) if name in ("d1", "d2", "g2") else WIDTH), name
-    told = capsys.readouterr().out
-    assert "A sweep of amplitude and phase with two lines, at 30" in told
     written = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))
     assert written["fmu"]["model"] == "CoupledModes2"
     assert written["fmu"]["start"]["lambda12"] == 0.0
@@ -139,9 +148,7 @@ def hybrid(f: FloatArray, driven: float) -> ComplexArray:
 COUPLING = math.sqrt(40.0 * ETA)
 
 
-def test_two_lines_that_are_not_in_phase_become_coupled_modes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_lines_that_are_not_in_phase_become_coupled_modes(tmp_path: Path) -> None:
     seen = hybrid(F_TWO, 0.0) + noise(F_TWO.size, 2e-3, 3)
     file = write_csv(tmp_path / "two.csv", "f (Hz),X (V),Y (V)", F_TWO, seen.real, seen.imag)
     found = fitted(tmp_path, [str(file)])
@@ -152,11 +159,17 @@ def test_two_lines_that_are_not_in_phase_become_coupled_modes(
         each = found.parameters[name]
         assert abs(each.value - value) < 4.0 * each.std < 0.2 * value, name
     # eta and width are no longer what the sweep shows
-    assert "Not reported: eta1, eta2" in " ".join(capsys.readouterr().out.split())
+    assert not {"eta1", "eta2"} & set(found.derived)
 
 
-@pytest.mark.parametrize("driven", [0.0, 0.7])
-@pytest.mark.parametrize("phases", [True, False])
+@pytest.mark.parametrize(
+    ("phases", "driven"),
+    [
+        *((True, 0.7), (False, 0.0)),
+        pytest.param(True, 0.0, marks=pytest.mark.nightly),
+        pytest.param(False, 0.7, marks=pytest.mark.nightly),
+    ],
+)
 def test_the_model_of_two_modes_is_the_simplest_that_describes(phases: bool, driven: float) -> None:
     exact = hybrid(F_TWO, driven) + noise(F_TWO.size, 2e-4, 2)
     found = two_modes_of(trace_of(F_TWO, exact if phases else np.abs(exact), "V"))
@@ -169,8 +182,16 @@ def test_the_model_of_two_modes_is_the_simplest_that_describes(phases: bool, dri
     assert found.drive == pytest.approx(driven, abs=0.05)
 
 
-@pytest.mark.parametrize("share", [0.7, 1.3, -0.7])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("seed", "share"),
+    [
+        *((0, 0.7), (1, 1.3), (2, -0.7)),
+        *(
+            pytest.param(seed, share, marks=pytest.mark.nightly)
+            for seed, share in ((0, 1.3), (0, -0.7), (1, 0.7), (1, -0.7), (2, 0.7), (2, 1.3))
+        ),
+    ],
+)
 def test_overlapping_lines_in_phase_are_modes_of_their_own(share: float, seed: int) -> None:
     # amplitudes do not tell S from the curve with its zero mirrored, which no two such modes have
     f = 880_180.0 + np.linspace(-800.0, 800.0, 401)
@@ -186,9 +207,9 @@ def test_overlapping_lines_in_phase_are_modes_of_their_own(share: float, seed: i
 
 
 def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) -> None:
-    path, said = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
     # g2 is the ratio of the heights times that of f d: the heights alone do not tell it
-    assert any("g2: from" in each and "heights, widths and places" in each for each in said)
+    found = fitted(tmp_path, [str(two_modes(tmp_path, phases=False))])
+    path = tmp_path / "drafted" / "campaign.toml"
     boxes = {p["name"]: p for p in tomllib.loads(path.read_text("utf-8"))["parameters"]}
     assert boxes["f1"]["start"] == pytest.approx(ETA, abs=0.5)
     assert boxes["f2"]["start"] == pytest.approx(ETA + SPLIT, abs=0.5)
@@ -196,33 +217,30 @@ def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) ->
     assert boxes["d2"]["start"] == pytest.approx(NARROW, rel=0.05)
     assert boxes["g2"]["start"] == pytest.approx(G2, rel=0.05)
     assert boxes["f1"]["upper"] == pytest.approx(boxes["f2"]["lower"], abs=0.5)
+    # and nobody is told that they are one line
+    assert found.line is not None
+    assert math.isnan(found.line.frequency_hz)
+    assert found.line.values == {}
 
 
 def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None:
     seen = np.abs(mode(F, ETA, WIDTH) + noise(F.size, 2e-3, 1) + (0.3 - 0.2j))
-    path, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen), out=tmp_path / "o")
-    assert tomllib.loads(path.read_text("utf-8"))["sweep"]["background"] == "complex"
-    assert any("Not described by this campaign: a complex constant" in each for each in said)
-    assert "# Not described by this campaign: a complex constant" in path.read_text("utf-8")
+    file = write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen)
+    assert told_of(file, tmp_path / "o")["sweep"]["background"] == "complex"
 
 
-@pytest.mark.parametrize("beside", ["noise", "nothing"])
 def test_no_fit_is_promised_of_what_the_fmu_does_not_describe(
-    beside: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Averaged powers of a line in noise of half its height: `reconstruct` ends with 4."""
-    power = np.abs(mode(F, ETA, WIDTH)) ** 2 + (0.25 if beside == "noise" else 0.0)
+    power = np.abs(mode(F, ETA, WIDTH)) ** 2 + 0.25
     rough = np.sqrt(power) + noise(F.size, 1e-3, 1).real
     file = write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough)
     assert main(["init", str(file), "--out", str(tmp_path / "o"), "--yes"]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert ("Not described by this campaign: noise whose power is added" in told) is (
-        beside == "noise"
-    )
-    assert ("next: fmu-fit reconstruct" in told) is (beside == "nothing")
+    assert "next: " not in capsys.readouterr().out
     campaign = str(tmp_path / "o" / "campaign.toml")
     quick = ["--no-report", "--no-profiles", "--out", str(tmp_path / "r")]
-    assert main(["reconstruct", campaign, *quick]) == (4 if beside == "noise" else 0)
+    assert main(["reconstruct", campaign, *quick]) == 4
 
 
 def test_the_campaign_of_a_line_on_a_constant_solves_for_it(tmp_path: Path) -> None:
@@ -236,25 +254,26 @@ def test_the_campaign_of_a_line_on_a_constant_solves_for_it(tmp_path: Path) -> N
         assert abs(value.value - truth) < 4.0 * value.std < 0.04 * WIDTH
 
 
-@pytest.mark.parametrize("constant", ["complex constant", "added to its amplitude"])
+@pytest.mark.parametrize("constant", ["offset", pytest.param("complex", marks=pytest.mark.nightly)])
 def test_a_fit_that_leaves_a_constant_does_not_describe_its_sweep(
     constant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nobody told the noise: what the line with the constant leaves tells it."""
     line = mode(F, ETA, WIDTH)
-    seen = np.abs(line + (0.3 - 0.2j)) if "complex" in constant else np.abs(line) + 0.3
+    seen = np.abs(line + (0.3 - 0.2j)) if constant == "complex" else np.abs(line) + 0.3
     rough = seen + noise(F.size, 2e-3, 1).real
-    _, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough), out=tmp_path / "o")
-    assert any(f"{constant}." in sentence for sentence in said)
+    made, _ = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough), out=tmp_path / "o")
+    assert tomllib.loads(made.read_text("utf-8"))["sweep"]["background"] == constant
     campaign, quick = str(tmp_path / "o" / "campaign.toml"), ["--no-report", "--no-profiles"]
     text = Path(campaign).read_text("utf-8")
     Path(campaign).write_text(re.sub(r"(?m)^background = .*$", "", text), "utf-8")
     assert main(["reconstruct", campaign, "--out", str(tmp_path / "r"), *quick]) == 4
+    result = read_result(tmp_path / "r" / "result.json")
+    assert result.status == Status.MISFIT.value
+    assert {value.identifiable for value in result.parameters.values()} == {Verdict.WITHDRAWN}
     told = " ".join(capsys.readouterr().out.split())
-    assert re.search(f"times \\(in squares\\) what a line .*{constant} leaves", told)
-    assert "no verdict" in told
     assert "drift" not in told
-    assert ('[sweep] background = "offset"' in told) is ("added" in constant)
+    assert ('background = "offset"' in told) is (constant == "offset")
 
 
 def test_parts_without_a_unit_are_read_as_line_reads_them(tmp_path: Path) -> None:
@@ -265,24 +284,15 @@ def test_parts_without_a_unit_are_read_as_line_reads_them(tmp_path: Path) -> Non
     assert abs(width.value - WIDTH) < 4.0 * width.std < 0.04 * WIDTH
 
 
-def test_two_lines_are_not_told_to_be_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    fitted(tmp_path, [str(two_modes(tmp_path, phases=False))])
-    told = " ".join(capsys.readouterr().out.split())
-    assert "Sweep by itself: it is no single line; the best one leaves" in told
-    assert "The same sweep" not in told
-
-
-def test_the_fmu_of_somebody_else_is_looked_at_and_fitted(
-    tmp_path: Path, cantilever: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_fmu_of_somebody_else_is_looked_at_and_fitted(tmp_path: Path, cantilever: Path) -> None:
     found = fitted(tmp_path, [str(driven(tmp_path)), "--fmu", str(cantilever)])
-    told = capsys.readouterr().out
-    assert "input: force, the only input" in told
-    assert "with it eigenfrequency is the frequency of the line" in told
     assert set(found.parameters) == {"stiffness", "damping"}
     eigenfrequency = math.sqrt(STIFFNESS / MASS) / (2.0 * math.pi)
+    written = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))
+    assert written["drive"]["input"] == "force"
+    # it starts where the FMU's eigenfrequency is the frequency of the line
+    [start] = [p["start"] for p in written["parameters"] if p["name"] == "stiffness"]
+    assert math.sqrt(start / MASS) / (2.0 * math.pi) == pytest.approx(eigenfrequency, rel=1e-3)
     for value, truth in (
         (found.derived["eigenfrequency"], eigenfrequency),
         (found.derived["line_width"], DAMPING / MASS / (2.0 * math.pi)),
@@ -346,7 +356,7 @@ def test_an_fmu_alone_gives_a_skeleton_that_tells_what_is_missing(
     assert [p["name"] for p in written["parameters"]] == ["stiffness", "damping"]
     assert "sweep" not in written
     assert main(["reconstruct", str(path)]) == 2
-    assert "nothing to fit: wanted a table [experiments], or a [sweep]" in capsys.readouterr().err
+    assert "[sweep]" in capsys.readouterr().err
 
 
 def test_what_is_missing_is_written_beside_its_marks(cantilever: Path, tmp_path: Path) -> None:
@@ -365,9 +375,9 @@ def test_an_fmu_may_stand_among_the_files(cantilever: Path, tmp_path: Path) -> N
     written = tomllib.loads(path.read_text("utf-8"))
     assert written["sweep"]["file"] == "mine.csv"
     assert written["observe"]["output"] == "displacement"
-    with pytest.raises(ff.BadInput, match="found 2 FMUs, wanted one"):
+    with pytest.raises(ff.BadInput, match="2 FMUs"):
         init([cantilever], cantilever, out=tmp_path)
-    with pytest.raises(ff.BadInput, match="neither an FMU nor a file"):
+    with pytest.raises(ff.BadInput, match="neither"):
         init([], out=tmp_path)
 
 
@@ -396,22 +406,22 @@ def test_a_person_is_asked_only_what_no_file_tells(tmp_path: Path) -> None:
     written = tomllib.loads(path.read_text("utf-8"))
     assert written["observe"]["output"] == "q1"
     assert [p["name"] for p in written["parameters"]] == ["d1", "f1"]
-    assert "output: q1, as asked for." in said
+    assert any(each.startswith("output: q1") for each in said)
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["absent.csv"], "absent.csv"),
-        (["lock-in.csv", "--output", "q2"], "--output: found 'q2'; there is: readout, q1"),
-        (["lock-in.csv", "--fit", "f2"], "--fit: found 'f2'; there is: f1, d1"),
-        (["lock-in.csv", "--tone", "u3"], "--tone: found 'u3'"),
-        (["lock-in.csv", "--fmu", "absent.fmu"], "absent.fmu: no such file"),
-        (["lock-in.csv", "--from"], "no option '--from'"),
-        (["pairs.csv"], "wanted a sweep as well"),
-        (["pairs.csv", "pairs.csv"], "are tables of experiments, wanted one"),
-        (["lock-in.csv", "--unit-phase", "kg"], "found unit 'kg'"),
-        (["lock-in.csv", "--real", "R"], "real: names a column alone"),
+        (["absent.csv"], r"absent\.csv"),
+        (["lock-in.csv", "--output", "q2"], r"--output: .*'q2'.*readout.*q1"),
+        (["lock-in.csv", "--fit", "f2"], r"--fit: .*'f2'.*f1.*d1"),
+        (["lock-in.csv", "--tone", "u3"], r"--tone: .*'u3'"),
+        (["lock-in.csv", "--fmu", "absent.fmu"], r"absent\.fmu"),
+        (["lock-in.csv", "--from"], "'--from'"),
+        (["pairs.csv"], "sweep"),
+        (["pairs.csv", "pairs.csv"], r"pairs\.csv.*experiments"),
+        (["lock-in.csv", "--unit-phase", "kg"], "unit 'kg'"),
+        (["lock-in.csv", "--real", "R"], "real: "),
     ],
     ids=[
         *("absent", "output", "fit", "tone", "fmu", "option", "no_sweep", "tables", "unit"),
@@ -430,7 +440,7 @@ def test_bad_input_is_a_sentence_and_nothing_is_written(
     monkeypatch.chdir(tmp_path)
     assert main(["init", *words, "--out", "drafted", "--yes"]) == 2
     complained = capsys.readouterr().err
-    assert told in complained
+    assert re.search(told, complained)
     assert complained.count("\n") == 1
     assert not (tmp_path / "drafted").exists()
 
@@ -438,7 +448,7 @@ def test_bad_input_is_a_sentence_and_nothing_is_written(
 def test_a_campaign_that_somebody_edited_is_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = str(lock_in(tmp_path, phases=False))
+    file = str(lock_in(tmp_path, phases=True))
     words = ["init", file, "--out", str(tmp_path / "o"), "--yes"]
     assert main(words) == 0
     assert main(words) == 0
@@ -446,7 +456,7 @@ def test_a_campaign_that_somebody_edited_is_kept(
     path.write_text(path.read_text("utf-8") + "# mine\n", "utf-8")
     capsys.readouterr()
     assert main(words) == 2
-    assert "was changed since fmu-fit init wrote it" in capsys.readouterr().err
+    assert "campaign.toml" in capsys.readouterr().err
     assert path.read_text("utf-8").endswith("# mine\n")
 
 
@@ -462,10 +472,7 @@ def test_one_input_one_output_and_a_recording_are_a_campaign(tmp_path: Path) -> 
     head = "clock (ms),force (mV),seen (V)"
     path = write_csv(tmp_path / "step.csv", head, 1e3 * t, 1e3 * u, y)
     written, said = init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
-    assert (
-        "step.csv: columns of text, a comma between them, names in row 1, 150 samples over time of "
-        "'y' as 'seen', under 'u' as 'force'."
-    ) in said
+    assert all(token in said[0] for token in ("step.csv", "150", "'seen'", "'force'"))
     made = tomllib.loads(written.read_text(encoding="utf-8"))
     [trace] = made["trace"]
     assert trace["interpolation"] == "held"
@@ -535,17 +542,16 @@ def test_start_values_are_brought_to_what_a_step_shows(tmp_path: Path) -> None:
     y = 300.0 * np.where(t > 0.05, 1.0 - np.exp(-(t - 0.05) / 0.04), 0.0)
     y += 2.0 * np.random.default_rng(1).standard_normal(t.size)
     path = write_csv(tmp_path / "step.csv", "time (s),u (V),y (V)", t, u, y)
-    made, said = init(path, build_lag_fmu(tmp_path), out=tmp_path / "o")
+    made, _ = init(path, build_lag_fmu(tmp_path), out=tmp_path / "o")
     boxes = {p["name"]: p for p in tomllib.loads(made.read_text("utf-8"))["parameters"]}
     assert boxes["tau"]["lower"] < 0.02 < 0.08 < boxes["tau"]["upper"]
     assert boxes["gain"]["lower"] < 150.0 < 600.0 < boxes["gain"]["upper"]
-    assert any("closer to the record than the FMU's own start value" in each for each in said)
 
 
 def test_a_recording_without_the_output_is_told(tmp_path: Path) -> None:
     t = np.linspace(0.0, 0.19, 20)
     path = write_csv(tmp_path / "step.csv", "time (s),u (V),a (V),b (V)", t, t, t, t)
-    with pytest.raises(ff.BadInput, match="no column 'y' among 'u', 'a' and 'b'; wanted one"):
+    with pytest.raises(ff.BadInput, match=r"'y'.*'u'.*'a'.*'b'"):
         init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
     assert not (tmp_path / "drafted").exists() or not list((tmp_path / "drafted").glob("*.toml"))
 
@@ -554,10 +560,10 @@ def test_a_recording_that_nothing_drives_is_said_to_be_one(tmp_path: Path) -> No
     t = np.linspace(0.0, 0.19, 20)
     path = write_csv(tmp_path / "ring.csv", "time (s),y (V)", t, np.exp(-t))
     _, said = init(path, build_lag_fmu(tmp_path), out=tmp_path / "a", told={"fit": ["tau"]})
-    assert any('ringdown nobody knows where it starts: start = "unknown"' in each for each in said)
+    assert any('start = "unknown"' in each for each in said)
     path = write_csv(tmp_path / "step.csv", "time (s),u (V),y (V)", t, np.ones(20), np.exp(-t))
     _, said = init(path, build_lag_fmu(tmp_path), out=tmp_path / "b", told={"fit": ["tau"]})
-    assert not any("ringdown" in each for each in said)
+    assert not any('start = "unknown"' in each for each in said)
 
 
 def test_a_narrow_dip_behind_a_cable_is_drafted(tmp_path: Path) -> None:
@@ -581,7 +587,7 @@ def test_a_ringdown_is_drafted_with_the_drives_off(tmp_path: Path) -> None:
     y = 3.0 * np.exp(-np.pi * width * t) * np.cos(2.0 * np.pi * 1234.5 * t + 0.4)
     y += 0.02 * np.random.default_rng(11).standard_normal(t.size)
     path = write_csv(tmp_path / "ring.csv", "t [ms],U [mV]", 1e3 * t, y)
-    made, said = init(path, out=tmp_path / "o")
+    made, _ = init(path, out=tmp_path / "o")
     written = tomllib.loads(made.read_text("utf-8"))
     assert written["fmu"]["model"] == "CoupledModes1"  # nobody named one
     assert written["fmu"]["start"] == {"A1": 0.0, "A2": 0.0}
@@ -591,19 +597,18 @@ def test_a_ringdown_is_drafted_with_the_drives_off(tmp_path: Path) -> None:
     assert boxes["f1"]["start"] == pytest.approx(1234.5, abs=0.2)
     assert boxes["d1"]["start"] == pytest.approx(width, rel=0.2)
     assert boxes["d1"]["lower"] < width < boxes["d1"]["upper"]
-    assert any("tones are off" in each for each in said)
     assert written["continuation"]["misfit"] == "squares"
     assert written["derived"]["outputs"] == ["Q1"]
 
 
-def test_an_fmu_of_two_modes_takes_a_ringdown_of_two(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_an_fmu_of_two_modes_takes_a_ringdown_of_two(swift_fmu: Path, tmp_path: Path) -> None:
     """Of its outputs q1 shows both; q1_hybrid hardly shows the upper one, and comes first."""
     t = np.arange(3000) / 50e3
     y = np.exp(-np.pi * 40.0 * t) * np.cos(2.0 * np.pi * 10e3 * t)
     y += 0.7 * np.exp(-np.pi * 60.0 * t) * np.cos(2.0 * np.pi * 10.15e3 * t + 1.0)
     y += 0.01 * np.random.default_rng(3).standard_normal(t.size)
     path = write_csv(tmp_path / "ring.csv", "t (s),U (V)", t, y)
-    made, said = init(path, oscillator_fmu, out=tmp_path / "o")
+    made, _ = init(path, swift_fmu, out=tmp_path / "o")
     written = tomllib.loads(made.read_text("utf-8"))
     assert written["observe"]["output"] == "q1"
     assert written["trace"][0]["states"] == 4
@@ -613,7 +618,7 @@ def test_an_fmu_of_two_modes_takes_a_ringdown_of_two(oscillator_fmu: Path, tmp_p
     assert starts["eta_minus"] == pytest.approx(10.15e3, abs=0.5)
     assert {"d1", "d2"} <= set(starts)
     made, said = init(path, "CoupledModes1", out=tmp_path / "one")
-    assert any("The FMU has one mode, which is taken for the larger line" in s for s in said)
+    assert any("one mode" in each for each in said)
     starts = {p["name"]: p["start"] for p in tomllib.loads(made.read_text("utf-8"))["parameters"]}
     assert starts["f1"] == pytest.approx(10e3, abs=0.5)
 
@@ -637,30 +642,28 @@ def test_a_drive_before_a_decay_is_left_out(
     fall = np.exp(-np.pi * 5.0 * np.maximum(t - driven, 0.0))
     y = fall * (np.cos(2e3 * np.pi * t) + second * np.cos(2e3 * np.pi * 1.013 * t + 0.5))
     y += 0.01 * np.random.default_rng(2).standard_normal(t.size)
-    made, said = init(write_csv(tmp_path / "r.csv", "t (s),U (V)", t, y), out=tmp_path / "o")
+    made, _ = init(write_csv(tmp_path / "r.csv", "t (s),U (V)", t, y), out=tmp_path / "o")
     [trace] = tomllib.loads(made.read_text("utf-8"))["trace"]
     assert trace.get("begin") == ("found" if late else None)
-    assert any("does not decay from its first sample" in each for each in said) is late
 
 
 def test_a_recording_that_does_not_decay_wants_its_fmu(tmp_path: Path) -> None:
     t = np.arange(4000) / 8000.0
     path = write_csv(tmp_path / "steady.csv", "t (s),U (V)", t, np.cos(2.0 * np.pi * 1234.5 * t))
-    with pytest.raises(ff.BadInput, match="no free decay of one column; wanted --fmu"):
+    with pytest.raises(ff.BadInput, match="--fmu"):
         init(path, out=tmp_path / "o")
 
 
 def test_a_recording_in_volts_of_an_output_in_metres_has_a_gain(
-    oscillator_fmu: Path, tmp_path: Path
+    swift_fmu: Path, tmp_path: Path
 ) -> None:
     """It was drafted without one, and refused by the campaign's own reader."""
     t = np.linspace(0.0, 1e-3, 400)
     y = np.exp(-3e3 * t) * np.cos(2.0 * np.pi * 2e4 * t)
     path = write_csv(tmp_path / "ring.csv", "time (s),U (V)", t, y)
-    made, _ = init(path, oscillator_fmu, out=tmp_path / "o", told={"fit": ["d1"]})
+    made, _ = init(path, swift_fmu, out=tmp_path / "o", told={"fit": ["d1"]})
     [trace] = tomllib.loads(made.read_text("utf-8"))["trace"]
     assert trace["gain"] == "fit"
-    assert "V for the FMU's output: in proportion" in made.read_text("utf-8")
 
 
 def test_two_lines_that_no_two_modes_have_are_told(tmp_path: Path) -> None:
@@ -669,8 +672,4 @@ def test_two_lines_that_no_two_modes_have_are_told(tmp_path: Path) -> None:
     seen = mode(f, 10e3, 40.0) + 0.7 * np.exp(1.9j) * mode(f, 10.25e3, 60.0)
     seen = seen + noise(f.size, 1e-3, 4)
     path = write_csv(tmp_path / "two.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
-    _, said = init(path, out=tmp_path / "o")
-    assert any(
-        "two modes, beside each other or coupled, leave more of this sweep" in s for s in said
-    )
-    assert "Not described by this campaign" in (tmp_path / "o/campaign.toml").read_text("utf-8")
+    assert told_of(path, tmp_path / "o")["fmu"]["model"] == "CoupledModes2"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -36,7 +37,8 @@ pytestmark = pytest.mark.usefixtures("swift_models")
 
 F = np.tile(SWEPT_HZ, VOLTS.size)
 V = np.repeat(VOLTS, SWEPT_HZ.size)
-SEEN = "5 spectra over V (V), 41 frequencies each"
+#: How many spectra, over which control, of how many frequencies.
+SEEN = r"5 .*\bV \(V\).* 41 "
 
 
 def sized(seed: int, share: float = 0.01) -> FloatArray:
@@ -51,11 +53,11 @@ def a_map(folder: Path) -> Path:
 
 def test_a_map_is_called_one_with_the_table_that_fits_it(tmp_path: Path) -> None:
     path = a_map(tmp_path)
-    said = rf"a map, {SEEN[:15]}.*\[control_sweep\].*docs/how-to/control-sweep.md"
     for look in (ff.line, lambda file: init(file, "CoupledModes1", out=tmp_path / "o")):
-        with pytest.raises(ff.BadInput, match=said) as caught:
+        with pytest.raises(
+            ff.BadInput, match=rf"{SEEN}.*\[control_sweep\].*control-sweep\.md"
+        ) as caught:
             look(path)
-        assert SEEN in str(caught.value)
         assert "--fmu CoupledModes2" in str(caught.value)
         assert "twice" not in str(caught.value)
 
@@ -73,7 +75,7 @@ def test_two_controls_together_make_a_map(tmp_path: Path) -> None:
     volt, kelvin = np.repeat([0.0, 0.0, 1.0, 1.0], 21), np.repeat([4.0, 5.0, 4.0, 5.0], 21)
     head = "V (V),T (K),frequency (Hz),amplitude (V)"
     path = write_csv(tmp_path / "map.csv", head, volt, kelvin, f, np.abs(mode(f, 1e3, 2.0)))
-    with pytest.raises(ff.BadInput, match=r"4 spectra over V \(V\) and T \(K\), 21 frequencies"):
+    with pytest.raises(ff.BadInput, match=r"4 .*\bV \(V\).*\bT \(K\).* 21 "):
         ff.line(path)
 
 
@@ -82,7 +84,7 @@ def test_spectra_of_several_lengths_and_a_column_that_is_held(tmp_path: Path) ->
     volt = np.repeat([0.0, 1.0], [21, 31])
     head = "V (mV),T (K),frequency (Hz),amplitude (V)"
     path = write_csv(tmp_path / "map.csv", head, volt, np.full(52, 4.0), f, 1.0 + f % 3)
-    with pytest.raises(ff.BadInput, match=r"2 spectra over V \(mV\), 21 to 31 frequencies each"):
+    with pytest.raises(ff.BadInput, match=r"2 .*V \(mV\).* 21 to 31 "):
         ff.line(path)
 
 
@@ -101,7 +103,7 @@ def test_a_sweep_up_and_down_is_no_map(tmp_path: Path) -> None:
     f, way = np.concatenate([up, up[::-1]]), np.repeat([0.0, 1.0], 41)
     head = "direction (V),frequency (Hz),amplitude (V)"
     path = write_csv(tmp_path / "both.csv", head, way, f, np.abs(mode(f, 1e3, 2.0)))
-    with pytest.raises(ff.BadInput, match="of a sweep up and down, the rows of one direction"):
+    with pytest.raises(ff.BadInput, match="direction"):
         ff.line(path)
 
 
@@ -147,7 +149,7 @@ def test_the_draft_of_a_map_runs_as_it_is_and_finds_the_coupling(
     out = tmp_path / "drafted"
     named = ["--fmu", "CoupledModes2", "--out", str(out), "--yes"]
     assert main(["init", str(path), *named]) == 0
-    assert SEEN in capsys.readouterr().out
+    assert re.search(SEEN, capsys.readouterr().out)
     campaign = tomllib.loads((out / "campaign.toml").read_text("utf-8"))
     table = campaign["complex_control_sweep" if phases else "control_sweep"]
     assert table.get("delay") == ("fit" if phases else None)
@@ -195,10 +197,9 @@ def written_map(folder: Path, volts: FloatArray, sizes: FloatArray, head: str = 
 
 def test_the_mode_that_nobody_drives_may_follow_the_control(tmp_path: Path) -> None:
     sizes = spectra_of(lambda _: 1000.0, lambda v: 1001.0 - 3.0 * v, 90.0, VOLTS)
-    campaign, said = drafted(written_map(tmp_path, VOLTS, sizes), tmp_path)
+    campaign, _ = drafted(written_map(tmp_path, VOLTS, sizes), tmp_path)
     found = starts(campaign)
     assert campaign["laws"] == {"f2": "a0 + a1*V"}
-    assert "V moves the one that is not driven" in said
     assert found["f1"] == pytest.approx(1000.0, abs=0.2)
     assert found["a0"] == pytest.approx(1001.0, abs=0.2)
     assert found["a1"] == pytest.approx(-3.0, abs=0.1)
@@ -208,12 +209,11 @@ def test_the_mode_that_nobody_drives_may_follow_the_control(tmp_path: Path) -> N
 def test_both_modes_may_follow_the_control_and_no_fmu_needs_a_name(tmp_path: Path) -> None:
     volts = np.linspace(-3.0, 3.0, 9)
     sizes = spectra_of(lambda v: 1001.0 + 3.0 * v, lambda v: 1000.0 - 2.0 * v, LAMBDA, volts)
-    made, said = init(written_map(tmp_path, volts, sizes), out=tmp_path / "o")
+    made, _ = init(written_map(tmp_path, volts, sizes), out=tmp_path / "o")
     campaign = tomllib.loads(made.read_text("utf-8"))
     found = starts(campaign)
     assert campaign["fmu"]["model"] == "CoupledModes2"
     assert campaign["laws"] == {"f1": "a0 + a1*V", "f2": "b0 + b1*V"}
-    assert "V moves both" in "".join(said)
     for name, truth in {"a0": 1001.0, "a1": 3.0, "b0": 1000.0, "b1": -2.0}.items():
         assert found[name] == pytest.approx(truth, abs=0.1), name
     assert found["lambda12"] == pytest.approx(LAMBDA, rel=0.01)
@@ -247,7 +247,7 @@ def test_columns_of_usual_names_are_read_by_the_campaign_too(tmp_path: Path) -> 
     sizes = sized(1, 0.001)
     path = write_csv(tmp_path / "map.csv", "voltage (V),Freq (kHz),R (mV)", V, F / 1e3, sizes)
     campaign, said = drafted(path, tmp_path)
-    assert "5 spectra over voltage (V)" in said
+    assert re.search(r"5 .*voltage \(V\)", said)
     assert campaign["laws"] == {"f1": "a0 + a1*voltage"}
     assert starts(campaign)["lambda12"] == pytest.approx(LAMBDA, rel=0.01)
 
@@ -279,9 +279,7 @@ def test_rms_is_told_by_its_flag(tmp_path: Path) -> None:
 def test_a_map_of_one_line_is_not_drafted(tmp_path: Path) -> None:
     volts = np.linspace(-3.0, 3.0, 7)
     sizes = spectra_of(lambda v: 1001.0 + 4.0 * v, lambda _: 5000.0, 1.0, volts)
-    with pytest.raises(
-        ff.BadInput, match=r"7 spectra over V.*it shows one line, and none"
-    ) as caught:
+    with pytest.raises(ff.BadInput, match=r"7 .*V.*one line") as caught:
         drafted(written_map(tmp_path, volts, sizes), tmp_path)
     assert "--fmu" not in str(caught.value)  # it was given
 
@@ -300,10 +298,10 @@ def test_a_crossing_deep_in_noise_is_seen_and_one_line_in_it_is_none() -> None:
 @pytest.mark.parametrize(
     ("control", "said"),
     [
-        ("gate voltage (V)", "another name than 'gate voltage'"),
-        ("f2 (Hz)", "another name than 'f2'"),
-        ("V", "the unit of V in the header"),
-        ("level (V)", "no other column seems the amplitude"),
+        ("gate voltage (V)", "'gate voltage'"),
+        ("f2 (Hz)", "'f2'"),
+        ("V", r"unit of V\b"),
+        ("level (V)", r"map\.csv.*amplitude"),
     ],
 )
 def test_a_control_that_no_law_can_name(control: str, said: str, tmp_path: Path) -> None:
@@ -317,12 +315,12 @@ def test_a_control_that_no_law_can_name(control: str, said: str, tmp_path: Path)
 def test_powers_and_other_files_and_other_choices_are_refused(tmp_path: Path) -> None:
     head = AMPLITUDES.replace("amplitude (V)", "amplitude (V**2)")
     sizes = sized(1)
-    with pytest.raises(ff.BadInput, match="'amplitude' is a power, wanted its root"):
+    with pytest.raises(ff.BadInput, match=r"'amplitude'.*power"):
         drafted(write_csv(tmp_path / "power.csv", head, V, F, sizes**2), tmp_path)
     path = a_map(tmp_path)
-    with pytest.raises(ff.BadInput, match="wanted it without other files"):
+    with pytest.raises(ff.BadInput, match=r"map\.csv"):
         init([path, path], "CoupledModes2", out=tmp_path / "o")
-    with pytest.raises(ff.BadInput, match="--fit: of a map f1, f2, lambda12, d1 and d2 are fitted"):
+    with pytest.raises(ff.BadInput, match=r"--fit: .*lambda12"):
         drafted(path, tmp_path, fit="f1")
 
 

@@ -33,7 +33,7 @@ class Person:
 def test_nothing_to_choose_from_is_said() -> None:
     """An FMU whose values are all inputs has no parameter: no list of options without an option."""
     fit = Question(key="fit", words="Which are fitted?", options=(), default=(), why="")
-    with pytest.raises(BadInput, match="the FMU has nothing that could be named here; wanted a"):
+    with pytest.raises(BadInput, match="--fit: "):
         Answers().of(fit)
 
 
@@ -42,8 +42,10 @@ def test_an_answer_that_is_no_option_is_asked_for_again() -> None:
     answers = Answers(ask=person)
     assert answers.of(OUTPUT) == ("q2",)
     assert person.asked[0] == OUTPUT.words
-    assert person.asked[1] == "output: found 'Q3'"  # the options stand behind it
-    assert answers.said == ["output: q2, as asked for."]
+    assert "'Q3'" in person.asked[1]
+    assert "q1" not in person.asked[1]  # the options stand behind it
+    [said] = answers.said
+    assert said.startswith("output: q2")
 
 
 def test_the_default_may_be_taken_at_last() -> None:
@@ -52,6 +54,6 @@ def test_the_default_may_be_taken_at_last() -> None:
 
 def test_nobody_is_asked_without_end() -> None:
     person = Person(*["no"] * 10)
-    with pytest.raises(BadInput, match="output: found 'no'"):
+    with pytest.raises(BadInput, match=r"output: .*'no'"):
         Answers(ask=person).of(OUTPUT)
     assert len(person.asked) == MOST_ASKED

@@ -18,6 +18,8 @@ from fitting.text.arrays import FloatArray
 from tests.support.crossing_spectra import A0, A1, B0, LAMBDA, SWEPT_HZ, VOLTS, WIDTH, response
 from tests.support.lines import mode
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 #: Amplitudes in V by the closed form, (voltages, frequencies).
 EXACT = 1e6 * np.array([response(SWEPT_HZ, volt) for volt in VOLTS])
 
@@ -53,7 +55,7 @@ def test_a_column_for_each_value_is_read(
 ) -> None:
     path = written(tmp_path / "map.csv", head, SWEPT_HZ, EXACT.T, between)
     check_table(path, control, unit)
-    with pytest.raises(ff.BadInput, match=rf"a map, 5 spectra over {control} \({unit}\), 41 freq"):
+    with pytest.raises(ff.BadInput, match=rf"5 .*{control} \({unit}\).* 41 "):
         ff.line(path)
 
 
@@ -95,7 +97,8 @@ def test_a_draft_of_it_starts_at_the_truth(by_row: bool, tmp_path: Path) -> None
     columns = Columns(unit_frequency="Hz", unit_amplitude="V")
     made, said = init(path, "CoupledModes2", out=tmp_path / "o", columns=columns)
     place = "row" if by_row else "column"
-    assert f"a table with a {place} of amplitudes for each of 5 values of 'V'" in said[0]
+    assert place in said[0]
+    assert "5 values of 'V'" in said[0]
     campaign = tomllib.loads(made.read_text("utf-8"))
     assert campaign["control_sweep"]["controls"] == ["V"]
     assert campaign["laws"] == {"f1": "a0 + a1*V"}
@@ -110,7 +113,7 @@ def test_a_draft_of_it_starts_at_the_truth(by_row: bool, tmp_path: Path) -> None
 
 
 def test_where_frequencies_stand_is_asked_where_nothing_tells(tmp_path: Path) -> None:
-    said = r"is a matrix of amplitudes, 41 rows below a head of 5 values.*'frequency \(Hz\)'"
+    said = r"map\.csv.* 41 .* 5 .*'frequency \(Hz\)'"
     path = written(tmp_path / "map.csv", f",{heads('{:g}')}", SWEPT_HZ, EXACT.T)
     for look in (ff.line, read_spectra_table):
         with pytest.raises(ff.BadInput, match=said):
@@ -123,7 +126,7 @@ def test_one_column_of_it_is_a_sweep(tmp_path: Path) -> None:
     path = written(tmp_path / "map.csv", "frequency (Hz),T=1 K,T=2 K,T=3 K", SWEPT_HZ, sizes.T)
     found = ff.line(path, columns=Columns(amplitude="T=2 K"))
     assert found.width_hz == pytest.approx(2.0, rel=1e-3)
-    with pytest.raises(ff.BadInput, match="3 spectra over T"):
+    with pytest.raises(ff.BadInput, match=r"3 .*\bT\b"):
         ff.line(path)
 
 
@@ -149,5 +152,5 @@ def test_numbers_without_a_head_are_no_head(tmp_path: Path) -> None:
 def test_a_row_with_too_few_cells_is_named(tmp_path: Path) -> None:
     path = written(tmp_path / "t.csv", f"f (Hz),{heads('{:g} V')}", SWEPT_HZ, EXACT.T)
     path.write_text(path.read_text("utf-8") + "1020.0,1.0,2.0\n", "utf-8")
-    with pytest.raises(ff.BadInput, match="row 43 has 3 cells, wanted 6 as in the head"):
+    with pytest.raises(ff.BadInput, match=r"row 43 .*\b3\b.*\b6\b"):
         ff.line(path)

@@ -93,7 +93,7 @@ def test_a_twin_of_the_fit_does_where_its_own_end_has_not_every_value() -> None:
     assert found.best is not None
     step = found.best.steps[-1]
     assert (step.x, step.parameters, step.level, step.j) == ((-2.0,), (-2.0,), 9, 0.5)
-    assert step.message == "done; the same fit where every output has a value"
+    assert step.message.startswith("done; ")
     spent = step.iterations, step.evaluations, step.jacobians, step.runs, step.seconds
     assert spent == (0, 0, 0, 0, 0.0)
     assert len(found.best.steps) == 2
@@ -165,7 +165,8 @@ def test_a_start_meets_another_where_it_ends_beside_it_at_the_same_j(
         assert found.joined is None
         images = [np.array([7.0]), np.array([1.0])]
         found = met([turning], chain(2, x, j), [chain(0, 1.0, 0.4)], images)
-        assert found.ended == "met a twin of start 1 at ν = 1.0e-09"
+        assert "start 1" in found.ended
+        assert "1.0e-09" in found.ended
     assert found.joined == joined
 
 

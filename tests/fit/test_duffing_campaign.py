@@ -101,6 +101,7 @@ def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
     )
 
 
+@pytest.mark.nightly
 def test_the_cubic_coefficient_comes_back_within_its_noise(
     tmp_path: Path, workers: FmuWorkers
 ) -> None:

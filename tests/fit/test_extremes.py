@@ -8,10 +8,10 @@ of the data, and `python tests/bench/bench_extremes.py` measures where each of t
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -50,15 +50,28 @@ def width_error(result: Result, scene: Scene) -> float:
     return abs(found.value / scene.width - 1.0)
 
 
-@pytest.mark.parametrize("eta", [1.0, 7e6, 1e10])
-@pytest.mark.parametrize("q", [5.0, 1e4, 1e8])
-def test_quality_factors_and_frequencies(eta: float, q: float, fitted: Fit) -> None:
+def nightly(*values: float | str | bool) -> Any:
+    """A case of which the others of its test are a sample."""
+    return pytest.param(*values, marks=pytest.mark.nightly)
+
+
+@pytest.mark.parametrize(
+    ("q", "eta"),
+    [
+        *((5.0, 1.0), (1e4, 7e6), (1e8, 1e10)),
+        *(nightly(q, eta) for q, eta in ((5.0, 7e6), (5.0, 1e10), (1e4, 1.0))),
+        *(nightly(q, eta) for q, eta in ((1e4, 1e10), (1e8, 1.0), (1e8, 7e6))),
+    ],
+)
+def test_quality_factors_and_frequencies(q: float, eta: float, fitted: Fit) -> None:
     """Rounding of a frequency is Q eps of a line width; the rest is the optimiser's 1e-8."""
     scene = replace(WHOLE, eta_plus=eta, eta_minus=1.5 * eta, d1=eta / q, d2=1.2 * eta / q)
     assert width_error(fitted(scene), scene) < 1e-8 + 10.0 * q * EPS
 
 
-@pytest.mark.parametrize(("apart_hz", "bound"), [(1e-3, 1e-5), (1.0, 1e-7), (1e3, 1e-8)])
+@pytest.mark.parametrize(
+    ("apart_hz", "bound"), [(1e-3, 1e-5), nightly(1.0, 1e-7), nightly(1e3, 1e-8)]
+)
 def test_tones_from_a_millihertz_to_ten_line_widths_apart(
     apart_hz: float, bound: float, fitted: Fit
 ) -> None:
@@ -67,7 +80,7 @@ def test_tones_from_a_millihertz_to_ten_line_widths_apart(
     assert width_error(fitted(scene), scene) < bound
 
 
-@pytest.mark.parametrize("drift", [0.5, 50.0, 500.0])
+@pytest.mark.parametrize("drift", [nightly(0.5), nightly(50.0), 500.0])
 def test_a_drift_that_is_told_may_be_any_number_of_line_widths(drift: float, fitted: Fit) -> None:
     scene = Scene(drift=drift)
     assert width_error(fitted(scene), scene) < 1e-8
@@ -78,15 +91,15 @@ def test_a_drift_that_is_not_told_is_no_success(fitted: Fit) -> None:
     assert little.derived["width_plus"].identifiable != "determined"
     lost = fitted(Scene(drift=5.0, drift_known=False))
     assert lost.status == "not converged"
-    assert "does not describe the data: the peaks are 1" in lost.message
+    assert "peaks" in lost.message
 
 
 @pytest.mark.parametrize("misfit", ["slack", "squares"])
 def test_the_scale_of_the_amplitudes_changes_no_bit(misfit: str, fitted: Fit) -> None:
     """Powers of two from 1e-285 to 1e285: the same x, chi scaled."""
-    scene = Scene(noise=1e-3, peaks=False, misfit=misfit)
+    scene = Scene(noise=1e-3, peaks=False, misfit=misfit, points=15, nu=(1e-3, 1e-3, 2))
     one = fitted(scene)
-    for power in (-945, -20, 945):
+    for power in (-945, 945):
         other = fitted(replace(scene, crest=2.0**power))
         assert other.parameters == one.parameters
         assert other.scale.final == math.ldexp(one.scale.final, power)
@@ -112,10 +125,10 @@ def test_a_drive_of_any_size(fitted: Fit) -> None:
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        (Scene(crest=1e300), "wanted a ratio within the range of numbers"),
-        (Scene(crest=1e-310), "are beyond the range of numbers; wanted another unit"),
-        (Scene(level=1e-300), "wanted positive and finite ones"),
-        (replace(WHOLE, level=1e-300), "the simulated sweep is zero everywhere"),
+        (Scene(crest=1e300), "ratio"),
+        (Scene(crest=1e-310), "unit"),
+        (Scene(level=1e-300), "positive"),
+        (replace(WHOLE, level=1e-300), "zero"),
     ],
 )
 def test_amplitudes_beyond_the_range_of_numbers_are_told(
@@ -126,7 +139,7 @@ def test_amplitudes_beyond_the_range_of_numbers_are_told(
 
 
 def test_the_unit_of_a_frequency_changes_no_bit(fitted: Fit) -> None:
-    scene = Scene(noise=1e-3, peaks=False, drift=3.0)
+    scene = Scene(noise=1e-3, peaks=False, drift=3.0, points=15, nu=(1e-3, 1e-3, 1))
     one, *others = (fitted(replace(scene, unit=unit)) for unit in POWERS)
     for other in others:
         assert other.parameters == one.parameters
@@ -163,15 +176,20 @@ def test_degenerate_modes_and_the_exceptional_point(scene: Scene, fitted: Fit) -
     assert width_error(fitted(scene), scene) < 1e-7
 
 
-@pytest.mark.parametrize("reflection", [False, True])
-@pytest.mark.parametrize("eighths", [0, 2, 6, 8])
+@pytest.mark.parametrize(
+    ("eighths", "reflection"),
+    [
+        *((0, False), (2, True), (6, False)),
+        *(nightly(*each) for each in ((0, True), (2, False), (6, True), (8, False), (8, True))),
+    ],
+)
 def test_angles_of_symmetry(eighths: int, reflection: bool, fitted: Fit) -> None:
     scene = Scene(theta=eighths * math.pi / 8.0, reflection=reflection)
     result = fitted(scene)
     assert width_error(result, scene) < 1e-8
     real = math.sin(2.0 * scene.theta) <= 0.0
     assert math.isnan(result.derived["lambda"].value) != real
-    assert any("lambda is not a real number" in said for said in result.warnings) != real
+    assert any("says: lambda" in said for said in result.warnings) != real
 
 
 def test_at_a_right_angle_the_other_damping_is_seen(fitted: Fit) -> None:
@@ -198,7 +216,7 @@ def test_a_start_at_a_symmetric_angle_invents_no_angle(workers: FmuWorkers, tmp_
     )
 
 
-@pytest.mark.parametrize("nu", [1.0, 1e-6, 1e-16])
+@pytest.mark.parametrize("nu", [1.0, nightly(1e-6), 1e-16])
 def test_a_small_prior_moves_nothing(nu: float, fitted: Fit) -> None:
     scene = Scene(nu=(nu, 0.1, 2))
     assert width_error(fitted(scene), scene) < 1e-8
@@ -219,23 +237,26 @@ def test_nu_through_22_decades(fitted: Fit) -> None:
     assert width_error(result, scene) < 1e-8
 
 
+def on_bound(result: Result, end: str) -> bool:
+    """Whether Algorithm 2 is said to have ended with d1 on or next to such an end of its box."""
+    return any(
+        "Algorithm 2" in said and " d1 " in said and f"({end})" in said for said in result.warnings
+    )
+
+
 @pytest.mark.parametrize("box", [(50.0, 100.0), (100.0, 200.0)])
 def test_a_solution_on_a_bound_is_reached_and_told(box: tuple[float, float], fitted: Fit) -> None:
     for start in (sum(box) / 2.0, *box):
         scene = Scene(fitted={"d1": Fitted(*box, start, 100.0)})
         result = fitted(scene)
         assert width_error(result, scene) < 1e-8
-        assert (
-            "Algorithm 2, the method as published, ended with d1 on a bound of its box (100 Hz); "
-            "the most likely d1 need not lie there."
-        ) in result.warnings
+        assert on_bound(result, "100 Hz")
 
 
 def test_a_solution_next_to_a_bound_is_not_told_to_be_on_it(fitted: Fit) -> None:
     result = fitted(Scene(fitted={"d1": Fitted(99.97, 200.0, 150.0, 100.0)}))
-    told = "ended with d1 at 100 Hz, next to a bound of its box (99.97 Hz); "
-    said = [re.sub(r"100\.0000\d+|99\.9999\d+", "100", said) for said in result.warnings]
-    assert any(told in each for each in said)
+    assert on_bound(result, "99.97 Hz")
+    assert not on_bound(result, "100 Hz")
 
 
 @pytest.mark.parametrize("box", [(150.0, 200.0), (20.0, 80.0)])
@@ -243,7 +264,7 @@ def test_a_solution_outside_the_box_ends_on_its_bound(
     box: tuple[float, float], fitted: Fit
 ) -> None:
     result = fitted(Scene(fitted={"d1": Fitted(*box, sum(box) / 2.0, 100.0)}))
-    assert any("ended with d1 on a bound" in said for said in result.warnings)
+    assert on_bound(result, f"{min(box, key=lambda end: abs(end - 100.0)):g} Hz")
     assert result.parameters["d1"].algorithm2 == pytest.approx(min(box, key=lambda b: abs(b - 100)))
     # the noise is that of residuals on the bound: what the data want is known no better
     assert result.parameters["d1"].value == pytest.approx(100.0, rel=0.01)
@@ -265,12 +286,17 @@ def test_a_start_within_the_line_finds_it(fitted: Fit) -> None:
     assert result.parameters["eta_plus"].value == pytest.approx(6.94e6, abs=1e-5)
 
 
-@pytest.mark.parametrize("misfit", ["slack", "squares"])
-@pytest.mark.parametrize("off", [30.0, 1000.0, 10000.0])
+@pytest.mark.parametrize(
+    ("off", "misfit"),
+    [
+        *((30.0, "slack"), (10000.0, "squares")),
+        *(nightly(*each) for each in ((30.0, "squares"), (10000.0, "slack"))),
+        *(nightly(1000.0, misfit) for misfit in ("slack", "squares")),
+    ],
+)
 def test_a_start_far_off_is_no_success(off: float, misfit: str, fitted: Fit) -> None:
     """There the response is flat in all parameters, and any point looks stationary."""
     scene = replace(WHOLE, tones=(), use="fit", fitted=free_line(off), misfit=misfit)
     result = fitted(scene)
     assert result.status == "not converged"
-    assert "does not follow the measured one" in result.message
-    assert "Wanted a start nearer" in result.message
+    assert "start" in result.message

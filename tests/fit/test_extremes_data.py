@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,12 +55,23 @@ def fitted(workers: FmuWorkers, tmp_path: Path) -> Fit:
     return run
 
 
-def said(result: Result, words: str) -> bool:
-    return any(words in text for text in result.warnings)
+def said(result: Result, *words: str) -> bool:
+    """Whether one of the warnings has all of these words."""
+    return any(all(word in text for word in words) for text in result.warnings)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("ratio", [1e6, 1e4, 100.0])
+def nightly(*values: object) -> Any:
+    """A case of which the others of its test are a sample."""
+    return pytest.param(*values, marks=pytest.mark.nightly)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "seed"),
+    [
+        *((1e6, 1), (100.0, 2)),
+        *(nightly(*each) for each in ((1e6, 2), (1e4, 1), (1e4, 2), (100.0, 1))),
+    ],
+)
 def test_errors_claimed_follow_the_noise(ratio: float, seed: int, fitted: Fit) -> None:
     """Width and its error from spectra: the error is of the order of the noise, and holds."""
     scene = Scene(noise=1.0 / ratio, seed=seed, peaks=False)
@@ -68,20 +80,27 @@ def test_errors_claimed_follow_the_noise(ratio: float, seed: int, fitted: Fit) -
     assert 0.3 / ratio < width.std / scene.width < 10.0 / ratio + 3e-6
 
 
-@pytest.mark.parametrize("ratio", [10.0, 3.0, 1.0])
-def test_noise_of_the_order_of_the_peaks_determines_nothing(ratio: float, fitted: Fit) -> None:
-    for seed in (1, 2):
-        scene = Scene(noise=1.0 / ratio, seed=seed, points=15)
-        result = fitted(scene)
-        width = result.derived["width_plus"]
-        assert width.identifiable != "linearised only" or width.std > 0.03 * scene.width
-        if ratio <= 3.0:
-            assert said(result, "Peaks less than 4 standard deviations high: e0 at ")
+@pytest.mark.parametrize(
+    ("ratio", "seed"),
+    [
+        (3.0, 1),
+        *(nightly(*each) for each in ((10.0, 1), (10.0, 2), (3.0, 2), (1.0, 1), (1.0, 2))),
+    ],
+)
+def test_noise_of_the_order_of_the_peaks_determines_nothing(
+    ratio: float, seed: int, fitted: Fit
+) -> None:
+    scene = Scene(noise=1.0 / ratio, seed=seed, points=15)
+    result = fitted(scene)
+    width = result.derived["width_plus"]
+    assert width.identifiable != "linearised only" or width.std > 0.03 * scene.width
+    if ratio <= 3.0:
+        assert said(result, "Peaks", "e0")
 
 
 @pytest.mark.parametrize("ratio", [5.0, 1.0])
 def test_a_peak_below_the_detection_limit_is_refused(ratio: float, fitted: Fit) -> None:
-    with pytest.raises(BadInput, match=r"e0\.csv: no peak at the tone .* wanted at least"):
+    with pytest.raises(BadInput, match=r"e0\.csv: .*tone"):
         fitted(Scene(noise=1.0 / ratio, peaks=False))
 
 
@@ -107,20 +126,20 @@ def test_sixty_experiments(fitted: Fit) -> None:
     assert len(result.derived["width_plus"].values) == 60
 
 
-@pytest.mark.parametrize("sweep", [(2.0, 8.0), (-8.0, -2.0), (20.0, 30.0)])
+@pytest.mark.parametrize("sweep", [nightly((2.0, 8.0)), (-8.0, -2.0), nightly((20.0, 30.0))])
 def test_a_sweep_that_misses_the_peak(sweep: tuple[float, float], fitted: Fit) -> None:
     """Algorithm 1 has no maximum there and says so; a scale by least squares needs none."""
     result = fitted(Scene(sweep=sweep))
     assert result.status == "not converged"
-    assert said(result, "is at its end: its maximum may lie outside")
+    assert said(result, "maximum", "end")
     scene = replace(WHOLE, sweep=sweep)
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-7)
 
 
-@pytest.mark.parametrize("sweep", [(0.0, 6.0), (-6.0, 0.0), (0.3, 6.0)])
+@pytest.mark.parametrize("sweep", [nightly((0.0, 6.0)), (-6.0, 0.0), nightly((0.3, 6.0))])
 def test_a_sweep_that_holds_half_of_the_peak(sweep: tuple[float, float], fitted: Fit) -> None:
     result = fitted(Scene(sweep=sweep))
-    assert said(result, "is at its end: its maximum may lie outside")
+    assert said(result, "maximum", "end")
     scene = replace(WHOLE, sweep=sweep)
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-8)
 
@@ -128,20 +147,25 @@ def test_a_sweep_that_holds_half_of_the_peak(sweep: tuple[float, float], fitted:
 def test_a_sweep_that_holds_two_peaks(fitted: Fit) -> None:
     scene = Scene(eta_minus=6.9404e6, sweep=(-4.0, 8.0))
     result = fitted(scene)
-    assert said(result, "Sweep by itself: a single line leaves residuals that hang together")
+    assert result.line is not None
+    assert result.line.fits[0].structure_p < 1e-12
+    assert said(result, "by itself")
     scene = replace(scene, scale="fit")
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-8)
 
 
 @pytest.mark.parametrize(
-    ("sweep", "points"), [((-2.9, 3.1), 9), ((-50.3, 50.1), 8), ((-500.3, 500.1), 41)]
+    ("sweep", "points"),
+    [((-2.9, 3.1), 9), nightly((-50.3, 50.1), 8), nightly((-500.3, 500.1), 41)],
 )
 def test_a_sweep_coarser_than_the_line(
     sweep: tuple[float, float], points: int, fitted: Fit
 ) -> None:
     """The largest point is not the top: said, and counted in the error of the width."""
     scene = Scene(sweep=sweep, points=points)
-    assert said(fitted(scene), " % from the fitted top of it: noise or a coarse grid biases")
+    result = fitted(scene)
+    assert said(result, "coarse grid")
+    assert result.scale.maximum_bias < 0.0
     scene = replace(scene, scale="fit")
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-7)
 
@@ -151,19 +175,22 @@ def flattened(path: Path) -> None:
     path.write_text("\n".join([head, *(f"{row.split(',')[0]},1.0" for row in rows)]) + "\n")
 
 
-def test_a_sweep_of_one_amplitude(workers: FmuWorkers, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "scene",
+    [Scene(), replace(WHOLE, use="fit"), nightly(WHOLE)],
+    ids=["maximum", "sweep", "scale"],
+)
+def test_a_sweep_of_one_amplitude(scene: Scene, workers: FmuWorkers, tmp_path: Path) -> None:
     """No resonance at all: no line is found, and least squares finds no fit."""
-    for scene in (Scene(), WHOLE, replace(WHOLE, use="fit")):
-        write(scene, workers.description.path, tmp_path)
-        flattened(tmp_path / "sweep.csv")
-        result = fit_bound(tmp_path / "campaign.toml", workers)
-        assert result.line is not None
-        assert "no resonance between" in result.line.message
-        assert math.isnan(result.line.width_hz)
-        if scene.scale == "fit":
-            assert result.status == "not converged"
-        else:
-            assert said(result, "is at its end")
+    write(scene, workers.description.path, tmp_path)
+    flattened(tmp_path / "sweep.csv")
+    result = fit_bound(tmp_path / "campaign.toml", workers)
+    assert result.line is not None
+    assert math.isnan(result.line.width_hz)
+    if scene.scale == "fit":
+        assert result.status == "not converged"
+    else:
+        assert said(result, "maximum", "end")
 
 
 def test_amplitudes_that_differ_ten_thousandfold(fitted: Fit) -> None:
@@ -180,10 +207,10 @@ def test_amplitudes_that_differ_ten_thousandfold(fitted: Fit) -> None:
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        (Scene(points=7), "7 points are too few for a sweep; wanted at least 8"),
-        (Scene(tones=((0.1, 0.1),)), "wanted positive ones that differ"),
-        (Scene(tones=((-0.5,),)), "names u1, but the FMU drives at u2 as well, with A2 = 1"),
-        (Scene(sweep=(-1e-9, 1e-9)), "appears twice; wanted strictly rising frequencies"),
+        (Scene(points=7), r"sweep\.csv: 7 .*\b8\b"),
+        (Scene(tones=((0.1, 0.1),)), r"experiments\.csv: row 2\b"),
+        (Scene(tones=((-0.5,),)), r"u1.*u2.*A2 = 1"),
+        (Scene(sweep=(-1e-9, 1e-9)), r"sweep\.csv: .*twice"),
     ],
     ids=["7 points", "equal tones", "a tone that is not named", "a sweep of one frequency"],
 )
@@ -194,7 +221,7 @@ def test_what_is_refused(scene: Scene, words: str, fitted: Fit) -> None:
 
 @pytest.mark.parametrize(
     ("rows", "words"),
-    [(1, "1 point; wanted at least 3"), (5, "does not contain the tone")],
+    [(1, r"e0\.csv: 1 .*\b3\b"), (5, r"e0\.csv: .*tone")],
 )
 def test_a_spectrum_of_few_points_is_refused(
     rows: int, words: str, workers: FmuWorkers, tmp_path: Path
@@ -210,7 +237,7 @@ def test_a_mode_that_is_not_driven_is_told(workers: FmuWorkers, tmp_path: Path) 
     """theta = 0 and no gain: the observed mode rests, and gives no scale."""
     path = write(Scene(theta=0.0), workers.description.path, tmp_path)
     path.write_text(path.read_text().replace("[fmu.start]", "[fmu.start]\ng1 = 0.0", 1))
-    with pytest.raises(BadInput, match="does the drive reach the observed output"):
+    with pytest.raises(BadInput, match="drive"):
         fit_bound(path, workers)
 
 
@@ -232,11 +259,11 @@ COMMANDS = {
         0,
         True,
     ),
-    "huge": (Scene(crest=1e290, noise=1e-3), 0, False),
     "far": (replace(WHOLE, tones=(), use="fit", fitted=FAR), 1, False),
-    "noise": (Scene(noise=1.0, points=15), 0, False),
     "1 Hz": (replace(WHOLE, eta_plus=1.0, eta_minus=1.5, d1=0.2, d2=0.24), 0, False),
-    "10 GHz": (Scene(eta_plus=1e10, eta_minus=1.5e10, d1=100.0, d2=120.0), 0, False),
+    "huge": nightly(Scene(crest=1e290, noise=1e-3), 0, False),
+    "noise": nightly(Scene(noise=1.0, points=15), 0, False),
+    "10 GHz": nightly(Scene(eta_plus=1e10, eta_minus=1.5e10, d1=100.0, d2=120.0), 0, False),
 }
 A_LONE_NAN = re.compile(r"(?<![\w.])[-+−]?(nan|inf)(?![\w.])", re.IGNORECASE)
 
@@ -246,11 +273,11 @@ def test_the_command_prints_no_nan_and_no_warning(
     scene: Scene,
     code: int,
     report: bool,
-    oscillator_fmu: Path,
+    swift_fmu: Path,
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    path, out = write(scene, oscillator_fmu, tmp_path / "campaign"), tmp_path / "out"
+    path, out = write(scene, swift_fmu, tmp_path / "campaign"), tmp_path / "out"
     words = ["reconstruct", str(path), "--out", str(out), "--workers", "1"]
     assert main(words if report else [*words, "--no-report"]) == code
     shown = capfd.readouterr()
@@ -273,14 +300,14 @@ def _page(out: Path) -> str:
 
 
 def test_the_command_refuses_a_scale_beyond_numbers_in_one_line(
-    oscillator_fmu: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    path = write(Scene(crest=1e305), oscillator_fmu, tmp_path / "campaign")
+    path = write(Scene(crest=1e305), swift_fmu, tmp_path / "campaign")
     assert main(["reconstruct", str(path), "--out", str(tmp_path / "out"), "--workers", "1"]) == 2
     shown = capfd.readouterr()
     assert shown.out == ""
     assert len(shown.err.splitlines()) == 1
-    assert "wanted a ratio within the range of numbers" in shown.err
+    assert "ratio" in shown.err
     assert not (tmp_path / "out" / "result.json").exists()
 
 
@@ -310,20 +337,20 @@ DRIVEN = {
 @pytest.mark.parametrize("changes", DRIVEN.values(), ids=DRIVEN.keys())
 def test_simulate_reads_the_peaks_of_extreme_drives(
     changes: dict[str, float | bool],
-    oscillator_fmu: Path,
+    swift_fmu: Path,
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     """Against the phasors at 90 digits. At 10 GHz times up to 0.25 s round to 3e-7 of a period."""
     sets = [word for name, value in changes.items() for word in ("--set", f"{name}={value!r}")]
-    assert main(["simulate", str(oscillator_fmu), "--out", str(tmp_path), *sets]) == 0
+    assert main(["simulate", str(swift_fmu), "--out", str(tmp_path), *sets]) == 0
     shown = capfd.readouterr()
     assert shown.err == ""
     assert not A_LONE_NAN.search(shown.out)
     usual = {"eta_plus": 6.94026e6, "eta_minus": 7.0276e6}  # of the FMU
     p = SimpleNamespace(**{**STRING.parameters, **usual, **changes})
     head, *rows = (tmp_path / "peaks.csv").read_text().splitlines()
-    assert head.startswith("frequency (Hz),q1_hybrid")
+    assert head.split(",")[1].startswith("q1_hybrid")
     for row, (u, size) in zip(rows, ((p.u1, p.A1), (p.u2, p.A2)), strict=True):
         tone, peak = map(float, row.split(",")[:2])
         assert tone == u

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -37,9 +37,16 @@ def lab() -> CrossingLaboratory:
     return laboratory(2, spectra=12, points=31, noise=0.02)
 
 
-def likelihood(lab: CrossingLaboratory, amplitude: FloatArray) -> tuple[Likelihood, list[int]]:
-    """Of amplitudes (spectra, points) in place of those of the laboratory, and what was asked."""
-    problem = replace(lab, amplitude=amplitude).through(ff.Fmu("CoupledModes2", workers=1)).record
+@pytest.fixture(scope="module")
+def fmu(swift_models: None) -> Iterator[ff.Fmu]:
+    """Whose variables are read alone."""
+    with ff.Fmu("CoupledModes2", workers=1) as held:
+        yield held
+
+
+def likelihood(fmu: ff.Fmu, lab: CrossingLaboratory) -> tuple[Likelihood, list[int]]:
+    """Of a laboratory, and what was asked."""
+    problem = lab.through(fmu).record
     response = Counted(problem, lab.modes)
     objective = make_objective(response, problem.parameters, Dataset(problem.measurements))
     sigma = objective.data.sigma
@@ -66,8 +73,8 @@ def test_a_map_of_few_spectra_is_not_divided() -> None:
     assert laboratory(2, spectra=6, points=31).measurement.few_places() is None
 
 
-def test_their_chi_square_is_that_of_their_rows(lab: CrossingLaboratory) -> None:
-    whole, _ = likelihood(lab, lab.amplitude)
+def test_their_chi_square_is_that_of_their_rows(fmu: ff.Fmu, lab: CrossingLaboratory) -> None:
+    whole, _ = likelihood(fmu, lab)
     few = of_few_places(whole)
     assert few is not None
     x = 0.3 * (whole.lower + whole.upper)
@@ -77,8 +84,10 @@ def test_their_chi_square_is_that_of_their_rows(lab: CrossingLaboratory) -> None
     assert seen.size < 0.6 * rows.size
 
 
-def test_parameters_of_single_places_leave_a_map_whole(lab: CrossingLaboratory) -> None:
-    whole, _ = likelihood(lab, lab.amplitude)
+def test_parameters_of_single_places_leave_a_map_whole(
+    fmu: ff.Fmu, lab: CrossingLaboratory
+) -> None:
+    whole, _ = likelihood(fmu, lab)
     label = lab.measurement.places[0][0]
     first, *others = whole.objective.parameters
     own = (replace(first, experiment=label), *others)
@@ -87,9 +96,9 @@ def test_parameters_of_single_places_leave_a_map_whole(lab: CrossingLaboratory) 
 
 
 def test_a_search_ends_at_the_minimum_of_all_spectra_and_asks_for_few(
-    lab: CrossingLaboratory, monkeypatch: pytest.MonkeyPatch
+    fmu: ff.Fmu, lab: CrossingLaboratory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole, asked = likelihood(lab, lab.amplitude)
+    whole, asked = likelihood(fmu, lab)
     begin = np.zeros(whole.lower.size)
     asked.clear()
     found = minima.search_box(LikelihoodEvaluator(whole), [begin], 1, 600)
@@ -101,7 +110,7 @@ def test_a_search_ends_at_the_minimum_of_all_spectra_and_asks_for_few(
 
 
 def test_where_noise_explains_the_few_and_not_all_the_whole_is_searched(
-    lab: CrossingLaboratory, monkeypatch: pytest.MonkeyPatch
+    fmu: ff.Fmu, lab: CrossingLaboratory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = lab.measurement.few_places()
     assert found is not None
@@ -109,22 +118,30 @@ def test_where_noise_explains_the_few_and_not_all_the_whole_is_searched(
     other = next(k for k, (label, _) in enumerate(lab.measurement.places) if label not in inside)
     amplitude = lab.amplitude.copy()
     amplitude[other] = amplitude[other][::-1]  # a spectrum that no parameters describe
-    whole, asked = likelihood(lab, amplitude)
-    monkeypatch.setattr(minima, "EVOLUTIONS", 0)
+    whole, asked = likelihood(fmu, replace(lab, amplitude=amplitude))
+    for name, least in (("EVOLUTIONS", 0), ("FINER_SCANS", 1), ("SCREENS", 1)):
+        monkeypatch.setattr(minima, name, least)
     asked.clear()
     search = minima.search_box(LikelihoodEvaluator(whole), [np.zeros(whole.lower.size)], 1, 600)
     assert not search.explained
     assert asked.count(len(lab.volts)) > minima.SCREENED
 
 
-@pytest.mark.parametrize(("probability", "thoroughly"), [(0.5, False), (0.01, True)])
+@pytest.mark.parametrize(
+    ("probability", "thoroughly"),
+    [(0.5, False), pytest.param(0.01, True, marks=pytest.mark.nightly)],
+)
 def test_what_noise_rarely_explains_is_searched_thoroughly_by_the_few(
-    lab: CrossingLaboratory, monkeypatch: pytest.MonkeyPatch, probability: float, thoroughly: bool
+    fmu: ff.Fmu,
+    lab: CrossingLaboratory,
+    monkeypatch: pytest.MonkeyPatch,
+    probability: float,
+    thoroughly: bool,
 ) -> None:
     """The noise is stated so that chance leaves as much in so many cases."""
     monkeypatch.setattr(minima, "EVOLUTIONS", 0)
     monkeypatch.setattr(minima, "FINER_SCANS", 1)
-    whole, asked = likelihood(lab, lab.amplitude)
+    whole, asked = likelihood(fmu, lab)
     begin, sigma = np.zeros(whole.lower.size), whole.objective.data.sigma
     least = minima.search_box(LikelihoodEvaluator(whole), [begin], 1, 600).minima[0].chi_square
     wanted = chi2.isf(probability, whole.data_rows - begin.size)
@@ -140,8 +157,10 @@ def test_what_noise_rarely_explains_is_searched_thoroughly_by_the_few(
     assert by_all < 4000
 
 
-def test_a_response_that_answers_for_all_alone_is_left_whole(lab: CrossingLaboratory) -> None:
-    whole, _ = likelihood(lab, lab.amplitude)
+def test_a_response_that_answers_for_all_alone_is_left_whole(
+    fmu: ff.Fmu, lab: CrossingLaboratory
+) -> None:
+    whole, _ = likelihood(fmu, lab)
 
     class Whole:
         def evaluate_many(

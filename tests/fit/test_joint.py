@@ -7,7 +7,6 @@ test of agreement are held to those of a chi square.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -102,7 +101,7 @@ def test_campaigns_share_by_name_and_keep_what_is_theirs(shipped: Campaigns) -> 
     assert measured_peaks(joint.data).size == 20
     assert joint.data.series == ("string_q1", "string_q2")
     # the damping of either is that of its own sweep: the first one's is taken, and told
-    assert any("'d1' has start 94.18 and 100" in note for note in joint.notes)
+    assert any("'d1'" in note and "94.18 and 100" in note for note in joint.notes)
 
 
 @pytest.mark.parametrize("field", ["upper", "unit", "period", "alternatives", "twice"])
@@ -262,9 +261,10 @@ def agreement(
     return consistency(joint, solution_of(evaluator, outcome.best, schedule, "squares"))
 
 
-def test_series_of_one_sample_differ_as_chi_square_does(tmp_path: Path) -> None:
+@pytest.mark.parametrize("pairs", [6, pytest.param(12, marks=pytest.mark.nightly)])
+def test_series_of_one_sample_differ_as_chi_square_does(pairs: int, tmp_path: Path) -> None:
     """Both see the width of mode 1 and nothing else: one number, chi square 1 on average."""
-    found = [agreement(tmp_path, (0, 0), seed) for seed in range(12)]
+    found = [agreement(tmp_path, (0, 0), seed) for seed in range(pairs)]
     for result in found:
         assert [part.determined for part in result.series] == [1, 1]
         [tension] = result.tensions
@@ -284,7 +284,6 @@ def test_samples_of_other_width_contradict_each_other(tmp_path: Path) -> None:
     apart = (alone[0].value - alone[1].value) / math.hypot(alone[0].std, alone[1].std)
     assert tension.sigmas == pytest.approx(abs(apart), rel=0.1)
     assert tension.sigmas > 5.0
-    assert "contradict each other" in tension.sentence
 
 
 def test_what_noise_does_now_and_then_is_no_contradiction(tmp_path: Path) -> None:
@@ -292,10 +291,10 @@ def test_what_noise_does_now_and_then_is_no_contradiction(tmp_path: Path) -> Non
     scaled = (TRUTH[0], 1.035 * TRUTH[1], 1.035 * TRUTH[2])
     [tension] = agreement(tmp_path, (0, 0), 4, scaled).tensions
     assert 3.0 < tension.sigmas < 4.0
-    assert "agree badly" in tension.sentence
-    [often] = map(float, re.findall(r"once in (\d+) pairs", tension.sentence))
     # both tails of a normal distribution
-    assert often == pytest.approx(1.0 / math.erfc(tension.sigmas / math.sqrt(2.0)), rel=0.1)
+    assert 1.0 / tension.p_value == pytest.approx(
+        1.0 / math.erfc(tension.sigmas / math.sqrt(2.0)), rel=0.1
+    )
 
 
 def test_series_that_see_different_things_cannot_contradict(tmp_path: Path) -> None:
@@ -303,7 +302,6 @@ def test_series_that_see_different_things_cannot_contradict(tmp_path: Path) -> N
     [tension] = agreement(tmp_path, (0, 1), 5, other).tensions
     assert tension.freedom == 0
     assert math.isnan(tension.sigmas)
-    assert "no number in common" in tension.sentence
 
 
 # --- through the FMU ------------------------------------------------------------------------------
@@ -343,7 +341,7 @@ def test_the_shipped_series_together_hold_the_widths_alone(swift_fmu: Path, tmp_
     assert math.isnan(alone[1]["theta"].std)
     told = with_external(result, ["lambda=0.8604 MHz", "width_plus=0.1 kHz +- 2 Hz"])
     assert math.isnan(told.external[0].sigmas)
-    assert "cannot be tested: lambda is not known" in told.external[0].sentence
+    assert told.external[0].name == "lambda"
     width = result.derived["width_plus"]
     assert told.external[1].sigmas == pytest.approx(
         (width.value - 100.0) / math.hypot(width.std, 2.0), rel=1e-3
@@ -408,9 +406,9 @@ def test_values_from_elsewhere_that_cannot_be_read_are_refused(text: str) -> Non
 def test_a_name_that_nobody_will_report_is_refused_before_the_fit() -> None:
     known = {"theta": "rad", "lambda": "Hz"}
     check_external(["lambda=1 MHz +- 2 kHz", "theta=110 deg"], known)
-    with pytest.raises(BadInput, match=r"no 'lamda'.*lambda"):
+    with pytest.raises(BadInput, match=r"'lamda'.*lambda\b"):
         check_external(["lamda=1 MHz"], known)
-    with pytest.raises(BadInput, match=r"--external lambda: .*Hz"):
+    with pytest.raises(BadInput, match=r"lambda: .*Hz"):
         check_external(["lambda=3 kg"], known)
-    with pytest.raises(BadInput, match=r"--external lambda: .*Hz"):
+    with pytest.raises(BadInput, match=r"lambda: .*Hz"):
         check_external(["lambda=3 MHz +- 1 s"], known)

@@ -59,12 +59,12 @@ def test_records_come_back_as_they_went(values, table, flag, maybe) -> None:  # 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"pair": [1.0]}, r"pair: found .* wanted 2 values"),
-        ({"inner": {"x": "text"}}, "inner.x: found 'text', wanted a number"),
-        ({"inner": {}}, "inner: found 'nothing', wanted the key 'x'"),
-        ({"more": 1}, "found 'more'"),
+        ({"pair": [1.0]}, r"pair: .*\b2\b"),
+        ({"inner": {"x": "text"}}, r"inner\.x: .*'text'"),
+        ({"inner": {}}, "inner: .*'x'"),
+        ({"more": 1}, "'more'"),
         ({"maybe": "three"}, "maybe"),
-        ({"table": {"a": True}}, "table.a: found 'True', wanted a number"),
+        ({"table": {"a": True}}, r"table\.a: .*'True'"),
     ],
 )
 def test_what_is_no_record_is_refused_by_key(
@@ -79,18 +79,18 @@ def test_what_is_no_record_is_refused_by_key(
 
 
 def test_files_that_are_missing_or_cut_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="no such file"):
+    with pytest.raises(BadInput, match=r"none\.json"):
         read_json(tmp_path / "none.json", Outer)
     cut = tmp_path / "cut.json"
     cut.write_text('{"inner": {"x": 1.')
-    with pytest.raises(BadInput, match="cannot be read as JSON"):
+    with pytest.raises(BadInput, match=r"cut\.json"):
         read_json(cut, Outer)
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "record.json"
     write_json(path, Inner(1.0))
-    with pytest.raises(TypeError, match="no place in a JSON file"):
+    with pytest.raises(TypeError, match="object"):
         write_json(path, {"x": object()})
     assert read_json(path, Inner) == Inner(1.0)
     assert [p.name for p in tmp_path.iterdir()] == ["record.json"]
@@ -128,7 +128,7 @@ def test_checkpoints(tmp_path: Path) -> None:
     assert found is not None
     assert found.x == (1 / 3, 1e-300)
     assert again.recall(0, 0, 2) is None
-    with pytest.raises(BadInput, match="other data, another FMU or other settings"):
+    with pytest.raises(BadInput, match=checkpoint.NAME.replace(".", r"\.")):
         checkpoint.resume(tmp_path, "job two")
     again.remove()
     assert len(checkpoint.resume(tmp_path, "job two")) == 0

@@ -30,13 +30,14 @@ from tests.support.reconstruction import ReconstructionOptions, reconstruct_thro
 from tests.support.shipped_runs import ShippedRun
 from tests.support.virtual.answers import ModesResponse
 
+pytestmark = pytest.mark.usefixtures("swift_models")
+
 DATA = Path(__file__).parents[2] / "data"
 AFM = DATA / "afm_sensor"
-SEEDS = range(1, 13)
 
 
 @pytest.fixture(scope="module")
-def sensor(tmp_path_factory: pytest.TempPathFactory) -> Result:
+def sensor(swift_models: None, tmp_path_factory: pytest.TempPathFactory) -> Result:
     """The measured campaign, by the command."""
     out = tmp_path_factory.mktemp("afm")
     words = ["reconstruct", str(AFM / "campaign.toml"), "--out", str(out), "--no-report"]
@@ -90,19 +91,12 @@ def test_the_instruments_own_estimate_stands_beside(
     assert sensor.line.instrument == {"frequency_hz": 30281.5211, "q": 1161.0}
     assert sensor.line.notes["Fit length"] == "15"
     ours, theirs, structure, other = line_sentences(sensor.line)
-    for word in (
-        "f = 30280.96",
-        "width 24.90 ± 0.61 Hz",
-        "Q = 1216",
-        "residual 0.43 % of the peak",
-    ):
+    for word in ("30280.96", "24.90 ± 0.61 Hz", "1216", "0.43 %"):
         assert word in ours.replace("\u00a0", " ")
-    assert theirs == (
-        "The instrument's own estimate: f = 30281.5211 Hz (+0.557 Hz from this fit), "
-        "Q = 1161 (-4.5 %)."
-    )
-    assert "(p < 1e-12 for white noise)" in structure
-    assert other.startswith("The same sweep with a complex background: f = 30281.26")
+    for word in ("30281.5211 Hz", "+0.557 Hz", "1161", "-4.5 %"):
+        assert word in theirs
+    assert "p < 1e-12" in structure
+    assert "30281.26" in other
 
 
 def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
@@ -131,11 +125,12 @@ def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
     assert full.widening < 1.1
     assert abs(eta - plain.frequency_hz) < 2.0 * plain.frequency_std_hz
     structure, dependence = sensor.warnings
-    assert "hang together (p < 1e-12 for white noise): its 256 points" in structure
+    assert "p < 1e-12" in structure
+    assert "256 points" in structure
     for words in (
         "30280.96\u00a0±\u00a00.24",
         "30281.2645\u00a0±\u00a00.00",
-        "moves it by +0.3 Hz",
+        "+0.3 Hz",
     ):
         assert words in dependence
 
@@ -154,10 +149,11 @@ def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
     line = line_of_sweep(flat)
     assert math.isnan(line.frequency_hz)
     [said] = line_sentences(line)
-    assert "flat.csv: no resonance between 100 and 200 Hz" in said
+    assert "flat.csv" in said
+    assert "100 and 200 Hz" in said
 
 
-@pytest.mark.parametrize("series", ["q1", "q2"])
+@pytest.mark.parametrize("series", ["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def test_clean_data_give_the_width_back_through_the_fmu(
     series: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
@@ -170,15 +166,16 @@ def test_clean_data_give_the_width_back_through_the_fmu(
     assert all(a.equal_to_best for a in result.alternatives)
 
 
-def test_noise_moves_the_width_by_no_more_than_its_scatter(tmp_path: Path) -> None:
-    """As shipped, twelve times: noise on everything, and a drift that bends 5 Hz off its line.
+@pytest.mark.parametrize("draws", [5, pytest.param(12, marks=pytest.mark.nightly)])
+def test_noise_moves_the_width_by_no_more_than_its_scatter(draws: int, tmp_path: Path) -> None:
+    """As shipped, some times: noise on everything, and a drift that bends 5 Hz off its line.
 
     Answered by the closed form, which takes a tenth of the time; the FMU's answers are the same.
     """
     bench = string_bench("q1")
     widths, claimed = [], []
     fmu = ff.Fmu("CoupledOscillator")
-    for seed in SEEDS:
+    for seed in range(1, draws + 1):
         write_all(tmp_path / str(seed), campaign_files(measure(bench, seed), "test"))
         campaign = ff.read_campaign(tmp_path / str(seed) / "campaign.toml")
         record = ff.Problem.of(campaign, fmu).record
@@ -192,11 +189,11 @@ def test_noise_moves_the_width_by_no_more_than_its_scatter(tmp_path: Path) -> No
     assert abs(error) < 2.0 * scatter
     assert scatter < 0.01 * true_width(bench)
     off = np.abs(np.array(widths) - true_width(bench))
-    assert np.count_nonzero(off < 2.0 * np.array(claimed)) >= 10
+    assert np.count_nonzero(off < 2.0 * np.array(claimed)) >= 0.8 * draws
     assert np.mean(claimed) < 2.0 * scatter
 
 
-@pytest.mark.parametrize("series", ["q1", "q2"])
+@pytest.mark.parametrize("series", ["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def test_the_shipped_series_start_and_end_below_what_is_published(
     series: str, request: pytest.FixtureRequest
 ) -> None:
@@ -207,27 +204,28 @@ def test_the_shipped_series_start_and_end_below_what_is_published(
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     assert after < before < published["mean_deviation_before"]
     assert after < published["mean_deviation_after"]
-    assert f"mean deviation {before:.4g} -> {after:.4g}" in run.printed
+    assert f"{before:.4g} -> {after:.4g}" in run.printed
     width = result.derived["width_plus" if series == "q1" else "width_minus"]
     bench = string_bench(series)
     assert abs(width.value - true_width(bench)) < 2 * width.std
 
 
-@pytest.mark.parametrize("series", ["q1", "q2"])
+@pytest.mark.parametrize("series", ["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def test_as_published_the_deviations_fall_as_the_paper_prints(
     series: str, swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Start at width / 2 pi, a drift that bends; an offset per pair then explains the rest.
 
     Without the offsets the model does not describe the data, and nothing else may be said.
-    By the native twin, the second series with one form of the rotation.
+    By the native twin, with one form of the rotation.
     """
     published = tomllib.loads((DATA / "paper.toml").read_text())["series"][series]
     ff.synthesize(f"{series}-published", seed=4, out=tmp_path)
     path = tmp_path / "campaign.toml"
-    changes = {'model = "CoupledOscillator"': f'file = "{swift_fmu.as_posix()}"'}
-    if series == "q2":  # of two forms that fit alike one
-        changes["reflection = [false, true]"] = "reflection = [false]"
+    changes = {
+        'model = "CoupledOscillator"': f'file = "{swift_fmu.as_posix()}"',
+        "reflection = [false, true]": "reflection = [false]",  # of two forms that fit alike one
+    }
     text = path.read_text()
     for old, new in changes.items():
         assert old in text, old
@@ -238,7 +236,7 @@ def test_as_published_the_deviations_fall_as_the_paper_prints(
     straight = read_result(tmp_path / "a" / "result.json").deviations
     assert straight.initial.mean == pytest.approx(published["mean_deviation_before"], abs=0.05)
     assert straight.final.mean == pytest.approx(published["mean_deviation_after"], abs=0.05)
-    assert '[drift] model = "offsets" or "walk" estimates it' in capsys.readouterr().out
+    assert "[drift] model" in capsys.readouterr().out
 
     offsets = '[drift]\nmodel = "offsets"\nprior = "60 Hz"'
     path.write_text(path.read_text().replace("[drift]", offsets, 1))

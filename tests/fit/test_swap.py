@@ -105,18 +105,23 @@ def campaign(folder: Path, fmu: Path, misfit: str, outputs: list[str]) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("reset", "misfit"), [("RESET_WORKS", "slack"), ("RESET_DOES_NOTHING", "squares")]
+    ("reset", "misfit", "profiles"),
+    [
+        ("RESET_WORKS", "slack", False),
+        ("RESET_DOES_NOTHING", "squares", False),
+        # stepping an input takes its time
+        pytest.param("RESET_DOES_NOTHING", "squares", True, marks=pytest.mark.nightly),
+    ],
 )
 def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
-    reset: str, misfit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    reset: str, misfit: str, profiles: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # profiles are walked for one of the two, of one output: stepping an input takes its time
     outputs = ["eigenfrequency", "line_width"] if misfit == "slack" else ["line_width"]
     path = campaign(tmp_path, build_c_fmu(tmp_path, reset=reset), misfit, outputs)
     out = tmp_path / "out"
     words = ["reconstruct", str(path), "--out", str(out), "--workers", "2", "--no-report"]
-    further = ["--no-profiles", "--estimator", "algorithm2"] if misfit == "slack" else []
-    assert main([*words, *further]) == 0
+    further = ["--estimator", "algorithm2"] if misfit == "slack" else []
+    assert main([*words, *further, *([] if profiles else ["--no-profiles"])]) == 0
     found = read_result(out / "result.json")
     eigenfrequency = math.sqrt(STIFFNESS / MASS) / (2 * math.pi)
     width = DAMPING / MASS / (2 * math.pi)
@@ -128,7 +133,7 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     assert found.derived["line_width"].value == pytest.approx(
         width, rel=1e-6, abs=width * c / DAMPING
     )
-    word = "linearised only" if misfit == "slack" else "determined"
+    word = "determined" if profiles else "linearised only"
     assert found.derived["line_width"].identifiable == word
     papers = misfit == "slack"
     estimator = "algorithm2" if papers else "likelihood"
@@ -136,7 +141,7 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     for parameter in found.parameters.values():
         assert parameter.value == (parameter.algorithm2 if papers else parameter.most_likely)
     told = " ".join(capsys.readouterr().out.split())
-    assert ("Values are those of Algorithm 2, as asked for" in told) == papers
+    assert ("as asked" in told) == papers
     # what the plan promises no better is in the errors, exact as the data are
     for value, worst in zip(
         (found.parameters["damping"], found.parameters["stiffness"]),
@@ -145,6 +150,6 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     ):
         assert value.simulation == pytest.approx(worst, rel=0.02)
         assert value.simulation < value.std < 1.3 * value.simulation
-    assert "standard deviations and intervals are wider for it" in told
+    assert f"known to {found.plan.promised:.1e}" in told
     plan = " ".join(found.provenance.plan)
-    assert ("reset and reused" in plan) == (reset == "RESET_WORKS")
+    assert ("reused" in plan) == (reset == "RESET_WORKS")

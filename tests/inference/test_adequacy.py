@@ -22,6 +22,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.search.minima import Minimum, Search
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.adequacy import judged
+from fitting.inference.ending import MISFIT
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.outside import held_sentences
 from fitting.inference.values import DerivedResult, ParameterResult
@@ -127,7 +128,7 @@ def test_noise_that_was_stated_two_times_too_small_only_widens() -> None:
     p = found.parameters["p"]
     assert p.interval95 == pytest.approx((5.0 - half, 5.0 + half), rel=0.002)
     assert p.verdict is Verdict.DETERMINED
-    assert any("times as wide" in said for said in found.sentences)
+    assert any("times" in said for said in found.sentences)
 
 
 def test_noise_that_nobody_stated_tests_no_model() -> None:
@@ -164,7 +165,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
     assert fit.status is Status.CONVERGED
     found: Inference = infer(fit, InferenceRequest(profiles=profiles))
     assert found.status is Status.MISFIT
-    assert found.message.startswith("Converged but does not describe the data: χ² =")
+    assert found.ending.words == MISFIT
     values: dict[str, ParameterResult | DerivedResult] = {**found.parameters, **found.derived}
     assert set(values) == {"p", "q", "r", "sum", "fixed"}
     for value in values.values():
@@ -179,7 +180,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
 
 
 def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Four lines at a noise of one per cent, of which one is three times too high."""
     texts = scene.texts()
@@ -197,17 +198,17 @@ def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
     texts["three.csv"] = "\n".join(lines)
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
-    shutil.copy(oscillator_fmu, tmp_path / scene.FMU)
+    shutil.copy(swift_fmu, tmp_path / scene.FMU)
     out = tmp_path / "out"
     words = ["reconstruct", str(tmp_path / scene.CAMPAIGN), "--out", str(out), "--no-report"]
     assert main([*words, "--workers", "1", "--quick", "--no-profiles"]) == 4
     written = json.loads((out / "result.json").read_text("utf-8"))
-    assert written["status"] == "does not describe the data"
+    assert written["status"] == Status.MISFIT.value
     for value in (*written["parameters"].values(), *written["derived"].values()):
         assert value["identifiable"] == "no verdict"
         assert value["std"] is None
         assert value["ci95"] == [None, None]
-    assert "does not describe the data" in "".join(capsys.readouterr())
+    assert Status.MISFIT.value in "".join(capsys.readouterr())
 
 
 def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
@@ -226,11 +227,8 @@ def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
         runs=0,
     )
     [said] = search_sentences(Outcome(chains=(), search=search))
-    assert said == (
-        "The box was searched from 64 points without finding parameters that the noise explains: "
-        "1 of 2 descents ended at the lowest minimum inside it. The χ² of the search, which weighs "
-        "all points of the box alike, is 4900 there, and 7000 or more where the others ended."
-    )
+    for words in ("64 points", "1 of 2 descents", "4900", "7000"):
+        assert words in said
     explained = replace(search, explained=True)
     assert search_sentences(Outcome(chains=(), search=explained)) == []
 

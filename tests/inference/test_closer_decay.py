@@ -26,5 +26,5 @@ def test_a_second_line_is_told_where_one_line_leaves_it(second: float, said: boo
         assert (found is not None) is said
         if found is not None:
             assert not found.describes
-            assert "two decaying lines (1.000" in found.against
+            assert "1.000" in found.against
             assert "states = 4" in found.remedy

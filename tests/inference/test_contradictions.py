@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -80,5 +81,5 @@ def test_widths_that_differ_are_not_known_and_both_are_told(swift_fmu: Path) -> 
     for part, truth in zip(result.joint.series, (1.08 * WIDTH_HZ, WIDTH_HZ), strict=True):
         alone = part.alone["d1"]
         assert abs(alone.value - truth) < 3.0 * alone.std
-        assert f"{part.name} alone says {alone.value:.2f}" in answer.open_words
-    assert answer.advice.startswith("what changed between the campaigns")
+        assert re.search(rf"{part.name} .*{alone.value:.2f}", answer.open_words)
+    assert "campaigns" in answer.advice

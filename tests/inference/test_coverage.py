@@ -10,22 +10,24 @@ from scipy.stats import binom
 from tests.bench.bench_coverage import SETTINGS, Count, Counts, added, coverage
 
 #: Laboratories per setting: few, so that bounds are wide; the benchmark has 200.
-LABORATORIES = {
-    "q1": 10,
-    "q2": 6,
-    "offsets": 2,
-    "cross": 10,
-    "gain": 1,
-    "cross-phases": 3,
-}
-IN_SMALL = [setting for setting in SETTINGS if setting.name in LABORATORIES]
+LABORATORIES = {"q1": 3, "cross": 3, "gain": 1, "cross-phases": 1}
+AT_NIGHT = {"q1": 10, "q2": 6, "offsets": 2, "cross": 10, "cross-phases": 3}
+IN_SMALL = [
+    pytest.param(setting, counts[setting.name], marks=marks, id=f"{setting.name}-{name}")
+    for name, counts, marks in (
+        ("sample", LABORATORIES, ()),
+        ("night", AT_NIGHT, (pytest.mark.nightly,)),
+    )
+    for setting in SETTINGS
+    if setting.name in counts
+]
 
 
-@pytest.fixture(scope="module", params=IN_SMALL, ids=lambda setting: setting.name)
-def counted(request: pytest.FixtureRequest, oscillator_fmu: Path) -> tuple[str, Counts]:
-    setting = request.param
-    seeds = [70_000 + k for k in range(LABORATORIES[setting.name])]
-    return setting.name, coverage(setting, seeds, oscillator_fmu, by_fmu=False)
+@pytest.fixture(scope="module", params=IN_SMALL)
+def counted(request: pytest.FixtureRequest, swift_fmu: Path) -> tuple[str, Counts]:
+    setting, laboratories = request.param
+    seeds = [70_000 + k for k in range(laboratories)]
+    return setting.name, coverage(setting, seeds, swift_fmu, by_fmu=False)
 
 
 def test_the_truth_lies_inside_as_often_as_is_claimed(counted: tuple[str, Counts]) -> None:

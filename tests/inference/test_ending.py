@@ -11,14 +11,24 @@ from scipy.stats import chi2
 
 from fitting.fit.fit import Status
 from fitting.inference.adequacy import misfit_sentence
-from fitting.inference.ending import DESCRIBES, MISFIT, NOT_CONVERGED, Ending, ending_of, extent_of
+from fitting.inference.ending import (
+    DESCRIBES,
+    MISFIT,
+    NOT_CONVERGED,
+    TOO_FEW,
+    UNSTATED,
+    UNTESTED,
+    Ending,
+    ending_of,
+    extent_of,
+)
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Measurement, MeasurementKind
 from fitting.measurements.sweep import Sweep
-from fitting.signal.residual_tests import Structure
+from fitting.signal.residual_tests import TOGETHER, UNEQUAL, Structure
 from fitting.text.arrays import FloatArray
 from tests.support.complex_data import mode
 from tests.support.one_mode import SETUP
@@ -52,7 +62,7 @@ def widened(factor: float, p_value: float = 1e-9, sizes_p: float = 1.0) -> Struc
 
 def test_large_chi_squares_are_written_out() -> None:
     said = misfit_sentence(adequacy(34412.0, 1764.0, describes=False), drifts=False)
-    assert "χ² = 34400 on 1760 degrees of freedom" in said
+    assert "34400 on 1760 " in said
 
 
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
@@ -61,55 +71,52 @@ def test_only_a_chi_square_that_noise_explains_is_wholly_good(share: float) -> N
     ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None)
     assert ending.whole
     assert ending.words == DESCRIBES
-    assert ending.ground.endswith(" on 9 degrees of freedom, as the stated noise explains")
+    assert " on 9 " in ending.ground
+    assert "stated noise" in ending.ground
     told = ending_of(
         Status.CONVERGED, found, inflation=1.0, structure=None, noise="estimated noise"
     )
-    assert told.ground.endswith(", as the estimated noise explains")
+    assert "estimated noise" in told.ground
 
 
 def test_errors_that_are_as_wide_as_before_are_not_told_as_wider() -> None:
     """1.003 would be printed as "1 times as wide"."""
     ending = ending_of(Status.CONVERGED, None, inflation=1.003, structure=widened(1.003))
-    assert "times as wide" not in ending.ground
+    assert "times" not in ending.ground
 
 
 def test_a_chi_square_far_below_its_freedom_is_not() -> None:
     found = adequacy(float(chi2.ppf(1e-6, 9.0)), 9.0)
     ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None)
     assert (ending.words, ending.whole) == (DESCRIBES, False)
-    assert "less than the stated noise would leave" in ending.ground
+    assert "less" in ending.ground
 
 
 @pytest.mark.parametrize(
     ("inflation", "structure", "told"),
     [
-        (1.7, None, "errors 1.7 times as wide for residuals beyond the noise"),
-        (1.0, widened(12.3), "errors 12.3 times as wide for residuals that hang together"),
-        (
-            1.0,
-            widened(3.1, p_value=0.4, sizes_p=1e-6),
-            "errors 3.1 times as wide for residuals that are of unequal size",
-        ),
-        (
-            1.0,
-            widened(3.1, sizes_p=1e-6),
-            "errors 3.1 times as wide for residuals that hang together and are of unequal size",
-        ),
+        (1.7, None, ("1.7 times",)),
+        (1.0, widened(12.3), ("12.3 times", TOGETHER)),
+        (1.0, widened(3.1, p_value=0.4, sizes_p=1e-6), ("3.1 times", UNEQUAL)),
+        (1.0, widened(3.1, sizes_p=1e-6), ("3.1 times", TOGETHER, UNEQUAL)),
     ],
     ids=["inflation", "together", "unequal", "both"],
 )
-def test_widened_errors_are_told(inflation: float, structure: Structure | None, told: str) -> None:
+def test_widened_errors_are_told(
+    inflation: float, structure: Structure | None, told: tuple[str, ...]
+) -> None:
     found = adequacy(26.0, 9.0)
     how = "to 2 % of the largest amplitude"
     ending = ending_of(
         Status.CONVERGED, found, inflation=inflation, structure=structure, extent=how
     )
     assert (ending.words, ending.whole) == (DESCRIBES, False)
-    assert ending.ground == f"χ² = 26 on 9 degrees of freedom, {told}"
+    assert "26 on 9 " in ending.ground
+    assert all(words in ending.ground for words in told)
+    assert all((words in ending.ground) is (words in told) for words in (TOGETHER, UNEQUAL))
     # how far is said where residuals of a curve are no noise of one size
-    first = f"Converged and describes the data{'' if structure is None else f' {how}'}: χ² = 26 on"
-    assert ending.told("").startswith(first)
+    assert ending.extent == ("" if structure is None else how)
+    assert ending.extent in ending.told("")
 
 
 F = 1000.0 + np.linspace(-40.0, 40.0, 33)
@@ -131,11 +138,11 @@ def off(measurement: ComplexSweeps, *shares: float) -> FloatArray:
 def test_how_far_is_the_distance_from_the_model_of_the_worst_curve() -> None:
     both = sweeps(2)
     rows = off(both, 0.02, 0.003)
-    assert extent_of(Dataset((both,)), rows) == "to 2 % of the largest amplitude"
+    assert extent_of(Dataset((both,)), rows).startswith("to 2 % ")
     amplitude = np.abs(mode(F, 1000.0, 12.5))
     one = Sweep(setup=SETUP, frequency_hz=F, amplitude_v=amplitude, fitted=True)
     seen = Dataset((one,))
-    assert extent_of(seen, np.full(F.size, -0.0123)) == "to 1.2 % of the largest amplitude"
+    assert extent_of(seen, np.full(F.size, -0.0123)).startswith("to 1.2 % ")
 
 
 def test_of_rows_beside_curves_nothing_is_said() -> None:
@@ -144,34 +151,34 @@ def test_of_rows_beside_curves_nothing_is_said() -> None:
     tones = Other(1)
     rows = np.concatenate([[0.5], off(curve, 0.02)])
     told = extent_of(Dataset((cast(Measurement, tones), curve)), rows)
-    assert told == "(curves to 2 % of the largest amplitude)"
+    assert told.startswith("(curves to 2 % ")
     assert extent_of(Dataset((cast(Measurement, tones),)), rows[:1]) == ""
 
 
 def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:
     bad = ending_of(Status.MISFIT, adequacy(173.0, 9.0, False), inflation=4.4, structure=None)
-    assert bad == Ending(words=MISFIT, ground="χ² = 173 on 9 degrees of freedom")
-    assert bad.told("Why so.") == (
-        "Converged but does not describe the data: χ² = 173 on 9 degrees of freedom. Why so."
-    )
+    assert bad == Ending(words=MISFIT, ground=bad.ground)
+    assert "173 on 9 " in bad.ground
+    assert bad.told("Why so.").lower().startswith(MISFIT)
+    assert bad.told("Why so.").endswith(f"{bad.ground}. Why so.")
     ragged = adequacy(4780.0, 8.034, False)
     said = ending_of(Status.MISFIT, ragged, inflation=24.4, structure=None)
-    assert said.ground == "χ² = 4780 on 8.03 degrees of freedom"
-    assert "χ² is 595 times what the noise explains" in misfit_sentence(ragged, drifts=True)
+    assert "4780 on 8.03 " in said.ground
+    assert "595 times" in misfit_sentence(ragged, drifts=True)
     for status in (Status.NOT_CONVERGED, Status.INTERRUPTED):
         ending = ending_of(status, adequacy(4.0, 4.0), inflation=1.0, structure=None)
         assert ending == Ending(words=NOT_CONVERGED)
-    assert Ending(words=NOT_CONVERGED).told("Why so.") == "Not converged. Why so."
+    assert Ending(words=NOT_CONVERGED).told("Why so.").lower() == f"{NOT_CONVERGED}. why so."
 
 
 def test_where_nothing_can_be_held_against_the_noise_no_chi_square_is_claimed() -> None:
     for found, why in (
-        (None, "nothing tested it"),
-        (adequacy(3.0, 0.0), "as many values are fitted as there are data"),
-        (adequacy(float("nan"), 0.0), "nobody stated the noise"),
+        (None, UNTESTED),
+        (adequacy(3.0, 0.0), TOO_FEW),
+        (adequacy(float("nan"), 0.0), UNSTATED),
     ):
         ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None, extent="to 2 %")
         assert (ending.words, ending.whole) == (DESCRIBES, False)
         assert ending.ground.startswith(why)
-        assert ending.extent == ("to 2 %" if "noise" in why else "")
+        assert ending.extent == ("to 2 %" if why is UNSTATED else "")
         assert "χ²" not in ending.ground

@@ -17,6 +17,7 @@ from fitting.fit.solver.continuation import Chain, ContinuationStep
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.equivalent_fits import contradicts
 from fitting.inference.likelihood.knowledge import Equivalent
+from fitting.inference.verdict import Verdict
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form
 from tests.support.whitened import Z95, learnt, parameter, whitened
@@ -100,9 +101,10 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
     )
     for name in ("theta", "d1", "d2"):
         profile = knowledge.parameters[name]
-        assert profile.verdict == "one of several values", name
-        assert "up to an exchange" in profile.reason
-    assert "120 Hz at reflection = true" in knowledge.parameters["d2"].reason
+        assert profile.verdict is Verdict.SEVERAL, name
+        assert "exchange" in profile.reason
+    assert "120 Hz" in knowledge.parameters["d2"].reason
+    assert "reflection = true" in knowledge.parameters["d2"].reason
     for name in ("lambda", "D11"):  # the same at both
         assert knowledge.derived[name].verdict == "determined", name
 
@@ -143,6 +145,7 @@ def test_another_fit_beyond_the_only_end_leaves_no_bound() -> None:
     [both] = learnt(own, alternatives=(twin,)).parameters.values()
     assert both.verdict == "not known"
     assert both.interval95 == (0.01, 1000.0)
-    assert both.reason == "no bound holds at every minimum: 0.5 at mirrored = true fits as well"
+    assert "0.5 " in both.reason
+    assert "mirrored = true" in both.reason
     inside = replace(twin, parameters={"p": 30.0})
     assert learnt(own, alternatives=(inside,)).parameters["p"].verdict == "bounded below"

@@ -97,7 +97,13 @@ def test_profiles_are_student_s_where_the_residuals_tell_the_noise() -> None:
             assert 0.5 * (high - low) == pytest.approx(half, rel=0.03), (points, known, share)
 
 
-@pytest.mark.parametrize(("points", "known"), [(9, False), (13, False), (13, True)])
+@pytest.mark.parametrize(
+    ("points", "known"),
+    [
+        (9, False),
+        *(pytest.param(13, known, marks=pytest.mark.nightly) for known in (False, True)),
+    ],
+)
 def test_profiles_hold_the_truth_as_often_as_they_say(points: int, known: bool) -> None:
     """Sixty sweeps: no rarer and no more often than a binomial count of those shares comes."""
     total, inside = 60, {0.6827: 0, 0.95: 0}

@@ -14,6 +14,7 @@ from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.verdict import Verdict
 from fitting.measurements.measurement import Evaluation
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
@@ -89,16 +90,15 @@ def test_one_series_sees_one_direction_of_three(blind: tuple[Objective, Knowledg
 
 
 def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Knowledge]) -> None:
-    """The sentence's own numbers, read back and put into the closed form."""
+    """Its own numbers, put into the closed form."""
     objective, knowledge = blind
-    sentence = knowledge.directions[1].sentence
-    words = (
-        r"theta by (\S+) rad with d1 (\S+) Hz, d2 (\S+) Hz changes no measured value by more than "
-        r"(\S+) s"
-    )
-    found = re.search(words, sentence)
-    assert found is not None, sentence
-    *change, most = (float(text.replace("−", "-")) for text in found.groups())
+    unseen = knowledge.directions[1]
+    change, most = [unseen.change[name] for name in ("theta", "d1", "d2")], unseen.largest
+    told = [
+        float(n.replace("−", "-")) for n in re.findall(r"[−\d][\d.]*(?:e-\d+)?", unseen.sentence)
+    ]
+    for number in (*change, most):  # rounded in words
+        assert np.min(np.abs(np.array(told) - number)) <= 0.06 * abs(number)
     assert most <= 0.01
     assert max(np.abs(change) / (np.pi, 120.0, 120.0)) > 0.01  # no trifle
     best = np.array([knowledge.parameters[name].best for name in ("theta", "d1", "d2")])
@@ -167,7 +167,7 @@ def test_the_same_matrix_a_quarter_turn_on_is_found(seeing: tuple[Objective, Kno
     assert twin.parameters["theta"] == pytest.approx(best["theta"] - np.pi / 2, abs=2e-3)
     assert twin.parameters["d1"] == pytest.approx(best["d2"], rel=1e-3)
     assert twin.parameters["d2"] == pytest.approx(best["d1"], rel=1e-3)
-    assert "lambda has no value there" in twin.sentence
+    assert np.isnan(twin.derived["lambda"])
     # so the reported point is the one at which the coupling exists, wherever the search began
     assert np.isfinite(knowledge.derived["lambda"].best)
 
@@ -191,9 +191,8 @@ def test_a_parameter_without_effect_is_named() -> None:
     assert knowledge.parameters["d1"].verdict == "determined"
     assert knowledge.parameters["d2"].verdict == "not determined"
     [said] = [each for each in knowledge.sentences if "no effect" in each]
-    d1 = knowledge.parameters["d1"].best
-    place = f"where d1 = {d1:.4g} Hz."
-    assert said == f"d2 alone has no effect on these data, anywhere in its box, {place}"
+    assert said.startswith("d2 ")
+    assert f"d1 = {knowledge.parameters['d1'].best:.4g} Hz" in said
 
 
 def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
@@ -217,14 +216,14 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
     k = knowledge.parameters["k"]
     assert k.best == pytest.approx(1.5, abs=1e-3)
     assert k.interval95[0] < -1.49 < 1.49 < k.interval95[1]
-    assert k.verdict == "one of several values"
+    assert k.verdict is Verdict.SEVERAL
     assert "another minimum" in k.reason
     assert knowledge.derived["square"].verdict == "determined"
     [twin] = knowledge.equivalents
     assert twin.parameters["k"] == pytest.approx(-1.5, abs=1e-3)
 
 
-@pytest.fixture(scope="module", params=["q1", "q2"])
+@pytest.fixture(scope="module", params=["q1", pytest.param("q2", marks=pytest.mark.nightly)])
 def shipped(request: pytest.FixtureRequest) -> tuple[str, Result]:
     """The shipped campaigns through the FMU, by the command."""
     run: ShippedRun = request.getfixturevalue(f"string_{request.param}_run")

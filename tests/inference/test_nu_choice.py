@@ -115,7 +115,5 @@ def test_a_misfit_beyond_the_noise_chooses_none_and_says_so() -> None:
     assert math.isnan(choice.discrepancy)
     assert math.isnan(choice.corner)
     least = float(f"{min(row.chi_square for row in choice.rows):.3g}")
-    assert choice.sentences[1].startswith(
-        "At no ν is the misfit within the noise: where Algorithm 2 stood χ²(ν) was "
-        f"{least:.0f} at best, noise explains {choice.allowed:.3g};"
-    )
+    assert f" {least:.0f} " in choice.sentences[1]
+    assert f" {choice.allowed:.3g}" in choice.sentences[1]

@@ -105,7 +105,8 @@ def test_minima_that_nobody_knew_are_looked_for_and_each_is_there_once() -> None
     found = minima_of(target, [("a fit", np.array([0.9])), ("the same", np.array([1.1]))])
     places = sorted(float(target.in_units(m.centre)[0]) for m in found)
     assert places == pytest.approx([-1.0, 1.0], abs=1e-3)  # where ln is known to 0.01
-    assert {m.origin for m in found} == {"a fit", "a point of the box"}
+    assert "a fit" in {m.origin for m in found}
+    assert len({m.origin for m in found}) == 2  # the other one by a search of the box
     # the width is 0.1/2 in a box of 5; the box's own variance is a part in 3e4 of it
     assert [abs(float(m.root[0, 0])) for m in found] == pytest.approx([100.0, 100.0], rel=1e-3)
 

@@ -8,6 +8,8 @@ from numpy.random import default_rng
 from scipy.stats import chi2, f
 
 import fitting as ff
+from fitting.fit.search import evolution
+from fitting.inference.ending import ABSENT, DESCRIBES
 from fitting.signal.presence import SURELY, chance
 from tests.bench.bench_crossing import METHOD
 from tests.support.virtual.crossing import laboratory
@@ -27,23 +29,24 @@ def told(fmu: ff.Fmu, seed: int, noise: float) -> ff.Inference:
     return ff.profile(fit, list(lab.couplings))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_of_noise_nothing_is_said(fmu: ff.Fmu, seed: int) -> None:
+@pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.nightly)])
+def test_of_noise_nothing_is_said(fmu: ff.Fmu, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three times the largest amplitude: profiles had cut an interval of a per cent, elsewhere."""
+    monkeypatch.setattr(evolution, "GENERATIONS", 1)  # nothing is found, however long it takes
     found = told(fmu, seed, 3.0)
     assert str(found["lambda12"].verdict) == "no verdict"
     assert found.inferred.status.value != "converged"
     knowledge = found.inferred.knowledge
     assert knowledge is not None
-    said = "No line stands out of the noise. Without one the curves are described nearly as well."
-    assert knowledge.sentences[0].startswith(said)
+    assert knowledge.adequacy.absent
+    assert found.inferred.ending.words == ABSENT
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.nightly) for k in (1, 2))])
 def test_lines_in_noise_that_is_most_of_the_variance_are_described(fmu: ff.Fmu, seed: int) -> None:
     """A fifth of the largest amplitude hides no line; it is half of what the map varies by."""
     found = told(fmu, seed, 0.2)
-    assert found.inferred.message.startswith("Converged and describes the data")
+    assert found.inferred.ending.words == DESCRIBES
     assert found.inferred.status.value == "converged"
 
 

@@ -35,7 +35,8 @@ from tests.support.whitened import SIGMA, Z95, WhitenedResponse, parameter, whit
 TRUTH = {"eta": ETA_HZ, "w": WIDTH_HZ, "A": TOP, "Q": ETA_HZ / WIDTH_HZ}
 NOISE = 2e-3
 PROMISED = 1.1e-2
-LABORATORIES = 6
+#: Of each shape, and of each at night.
+LABORATORIES, MANY = 2, 6
 TONES_HZ = ETA_HZ + WIDTH_HZ * np.linspace(-1.5, 1.5, 13)
 FROM_TOP = (TONES_HZ - ETA_HZ) / WIDTH_HZ
 
@@ -83,10 +84,11 @@ def held(knowledge: Knowledge) -> dict[str, bool]:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("count", [LABORATORIES, pytest.param(MANY, marks=pytest.mark.nightly)])
 def test_intervals_hold_the_truth_whatever_the_simulation_does_within_its_promise(
-    shape: str,
+    shape: str, count: int
 ) -> None:
-    found = [known(laboratory(seed, SHAPES[shape], PROMISED)) for seed in range(LABORATORIES)]
+    found = [known(laboratory(seed, SHAPES[shape], PROMISED)) for seed in range(count)]
     assert all(knowledge.adequacy.describes for knowledge in found)
     for knowledge in found:
         assert held(knowledge) == dict.fromkeys(TRUTH, True)
@@ -97,10 +99,10 @@ def test_without_the_promise_they_do_not() -> None:
     """The same data and the same model: it is the promise that makes the intervals honest."""
     blind = [
         known(laboratory(seed, SHAPES["one for its wings, one for its top"], 0.0))
-        for seed in range(3)
+        for seed in range(LABORATORIES)
     ]
     assert not any(knowledge.adequacy.describes for knowledge in blind)
-    blind = [known(laboratory(seed, SHAPES["along the line"], 0.0)) for seed in range(3)]
+    blind = [known(laboratory(seed, SHAPES["along the line"], 0.0)) for seed in range(LABORATORIES)]
     assert not any(k.adequacy.describes and held(k)["eta"] for k in blind)
 
 
@@ -150,7 +152,8 @@ def test_a_bounded_error_adds_its_worst_to_what_noise_makes(profiles: bool) -> N
         ends = result.most_likely - half, result.most_likely + half
         assert result.ci95 == pytest.approx(ends, abs=0.03 * half)
     [said] = [w.sentence for w in found.warnings if w.kind is Kind.SIMULATION]
-    assert "known to 3.0e-03 only, which may move p by 0." in said
+    assert "3.0e-03" in said
+    assert " p by 0." in said
 
 
 def at(value: float, delta: float) -> ProfilePoint:

@@ -10,7 +10,7 @@ import pytest
 
 from fitting.result.result import Result, read_result
 from tests.support.in_process import told
-from tests.support.twins import shared_folder
+from tests.support.twins import shared_folder, swiftly_built
 
 DATA = Path(__file__).parents[2] / "data"
 #: The first series as a user runs it; the second with looser tolerances, which take half as long.
@@ -46,3 +46,14 @@ def shipped_run(name: str, factory: pytest.TempPathFactory) -> ShippedRun:
             assert ended.code == 0, ended.err
             printed.write_text(ended.out, "utf-8")
     return ShippedRun(out, printed.read_text("utf-8"))
+
+
+def swift_shipped_run(name: str, factory: pytest.TempPathFactory) -> ShippedRun:
+    """The same by the native twin, which answers alike in a fifth of the time.
+
+    Args:
+        name: folder of the campaign.
+        factory: of pytest, as for `shipped_run`.
+    """
+    with swiftly_built(factory):
+        return shipped_run(name, factory)
