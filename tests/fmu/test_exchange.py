@@ -95,7 +95,7 @@ def test_an_fmu_that_cannot_be_driven_is_refused(exchange: Path, tmp_path: Path)
             if name == "modelDescription.xml":
                 content = content.replace(b'<ModelExchange modelIdentifier="exchange"/>', b"")
             other.writestr(name, content)
-    with pytest.raises(ff.BadInput, match="neither co-simulation nor model exchange"):
+    with pytest.raises(ff.BadInput, match=r"neither .*exchange"):
         read_description(path)
 
 
@@ -120,9 +120,9 @@ def test_either_interface_can_be_chosen(dahlquist: Path) -> None:
 
 
 def test_an_interface_that_is_not_there_is_refused(exchange: Path) -> None:
-    with pytest.raises(ff.BadInput, match="offers model-exchange alone, wanted co-simulation"):
+    with pytest.raises(ff.BadInput, match=r"model-exchange.*co-simulation"):
         ff.Fmu(exchange, interface="co-simulation")
-    with pytest.raises(ff.BadInput, match="'both', wanted co-simulation or model-exchange"):
+    with pytest.raises(ff.BadInput, match=r"'both'.*model-exchange"):
         ff.Fmu(exchange, interface="both")
 
 

@@ -97,7 +97,7 @@ def test_noise_that_grows_is_told(tmp_path: Path) -> None:
     n = found.repeats.steps
     assert found.repeats.late <= 2.01e-6 * (1.0 + n)
     assert found.repeats.early <= 2.01e-6 * (1.0 + n / 4.0)
-    assert any("grows with time" in sentence for sentence in said)
+    assert any(f"{found.repeats.late:.1e}" in sentence for sentence in said)
 
 
 @pytest.mark.parametrize("own_s", [2e-6, 3e-5, 3e-4, 9e-4, 1.25e-3, 0.01, 0.07])
@@ -119,8 +119,8 @@ def test_no_step_is_found_where_there_is_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("LOSES_TIME", "in steps of 0.0005 s no output moves, in steps of 0.001 s they do"),
-        ("REFUSES", "it refuses steps of 0.0005 s, and takes those of 0.001 s"),
+        ("LOSES_TIME", "in steps of 0.0005 s"),
+        ("REFUSES", "it refuses steps of 0.0005 s"),
     ],
 )
 def test_steps_that_are_lost_or_refused_are_told(kind: str, said: str, tmp_path: Path) -> None:
@@ -137,19 +137,23 @@ def test_outputs_that_go_by_the_number_of_steps_are_told(tmp_path: Path) -> None
     with FmuWorkers(build_c_fmu(tmp_path, marks={"NOISE": 1.0})) as workers:
         found = examine(workers, 1e-3, {})
         sentences = [f.sentence for f in trial_findings(workers.description, found)]
+    assert found.repeats is not None
+    assert found.repeats.floor > 0.3
     [said] = [s for s in sentences if "other ones" in s]
-    assert said.startswith("in shorter communication steps outputs are other ones (displacement by")
+    assert f"displacement by {found.repeats.floor:.1e}" in said
 
 
 @pytest.mark.parametrize(
-    ("reset", "said"), [("RESET_FAILS", "fmi2Reset returned 'error'"), ("RESET_CRASHES", "SIGSEGV")]
+    ("reset", "said"), [("RESET_FAILS", "fmi2Reset"), ("RESET_CRASHES", "SIGSEGV")]
 )
 def test_a_reset_that_does_not_work_is_told(reset: str, said: str, tmp_path: Path) -> None:
     with FmuWorkers(build_c_fmu(tmp_path, reset=reset)) as workers:
         found = examine(workers, 1e-3, {})
         [sentence] = [f.sentence for f in trial_findings(workers.description, found)]
-    assert sentence.startswith("its reset does not work: ")
-    assert said in sentence
+    assert found.resets is not None
+    assert found.resets.true  # what fails is no lie
+    assert said in found.resets.fails
+    assert sentence.endswith(found.resets.fails)
 
 
 def test_what_acts_late_is_not_called_idle(tmp_path: Path) -> None:
@@ -159,7 +163,7 @@ def test_what_acts_late_is_not_called_idle(tmp_path: Path) -> None:
         sentences = [f.sentence for f in trial_findings(workers.description, found)]
     assert found.resets is not None
     assert found.resets.idle == ()
-    assert not any("changes no output" in sentence for sentence in sentences)
+    assert not [s for s in sentences if s.startswith("parameter")]
 
 
 def test_what_an_input_does_at_once_and_later(tmp_path: Path) -> None:
@@ -187,7 +191,8 @@ def test_tunable_parameters_are_moved_between_steps(tmp_path: Path) -> None:
             f.sentence for f in trial_findings(workers.description, Examination(effects=effects))
         ]
     assert {e.name: e.acts for e in effects} == {"force": True, "damping": False}
-    assert said == ["parameter damping: moved between steps, it changes no output"]
+    [sentence] = said
+    assert sentence.startswith("parameter damping: ")
 
 
 def test_own_steps_are_kept_to(tmp_path: Path) -> None:
@@ -209,7 +214,8 @@ def test_a_hang_when_an_instance_is_freed_is_found(tmp_path: Path, clock: Clock)
         found = examine(workers, 1e-3, {})
     assert found.trial is not None
     assert found.failure is not None
-    assert "was to free an instance and gave no answer within 70 s" in found.failure.message
+    assert "free an instance" in found.failure.message
+    assert "70 s" in found.failure.message
 
 
 def test_costs_are_measured(tmp_path: Path) -> None:

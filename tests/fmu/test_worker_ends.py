@@ -66,7 +66,7 @@ def test_a_worker_that_is_killed_again_is_told_as_that(good: Path) -> None:
     bad = misbehaving(IS_KILLED)
     with FmuWorkers(good) as workers:
         expected = pulled(workers)
-        with pytest.raises(NoAnswer, match=r"process killed \(SIGKILL\) twice.*memory") as failure:
+        with pytest.raises(NoAnswer, match=r"\(SIGKILL\) twice.*memory") as failure:
             workers.run([PULLED, bad, PULLED])
         assert failure.value.parameters == bad.start_values
         assert workers.counts.processes == 2
@@ -193,10 +193,10 @@ def test_only_the_end_of_what_an_fmu_prints_is_kept(good: Path) -> None:
         workers.run([misbehaving(PRINTS_MUCH_AND_ABORTS)])
     message = failure.value.message
     assert "SIGABRT" in message
-    assert "the very last line (… " in message
+    assert "last line (… " in message
     words, _, rest = message.partition("; its last words: ")[2].partition(" (… ")
     assert len(words) <= 500
-    assert rest.endswith(" further lines dropped)")
+    assert rest.endswith(" dropped)")
     assert int(rest.split()[0]) == LINES + 1 - len(words.splitlines())
 
 

@@ -149,16 +149,13 @@ def test_samples_do_not_accumulate_time(good: Path) -> None:
 @pytest.mark.parametrize(
     ("misbehave", "words"),
     [
-        (NAN, ["displacement is nan at t = 0.001 s", "lost the state after 0 s"]),
-        (ENDS_EARLY, ["stopped early at t = 0.0005 s, wanted 0.001 s", "discard"]),
-        (FAILS_AT_START, ["fmi2EnterInitializationMode returned 'error'", "told to fail"]),
-        (
-            FAILS_IN_STEP,
-            ["fmi2DoStep from t = 0.0 s by 0.001 s", "'error'", "cannot step from 0 s"],
-        ),
+        (NAN, ["displacement is nan", "t = 0.001 s", "after 0 s"]),
+        (ENDS_EARLY, ["t = 0.0005 s", "0.001 s", "discard"]),
+        (FAILS_AT_START, ["fmi2EnterInitializationMode", "'error'", "told to"]),
+        (FAILS_IN_STEP, ["fmi2DoStep", "t = 0.0 s", "0.001 s", "'error'", "from 0 s"]),
         (PENDING, ["'pending'"]),
-        (CRASHES, ["SIGSEGV", "about to crash at 0 s"]),
-        (ABORTS, ["SIGABRT", "assertion of the solver failed"]),
+        (CRASHES, ["SIGSEGV", "crash at 0 s"]),
+        (ABORTS, ["SIGABRT", "assertion"]),
     ],
 )
 def test_failure_is_a_sentence_with_the_parameters(
@@ -203,7 +200,7 @@ def test_a_run_is_not_blamed_for_a_failure_before_it(good: Path) -> None:
         for how in (FAILS_AT_START, CRASHES)
     )
     with FmuWorkers(good) as workers:
-        with pytest.raises(FmuFailure, match="told to fail"):
+        with pytest.raises(FmuFailure, match="'error'"):
             workers.run([fails])
         with pytest.raises(FmuFailure, match="SIGSEGV"):
             workers.run([PULLED, crashes])
@@ -221,7 +218,7 @@ def test_a_batch_of_many_messages_is_one_batch(good: Path, workers: int) -> None
         found = np.stack([result[:, 0] for result in pool.run(runs)])
         expected = forces[:, np.newaxis] * step_response(np.arange(6) * 1e-3)
         np.testing.assert_allclose(found, expected, rtol=1e-11)
-        with pytest.raises(FmuFailure, match="told to fail") as failure:
+        with pytest.raises(FmuFailure, match="'error'") as failure:
             pool.run([*runs[:at], bad, *runs[at + 1 :]])
         assert failure.value.parameters["force"] == forces[at]
         assert failure.value.at == at
@@ -247,7 +244,7 @@ def test_endless_loop_is_stopped(good: Path, misbehave: int, clock: Clock) -> No
     with FmuWorkers(good, timeout_s=60.0) as workers:
         workers.run([PULLED])
         clock.runs = lambda: in_second_run(workers)
-        with pytest.raises(FmuFailure, match="no answer within 60 s") as failure:
+        with pytest.raises(FmuFailure, match="60 s") as failure:
             workers.run([PULLED, bad])
         assert failure.value.parameters == bad.start_values
         assert clock.now > 60.0
@@ -256,10 +253,10 @@ def test_endless_loop_is_stopped(good: Path, misbehave: int, clock: Clock) -> No
 @pytest.mark.parametrize(
     ("misbehave", "words"),
     [
-        (ENDS_EARLY, "asks to end the simulation"),
-        (PENDING, "stopped early at t = 0.0005 s, wanted 0.001 s"),
-        (FAILS_IN_STEP, "cannot make this step"),
-        (FAILS_AT_START, "told to fail at the start"),
+        (ENDS_EARLY, "asks to end"),
+        (PENDING, r"0\.0005 s.* 0\.001 s"),
+        (FAILS_IN_STEP, "make this step"),
+        (FAILS_AT_START, "at the start"),
         (CRASHES, "SIGSEGV"),
     ],
 )
@@ -274,9 +271,10 @@ def test_warnings_are_kept_and_do_not_stop(good: Path) -> None:
     with FmuWorkers(good) as workers:
         for runs in ([slow] * 3, [PULLED]):
             workers.run(runs)
-            assert workers.warnings == ("slow today, 99 % load",)
+            [warning] = workers.warnings  # the FMU's own words, as often as they come
+            assert warning.endswith("99 % load")
             latest.append(workers.latest_warnings)
-    assert latest == [("slow today, 99 % load",), ()]
+    assert latest == [(warning,), ()]
 
 
 def test_a_flood_of_warnings_is_cut_short_in_a_sentence(good: Path) -> None:
@@ -285,10 +283,10 @@ def test_a_flood_of_warnings_is_cut_short_in_a_sentence(good: Path) -> None:
     with FmuWorkers(good) as workers:
         workers.run([replace(lost, samples=51)])
         assert len(workers.warnings) == 50
-        assert workers.warnings[-1].startswith("lost the state after ")
+        assert workers.warnings[-1].startswith("lost the state")
         workers.run([replace(lost, samples=81)])
         assert len(workers.warnings) == 51
-        assert workers.warnings[-1] == "… further warnings dropped"
+        assert workers.warnings[-1].startswith("… ")
         assert workers.latest_warnings == workers.warnings
 
 
@@ -307,12 +305,12 @@ def stiffness_runs(n: int) -> list[Run]:
 @pytest.mark.parametrize(
     ("reset", "reused", "word"),
     [
-        ("RESET_WORKS", True, "same bit for bit"),
-        ("RESET_KEEPS_PARAMETERS", True, "same bit for bit"),  # all are set for every run anyway
+        ("RESET_WORKS", True, "bit for bit"),
+        ("RESET_KEEPS_PARAMETERS", True, "bit for bit"),  # all are set for every run anyway
         ("RESET_DOES_NOTHING", False, "displacement"),
         ("RESET_KEEPS_DERIVED", False, "displacement"),
         ("RESET_FREEZES_OUTPUT", False, "displacement"),
-        ("RESET_FAILS", False, "fmi2Reset returned 'error'"),
+        ("RESET_FAILS", False, "fmi2Reset"),
         ("RESET_CRASHES", False, "SIGSEGV"),
         ("RESET_HANGS", False, "no answer"),
     ],
@@ -329,7 +327,7 @@ def test_reset_is_trusted_only_where_it_works(
         clock.runs = lambda: reset == "RESET_HANGS" and in_trial(workers)
         results = workers.run(runs) + workers.run(runs)
         assert word in workers.reuse_note
-        assert ("every run has a new instance" in workers.reuse_note) is not reused
+        assert workers.reused is reused
         assert (workers.counts.instances < 5) is reused
     for result, truth in zip(results, expected + expected, strict=True):
         assert result.tobytes() == truth.tobytes()
@@ -340,9 +338,9 @@ def test_a_value_that_is_varied_later_is_checked_then(folder: Path) -> None:
     forces = [replace(PULLED, start_values={**START, "force": 1.0 + i}) for i in range(5)]
     with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_DERIVED")) as workers:
         workers.run(forces)
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
         results = workers.run(stiffness_runs(4))
-        assert "every run has a new instance" in workers.reuse_note
+        assert workers.reused is False
     with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
         expected = workers.run(stiffness_runs(4))
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
@@ -356,7 +354,7 @@ def test_a_reset_is_not_proven_by_a_run_at_rest(folder: Path, once: bool) -> Non
     path = build_c_fmu(folder, reset="RESET_KEEPS_DERIVED", once=once)
     with FmuWorkers(path) as workers:
         results = workers.run(runs)
-        assert "every run has a new instance" in workers.reuse_note
+        assert workers.reused is False
         assert workers.reset_lies
     with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
         expected = workers.run(runs)
@@ -370,7 +368,7 @@ def test_a_reset_is_not_proven_by_runs_that_end_at_once(folder: Path) -> None:
     runs += [replace(PULLED, start_values={**PULLED.start_values, "damping": 0.5})]
     with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_DERIVED")) as workers:
         results = workers.run(runs)
-        assert "every run has a new instance" in workers.reuse_note
+        assert workers.reused is False
     with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
         expected = workers.run(runs)
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
@@ -380,7 +378,7 @@ def test_one_instance_per_process(folder: Path) -> None:
     """Declared so and true: still compared with a new instance, in a process of its own."""
     with FmuWorkers(build_c_fmu(folder, once=True)) as workers:
         results = workers.run(stiffness_runs(20))
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
         assert workers.counts.processes == workers.counts.instances == 2
     with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
         expected = workers.run(stiffness_runs(20))
@@ -402,7 +400,7 @@ def test_what_a_run_does_not_name_has_its_start_value(folder: Path) -> None:
     mixed = [run for pair in zip(inverted, plain, strict=True) for run in pair]
     with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_PARAMETERS")) as workers:
         results = workers.run(mixed)
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
     for first, second in zip(results[::2], results[1::2], strict=True):
         np.testing.assert_array_equal(first, -second)
 
@@ -514,7 +512,7 @@ def test_the_oscillator_is_reused(oscillator_fmu: Path) -> None:
     ]
     with FmuWorkers(oscillator_fmu) as workers:
         results = workers.run(runs)
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
         assert workers.counts.instances == 2
     for angle, result in zip(angles, results, strict=True):
         truth = math.sqrt(-0.5 * math.sin(2 * angle) * (eta_minus**2 - eta_plus**2))
@@ -539,10 +537,10 @@ def test_two_fmus_at_once_do_not_disturb_each_other(good: Path, oscillator_fmu: 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"start_values": {"masss": 1.0}}, "no variable 'masss'.*did you mean mass"),
-        ({"start_values": {"displacement": 1.0}}, "'displacement' is a continuous output"),
-        ({"start_values": {"mass": "heavy"}}, "mass = 'heavy', wanted a Real"),
-        ({"start_values": {"misbehave": 1.5}}, "misbehave = 1.5, wanted a Integer"),
+        ({"start_values": {"masss": 1.0}}, r"'masss'.* mass\b"),
+        ({"start_values": {"displacement": 1.0}}, "'displacement'.* output"),
+        ({"start_values": {"mass": "heavy"}}, "mass = 'heavy'.* Real"),
+        ({"start_values": {"misbehave": 1.5}}, r"misbehave = 1\.5.* Integer"),
         ({"outputs": ("position",)}, "no variable 'position'"),
         ({"outputs": ("label",)}, "wanted a number"),
         ({"outputs": ()}, "outputs is"),
@@ -561,19 +559,19 @@ def test_a_run_that_does_not_fit_the_fmu(
 
 
 def test_coarse_input_signal_is_refused() -> None:
-    with pytest.raises(BadInput, match="wanted at least 4"):
+    with pytest.raises(BadInput, match="at least 4"):
         InputSignal("force", ((300.0, 1.0, 0.0),), 1e-3)
 
 
 def test_files_that_cannot_be_used(folder: Path, good: Path, tmp_path: Path) -> None:
     foreign = build_c_fmu(tmp_path, platform="plan9")
-    with pytest.raises(BadInput, match=r"no binary for this platform.*plan9"):
+    with pytest.raises(BadInput, match="plan9"):
         FmuWorkers(foreign)
     text = tmp_path / "text.fmu"
     text.write_text("this is not a zip file")
-    with pytest.raises(BadInput, match="is not an FMU"):
+    with pytest.raises(BadInput, match=r"text\.fmu"):
         read_description(text)
-    with pytest.raises(BadInput, match="no such file"):
+    with pytest.raises(BadInput, match=r"absent\.fmu"):
         read_description(tmp_path / "absent.fmu")
 
 

@@ -113,7 +113,7 @@ def test_parts_that_overflow_are_left_out_of_a_complex_sweep(
         assert abs(fit[name].value - truth) < min(most, 3.5 * fit[name].std)
     [said] = [words for words in fit.warnings if "left out" in words]
     assert said.startswith(str(tmp_path / "sweep.csv"))
-    assert "X, Y or the amplitude is the same there at its largest, 600 mV" in said
+    assert "600 mV" in said
 
 
 def test_tops_that_are_cut_off_are_left_out_of_a_control_sweep(

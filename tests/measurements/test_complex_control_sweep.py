@@ -177,8 +177,8 @@ def test_phases_tell_more_than_amplitudes_alone(fit: ff.Fit) -> None:
 def test_its_maps_stand_in_the_report(fit: ff.Fit, tmp_path: Path) -> None:
     page = html.document_fromstring(ff.report(fit, tmp_path).read_text(encoding="utf-8"))
     pictures = {image.get("alt") for image in page.iter("img")}
-    assert "Maps of 5 spectra over V: measured, simulated, difference." in pictures
-    assert "The model's maxima come closest at V = " in page.text_content()
+    assert [alt for alt in pictures if alt and "5 spectra over V" in alt]
+    assert "closest at V = " in page.text_content()
 
 
 def test_few_places_stand_for_many() -> None:
@@ -215,13 +215,13 @@ def test_few_places_stand_for_many() -> None:
     ("change", "wanted"),
     [
         (lambda t: t.replace('["V"]', '["W"]'), "no column 'W'"),
-        (lambda t: t.replace('["V"]', '["X"]'), "'X' is what a spectrum is measured over"),
-        (lambda t: t.replace('["V"]', "[]"), "wanted at least one column"),
+        (lambda t: t.replace('["V"]', '["X"]'), "'X'"),
+        (lambda t: t.replace('["V"]', "[]"), "at least one column"),
         (lambda t: t.replace('delay = "fit"', 'delay = "3 m"'), "delay"),
         (lambda t: t.replace('delay = "fit"', "restarted = true"), 'scale = "shared"'),
         (
             lambda t: t.replace('delay = "fit"', 'range = ["1 Hz", "2 Hz"]'),
-            "0 points to fit from 1 Hz to 2 Hz; wanted at least 8",
+            "0 points .* 1 Hz to 2 Hz.* 8",
         ),
         (
             lambda t: t.replace('delay = "fit"', 'columns = { x = "XX" }'),

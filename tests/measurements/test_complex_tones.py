@@ -160,7 +160,7 @@ def test_phases_of_a_sweep_scaled_series_are_compared_by_its_chi(oscillator: ff.
     problem = ff.Problem(oscillator, PARAMETERS, [tones_of(measured(), "phase"), SWEEP])
     rows = problem.residuals(np.array([WIDTH, ETA]))
     assert np.std(rows) == pytest.approx(NOISE, rel=0.4)
-    with pytest.raises(BadInput, match=r"gives a scale alone, which .* unknown = \"gain\" does"):
+    with pytest.raises(BadInput, match=r"unknown = \"gain\""):
         ff.Problem(oscillator, PARAMETERS, [tones_of(measured(), "gain"), SWEEP])
 
 
@@ -308,16 +308,16 @@ def test_decibels_and_phases_are_read(oscillator: ff.Fmu, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        ('phases = ["P1"]', r"\[experiments\] phases: 1 column, wanted 2"),
-        ('phases = ["P1", "P3"]', r"experiments.csv: no column 'P3' of phases; there is"),
-        ('phases = ["R1", "P2"]', r"phases: 'R1' is named twice, wanted a column for each"),
-        ('phases = ["P1", "P2"]\nunknown = "delay"', r"unknown: found 'delay', wanted one of"),
-        ('unknown = "gain"', r"unknown: has a meaning beside 'phases', or 'x' and 'y', only"),
-        ('x = ["P1", "P2"]', r"y: wanted beside 'x'"),
-        ('phases = ["P1", "P2"]\nrestarted = ["7"]', r"no experiment '7', which \[experiments\]"),
+        ('phases = ["P1"]', r"\[experiments\] phases: 1 .* 2"),
+        ('phases = ["P1", "P3"]', r"experiments\.csv: .*'P3' of phases"),
+        ('phases = ["R1", "P2"]', r"phases: 'R1'.* twice"),
+        ('phases = ["P1", "P2"]\nunknown = "delay"', r"unknown: found 'delay'"),
+        ('unknown = "gain"', r"unknown: .*'phases'.*'x' and 'y'"),
+        ('x = ["P1", "P2"]', r"y: .*'x'"),
+        ('phases = ["P1", "P2"]\nrestarted = ["7"]', r"'7'.* \[experiments\]"),
         (
             'phases = ["P1", "P2"]\nunknown = "none"\nrestarted = ["2"]',
-            r"restarted: has no meaning with unknown = \"none\"",
+            r"restarted: .*unknown = \"none\"",
         ),
     ],
 )
@@ -340,8 +340,8 @@ def test_a_table_that_cannot_be_meant_is_refused(
     ("header", "phase", "wanted"),
     [
         ("R{} (V),P{}", 1.0, r"column 'P1' has no unit"),
-        ("R{} (V),P{} (rad)", 57.3, r"row 2, column 'P1': found 18.6\d* rad, in 5 of 5 rows"),
-        ("P{} (deg),R{} (V)", -1.0, r"row 2, column 'R1': negative amplitude"),
+        ("R{} (V),P{} (rad)", 57.3, r"row 2, .*'P1': found 18.6\d* rad, .*5 of 5 rows"),
+        ("P{} (deg),R{} (V)", -1.0, r"row 2, .*'R1': negative"),
         ("R{} (V),P{} (Hz)", 1.0, r"column 'P1'.*Hz"),
         ("R{} (V),P{} (rad)", np.nan, r"row 2, column 'P1': found 'nan'"),
     ],
@@ -359,9 +359,9 @@ def test_columns_that_cannot_be_meant_are_refused(
 @pytest.mark.parametrize(
     ("mistake", "words"),
     [
-        (lambda y: y.imag + 1j * y.real, r"if they run the other way: are X and Y exchanged"),
-        (lambda y: np.abs(y) * np.exp(1j * np.radians(np.angle(y))), r"if their numbers are rad"),
-        (lambda y: np.abs(y) * np.exp(1j * np.degrees(np.angle(y))), r"if their numbers are deg"),
+        (lambda y: y.imag + 1j * y.real, "exchanged"),
+        (lambda y: np.abs(y) * np.exp(1j * np.radians(np.angle(y))), "numbers are rad"),
+        (lambda y: np.abs(y) * np.exp(1j * np.degrees(np.angle(y))), "numbers are deg"),
         (lambda y: y, None),
     ],
 )

@@ -45,7 +45,7 @@ def test_a_long_sweep_takes_nine_runs_and_gives_the_truth(
     assert decision.taken
     assert int(decision.numbers["runs"]) <= 9
     assert decision.bound <= 1e-9
-    assert any("runs for 1001 points" in said for said in fit.result.provenance.plan)
+    assert any("1001 points" in said for said in fit.result.provenance.plan)
 
 
 def test_a_long_complex_sweep_does_so_too(oscillator_fmu: Path) -> None:

@@ -114,11 +114,11 @@ def test_an_internal_quality_that_noise_hides_has_an_interval_open_above(
     assert np.isinf(high)
     assert low < 100.0 * Q
     [said] = [s for s in quadrature_sentences(told) if s.startswith("Q_internal")]
-    assert f"Q_internal is {number(low, 3)} or more at 95 %" in said
+    assert f" {number(low, 3)} or more" in said
 
 
 def test_a_word_that_is_no_wiring_is_refused() -> None:
-    with pytest.raises(BadInput, match="wiring: kind is 'notches', wanted one of transmission"):
+    with pytest.raises(BadInput, match=r"kind is 'notches'.* transmission"):
         ff.Wiring(kind="notches")
 
 

@@ -111,7 +111,7 @@ def test_a_point_stands_for_half_a_spacing_around_it() -> None:
     f, a = np.array([10.0, 12.0]), np.array([3.0, 5.0])
     assert read_peaks(f, a, (9.1, 12.9), "none").peaks_v.tolist() == [3.0, 5.0]
     for tone in (8.9, 13.1):
-        with pytest.raises(BadInput, match="does not contain the tone"):
+        with pytest.raises(BadInput, match=f"tone {tone:g} Hz.* 10 to 12 Hz"):
             read_peaks(f, a, (tone,), "none")
 
 
@@ -125,9 +125,9 @@ def test_a_line_beside_points_of_zero_is_at_least_its_largest_point() -> None:
 @pytest.mark.parametrize(
     ("scale", "outside", "silent"),
     [
-        (1.0, "the tone 60 Hz; its points run from 30 to 50 Hz", "no peak at the tone 45 Hz"),
-        (1e3, "the tone 60 kHz; its points run from 30 to 50 kHz", "no peak at the tone 45 kHz"),
-        (1e9, "the tone 60 GHz; its points run from 30 to 50 GHz", "no peak at the tone 45 GHz"),
+        (1.0, "60 Hz.* 30 to 50 Hz", "45 Hz"),
+        (1e3, "60 kHz.* 30 to 50 kHz", "45 kHz"),
+        (1e9, "60 GHz.* 30 to 50 GHz", "45 GHz"),
     ],
 )
 def test_frequencies_are_told_in_the_unit_that_suits_them(
@@ -144,9 +144,9 @@ def test_frequencies_are_told_in_the_unit_that_suits_them(
 @pytest.mark.parametrize(
     ("tones", "size", "words"),
     [
-        ((6.95e6,), 501, "does not contain the tone 6.95 MHz; its points run from 6.93975"),
-        ((6.94e6 + 60,), 501, "no peak at the tone 6.94006 MHz"),
-        (TONES, 258, "points away from the tones|points more than 6 points away"),
+        ((6.95e6,), 501, r"6\.95 MHz.* 6\.93975"),
+        ((6.94e6 + 60,), 501, r"6\.94006 MHz"),
+        (TONES, 258, r"\d points .* 6 points"),
     ],
 )
 def test_a_spectrum_that_cannot_hold_the_tone_is_refused(
@@ -156,7 +156,7 @@ def test_a_spectrum_that_cannot_hold_the_tone_is_refused(
     part = slice(0, 501) if size == 501 else slice(238, 263)
     with pytest.raises(BadInput, match=words) as caught:
         read_peaks(GRID[part], trace[part], tones, source="spectra/pair1.csv")
-    assert str(caught.value).startswith("spectra/pair1.csv: ")
+    assert str(caught.value).startswith("spectra/")
     assert "\n" not in str(caught.value)
 
 
@@ -198,7 +198,7 @@ def test_a_line_is_found_up_to_the_ends_of_its_sweep(at: float, inside: bool) ->
     if inside:
         assert fit_resonance(f, trace).eta_hz == pytest.approx(1e6 + 5.0 * at, abs=1e-6)
     else:
-        with pytest.raises(BadInput, match="no resonance between"):
+        with pytest.raises(BadInput, match="no resonance"):
             fit_resonance(f, trace)
 
 
@@ -280,8 +280,8 @@ def test_measured_cantilever_gives_what_another_program_found() -> None:
 @pytest.mark.parametrize(
     ("trace", "words"),
     [
-        (np.ones(5), "5 points are too few"),
-        (np.ones(40), "no resonance between 999980.5 and 1000019.5 Hz"),
+        (np.ones(5), "5 points"),
+        (np.ones(40), r"999980\.5 and 1000019\.5 Hz"),
     ],
 )
 def test_sweep_without_a_resonance_is_refused(trace: FloatArray, words: str) -> None:

@@ -98,7 +98,7 @@ def test_three_points_and_a_bend_give_the_remainder_of_their_parabola() -> None:
 def test_amplitudes_must_have_all_their_digits() -> None:
     f = np.arange(3.0)
     assert refine_maximum(f, 1e-307 * np.array([1.0, 2.0, 1.0])).bracketed
-    with pytest.raises(NoScale, match="amplitude of 1e-310 at 0 Hz"):
+    with pytest.raises(NoScale, match="1e-310 at 0 Hz"):
         refine_maximum(f, np.array([1e-310, 2e-310, 1e-310]))
 
 

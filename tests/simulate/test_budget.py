@@ -61,8 +61,8 @@ def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
     assert over.left == 0.0
     assert over.of(Kind.SOLVER, "substep") == over.decisions[2:]
     budget = replace(over, decisions=(over.decisions[0], over.decisions[2]))
-    assert "2.3e-04 is what can be promised" in plan_in_words(budget)[-1]
-    assert "most of it is due to solver (substep = 1e-06)" in warnings_in_words(budget)[0]
+    assert "2.3e-04" in plan_in_words(budget)[-1]
+    assert "solver (substep = 1e-06)" in warnings_in_words(budget)[0]
 
 
 def test_what_is_no_decision_is_refused() -> None:
@@ -75,11 +75,11 @@ def test_what_is_no_decision_is_refused() -> None:
         with pytest.raises(BadInput, match="accuracy"):
             Budget(accuracy)
     one = Reduction("one", {"a": 1})
-    with pytest.raises(BadInput, match="no reduction 'two', wanted one of: one"):
+    with pytest.raises(BadInput, match=r"'two'.* one$"):
         AccuracyAnnotation(reductions=(one,), forbid=("two",))
     with pytest.raises(BadInput, match="both"):
         AccuracyAnnotation(reductions=(one,), forbid=("one",), force=("one",))
-    with pytest.raises(BadInput, match="no reduction 'two', wanted one of: none"):
+    with pytest.raises(BadInput, match=r"'two'.* none\b"):
         AccuracyAnnotation(forbid=("two",)).over(AccuracyAnnotation())
 
 
@@ -125,15 +125,18 @@ def test_a_reduction_that_saves_is_taken_where_its_bound_fits(workers: FmuWorker
     assert rough.settings == {"other_mode": 2}  # a start at rest is then several times as fast
     assert fine.settings == {}
     listed = {d.subject: d for d in fine.decisions}
-    assert "is left for it" in reason_in_words(listed["far mode left out"])
-    assert listed["far mode left out"].bound > 1e-9
+    left_out = listed["far mode left out"]
+    assert not left_out.taken
+    assert left_out.bound > max(1e-9, float(left_out.numbers["left"]))
+    assert f"{float(left_out.numbers['left']):.1e}" in reason_in_words(left_out)
 
 
 def test_a_forced_reduction_is_taken_with_a_warning(workers: FmuWorkers) -> None:
     plan = planned(workers, 1e-9, force=("far mode left out",))
     assert plan.settings["other_mode"] == 2
     assert not plan.budget.kept
-    assert any("far mode left out" in text for text in warnings_in_words(plan.budget))
+    [forced] = [d for d in plan.decisions if d.subject.startswith("far mode left") and d.taken]
+    assert any(text.startswith(forced.subject) for text in warnings_in_words(plan.budget))
 
 
 # --- an FMU that is not ours ---------------------------------------------------------------------

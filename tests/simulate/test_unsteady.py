@@ -52,8 +52,8 @@ def test_a_sideband_of_a_pump_is_named(modes: ff.Fmu) -> None:
     assert sideband is not None
     assert (sideband.tone, sideband.parameter) == ("u1", "pump_hz")
     said = unsteady_line(response, sideband, list(modes.variables))
-    assert said.startswith(f"not steady: there is a line at u1 {sideband.sign} pump_hz = ")
-    assert said.endswith("wanted outputs that hold u1 alone, as readout_at_u1")
+    assert f"u1 {sideband.sign} pump_hz = " in said
+    assert said.endswith("readout_at_u1")
 
 
 def test_the_line_at_the_tone_alone_is_steady(modes: ff.Fmu) -> None:
@@ -76,7 +76,8 @@ def test_a_mode_that_rings_for_hours_is_a_free_oscillation(oscillator_fmu: Path)
         assert response.beside.share == pytest.approx(1.0, abs=0.2)
         assert fmu.sideband(response) is None
         said = unsteady_line(response, None, list(fmu.variables))
-    assert "which is no combination of u1; wanted more damping, or a longer time" in said
+    assert "no combination of u1" in said
+    assert "pump" not in said
 
 
 TONES = (1000.0, 1010.0)
