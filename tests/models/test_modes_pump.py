@@ -208,7 +208,7 @@ def test_parametric_resonance_begins_where_mathieu_says(models: Models, quality:
     assert models(1).start(**p, depth_f1=0.998 * threshold).step(0.0, 1e-6) == OK
     fmu = models(1).start(**p, depth_f1=1.002 * threshold)
     assert fmu.step(0.0, 1e-6) == DISCARD
-    assert "makes the modes unstable" in fmu.status_message()
+    assert "unstable" in fmu.status_message()
     assert "pump_hz = 2000000.0 Hz" in fmu.status_message()
 
 

@@ -146,7 +146,7 @@ def test_a_chain_that_is_too_long_is_refused_alike(pairs: Callable[[int], Pair])
     long |= {"pump_hz": 1.0 / 700.0, "depth_f1": 0.4}
     python, native = (run(fmu, THREE | long, [0.1], {}) for fmu in pairs(3))
     assert same(python, native) <= 1e-12
-    assert "needs more than 1500 sidebands" in python[2][0][1]
+    assert "1500 sidebands" in python[2][0][1]
 
 
 def test_one_mode_without_pairs_compiles_without_a_warning(tmp_path: Path) -> None:
