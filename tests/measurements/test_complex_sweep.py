@@ -65,12 +65,12 @@ def best(u: FloatArray, y: ComplexArray, columns: int) -> tuple[FloatArray, Floa
 
 
 def test_value_error_and_freedom_are_those_of_least_squares_in_all_unknowns(
-    oscillator_fmu: Path,
+    swift: ff.Fmu,
 ) -> None:
     """Gain and background are solved inside: nobody would know from value, error and freedom."""
     y = measured(0.01)
     curve = ComplexCurve(SEEN, y, wiring=Wiring(background="constant"))
-    problem = ff.Problem(oscillator_fmu, PARAMETERS, ff.ComplexSweep(SETUP, curve))
+    problem = ff.Problem(swift, PARAMETERS, ff.ComplexSweep(SETUP, curve))
     found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1))
     value, error, _ = best(SEEN, y, 2)
     for name, v, e in zip(("d1", "eta_plus"), value, error, strict=True):
@@ -83,13 +83,13 @@ def test_value_error_and_freedom_are_those_of_least_squares_in_all_unknowns(
 
 
 def test_a_value_beyond_its_box_is_told_as_such_with_what_is_left_there(
-    oscillator_fmu: Path,
+    swift: ff.Fmu,
 ) -> None:
     """The box of the width ends at 11 Hz; least squares without one know 12.5 Hz and its error."""
     y = measured(0.01)
     curve = ComplexCurve(SEEN, y, wiring=Wiring(background="constant"))
     inside = (ff.Parameter("d1", 10.0, bounds=(1.0, 11.0), scale=5.0), PARAMETERS[1])
-    problem = ff.Problem(oscillator_fmu, inside, ff.ComplexSweep(SETUP, curve))
+    problem = ff.Problem(swift, inside, ff.ComplexSweep(SETUP, curve))
     found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1))
     value, error, scatter = best(SEEN, y, 2)
     answer = answer_of(found.result)
@@ -261,21 +261,22 @@ def _campaign(folder: Path, fmu: Path, y: ComplexArray, table: str = "") -> Path
     ],
 )
 def test_a_table_that_cannot_be_meant_is_refused(
-    table: str, wanted: str, oscillator_fmu: Path, tmp_path: Path
+    table: str, wanted: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
-    path = _campaign(tmp_path, oscillator_fmu, measured(0.0), table)
+    path = _campaign(tmp_path, swift_fmu, measured(0.0), table)
     with pytest.raises(BadInput, match=wanted):
         ff.Problem.of(ff.read_campaign(path))
 
 
-def test_exchanged_quadratures_are_told(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_exchanged_quadratures_are_told(swift: ff.Fmu, swift_fmu: Path, tmp_path: Path) -> None:
     y = measured(0.01)
-    path = _campaign(tmp_path, oscillator_fmu, y.imag + 1j * y.real)
+    path = _campaign(tmp_path, swift_fmu, y.imag + 1j * y.real)
     with pytest.raises(BadInput, match=r" 999\.9"):
         ff.read_campaign(path)
-    path = _campaign(tmp_path, oscillator_fmu, np.conj(y), "conjugate = true")
-    read = ff.Problem.of(ff.read_campaign(path))
-    plain = ff.Problem.of(ff.read_campaign(_campaign(tmp_path, oscillator_fmu, y, "scale = 'own'")))
+    path = _campaign(tmp_path, swift_fmu, np.conj(y), "conjugate = true")
+    read = ff.Problem.of(ff.read_campaign(path), swift)
+    path = _campaign(tmp_path, swift_fmu, y, "scale = 'own'")
+    plain = ff.Problem.of(ff.read_campaign(path), swift)
     assert read.residuals(read.start) == pytest.approx(plain.residuals(plain.start), abs=1e-12)
 
 
@@ -392,14 +393,14 @@ def errors_without_noise(rows: Callable[[FloatArray], FloatArray], at: FloatArra
     return np.asarray((np.sqrt(np.diag(covariance)) / sizes)[:2])
 
 
-def test_what_phases_gain_is_told_of_the_errors_that_are_reported(swift_fmu: Path) -> None:
+def test_what_phases_gain_is_told_of_the_errors_that_are_reported(swift: ff.Fmu) -> None:
     """Noise that drifts widens them; amplitudes alone are as many times as wide as they were."""
     rng = np.random.default_rng(8)
     exact = GAIN * mode(SEEN, ETA, WIDTH) + GROUND
     drift = 0.01 * float(np.max(np.abs(exact))) * np.array([1.0, 1.0j])
     y = exact + drift @ np.stack([coloured(0.8, SEEN.size, rng) for _ in "xy"])
     curve = ComplexCurve(SEEN, y, wiring=Wiring(background="constant"))
-    problem = ff.Problem(swift_fmu, PARAMETERS, ff.ComplexSweep(SETUP, curve))
+    problem = ff.Problem(swift, PARAMETERS, ff.ComplexSweep(SETUP, curve))
     found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1)).inferred
     structure = found.fit.solution.structure
     assert structure is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,9 +21,8 @@ STILL = {"A1": 0.0, "A2": 0.0}
 
 
 @pytest.fixture(scope="module")
-def fmu(swift_fmu: Path) -> Iterator[ff.Fmu]:
-    with ff.Fmu(swift_fmu, workers=1) as opened:
-        yield opened
+def fmu(swift: ff.Fmu) -> ff.Fmu:
+    return swift
 
 
 def near(name: str, value: float, width: float) -> ff.Parameter:
@@ -34,8 +32,15 @@ def near(name: str, value: float, width: float) -> ff.Parameter:
     return ff.Parameter(name, 1.2 * value, bounds=(0.1 * value, 6.0 * value), unit="Hz")
 
 
-@pytest.mark.parametrize("quality", [1e3, 1e8])
-@pytest.mark.parametrize("amplitudes", [pytest.param(False, id="XY"), pytest.param(True, id="R")])
+@pytest.mark.parametrize(
+    ("quality", "amplitudes"),
+    [
+        pytest.param(1e8, False, id="XY-1e8"),
+        pytest.param(1e3, True, id="R-1e3"),
+        pytest.param(1e3, False, id="XY-1e3", marks=pytest.mark.nightly),
+        pytest.param(1e8, True, id="R-1e8", marks=pytest.mark.nightly),
+    ],
+)
 def test_two_beating_modes_of_any_quality(fmu: ff.Fmu, quality: float, amplitudes: bool) -> None:
     """Noise-free: X and Y tell all, amplitudes all but where the lines are."""
     width, theta = F_HZ / quality, 1.2
@@ -227,8 +232,10 @@ def written(folder: Path, fmu: Path, campaign: str = CAMPAIGN) -> Path:
     return path
 
 
-def test_a_campaign_file_tells_of_phasors_and_levels(swift_fmu: Path, tmp_path: Path) -> None:
-    problem = ff.Problem.of(ff.read_campaign(written(tmp_path, swift_fmu)))
+def test_a_campaign_file_tells_of_phasors_and_levels(
+    fmu: ff.Fmu, swift_fmu: Path, tmp_path: Path
+) -> None:
+    problem = ff.Problem.of(ff.read_campaign(written(tmp_path, swift_fmu)), fmu)
     fit = ff.fit(problem)
     assert fit.success
     assert abs(fit["d1"].value - 2.0) < 4.0 * fit["d1"].std

@@ -307,7 +307,7 @@ def written(folder: Path, fmu: Path, lock_in: LockIn, campaign: str = CAMPAIGN) 
     return path
 
 
-def from_arrays(lock_in: LockIn, fmu: Path) -> ff.Problem:
+def from_arrays(lock_in: LockIn, fmu: ff.Fmu) -> ff.Problem:
     """The problem that the campaign file tells of."""
     return ff.Problem(
         fmu,
@@ -320,8 +320,8 @@ def from_arrays(lock_in: LockIn, fmu: Path) -> ff.Problem:
     )
 
 
-def test_without_noise_the_truth_comes_back(oscillator_fmu: Path) -> None:
-    fit = ff.fit(from_arrays(measured(1, 0.0), oscillator_fmu), starts=1)
+def test_without_noise_the_truth_comes_back(swift: ff.Fmu) -> None:
+    fit = ff.fit(from_arrays(measured(1, 0.0), swift), starts=1)
     assert fit.success
     # the regularisation of the last level still pulls by about nu = 1e-9
     assert fit.x == pytest.approx([WIDTH_HZ, ETA_HZ], rel=1e-6)
@@ -333,13 +333,13 @@ NOISE = 0.01
 
 
 @pytest.fixture(scope="module")
-def path(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(tmp_path_factory.mktemp("lock_in"), oscillator_fmu, measured(5, NOISE))
+def path(swift_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp("lock_in"), swift_fmu, measured(5, NOISE))
 
 
 @pytest.fixture(scope="module")
-def fit(path: Path) -> ff.Fit:
-    return ff.fit(ff.Problem.of(ff.read_campaign(path, kinds=[LockInTable])))
+def fit(path: Path, swift: ff.Fmu) -> ff.Fit:
+    return ff.fit(ff.Problem.of(ff.read_campaign(path, kinds=[LockInTable]), swift))
 
 
 def test_a_campaign_file_that_tells_of_it_is_fitted(fit: ff.Fit) -> None:
@@ -361,12 +361,12 @@ def test_a_campaign_file_that_tells_of_it_is_fitted(fit: ff.Fit) -> None:
     assert set(fit.result.provenance.files) == {"campaign.toml", "lock_in.csv"}
 
 
-def test_its_rows_are_those_of_the_closed_form(fit: ff.Fit, oscillator_fmu: Path) -> None:
+def test_its_rows_are_those_of_the_closed_form(fit: ff.Fit, swift: ff.Fmu) -> None:
     """From the file and from arrays alike, whatever units the file has."""
     lock_in = measured(5, NOISE)
     apart = (closed_form(SEEN_HZ) - lock_in.amplitude_v) / np.max(np.abs(lock_in.amplitude_v))
     expected = np.concatenate([apart.real, apart.imag])
-    arrays = from_arrays(lock_in, oscillator_fmu)
+    arrays = from_arrays(lock_in, swift)
     for problem in (fit.problem, arrays):
         rows = problem.residuals([WIDTH_HZ, ETA_HZ])
         assert rows == pytest.approx(expected, abs=1e-9)
@@ -418,10 +418,10 @@ def test_its_figure_is_drawn_into_given_axes(fit: ff.Fit) -> None:
     ],
 )
 def test_what_is_wrong_with_its_table_is_told_as_of_any_other(
-    old: str, new: str, wanted: str, oscillator_fmu: Path, tmp_path: Path
+    old: str, new: str, wanted: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
     assert old in CAMPAIGN
-    wrong = written(tmp_path, oscillator_fmu, measured(5, NOISE), CAMPAIGN.replace(old, new))
+    wrong = written(tmp_path, swift_fmu, measured(5, NOISE), CAMPAIGN.replace(old, new))
     with pytest.raises(BadInput, match=wanted):
         ff.Problem.of(ff.read_campaign(wrong, kinds=[LockInTable]))
 

@@ -114,8 +114,9 @@ def test_maps_go_by_the_controls_that_repeat(problem: ff.Problem) -> None:
     assert not any(line.get_visible() for line in axes.get_xgridlines() + axes.get_ygridlines())
 
 
+@pytest.mark.parametrize("budget", [2000, pytest.param(2400, marks=pytest.mark.nightly)])
 def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
-    problem: ff.Problem,
+    problem: ff.Problem, budget: int
 ) -> None:
     """With d1 = d2 the damping is the same in all coordinates: theta leaves the line as it is.
 
@@ -129,12 +130,11 @@ def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     couplings = [lines.coupling_hz(np.array([theta, 1.0, 1.0, 0.0, 0.0, 0.0])) for theta in angles]
     record = problem.part({"depth": 0.0}).record
     alone = ff.Problem.answered_by(lambda _: lines, record)
-    for budget in (2000, 2400):
-        part = ff.identify(alone, budget=budget).knowledge
-        assert part.effort.fmu_runs > 0.9 * budget  # it was cut
-        assert part.profiles["theta"].verdict is Verdict.OPEN
-        found = part.profiles["lambda12"]
-        assert found.verdict is Verdict.OPEN
-        low, high = found.interval95
-        assert low <= couplings[0] < couplings[1] <= high
-        assert not any("lambda12" in s and "cost" in s for s in part.sentences)
+    part = ff.identify(alone, budget=budget).knowledge
+    assert part.effort.fmu_runs > 0.9 * budget  # it was cut
+    assert part.profiles["theta"].verdict is Verdict.OPEN
+    found = part.profiles["lambda12"]
+    assert found.verdict is Verdict.OPEN
+    low, high = found.interval95
+    assert low <= couplings[0] < couplings[1] <= high
+    assert not any("lambda12" in s and "cost" in s for s in part.sentences)

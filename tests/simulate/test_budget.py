@@ -87,8 +87,8 @@ def test_what_is_no_decision_is_refused() -> None:
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu) as running:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu) as running:
         yield running
 
 
@@ -200,13 +200,13 @@ def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> No
 
 
 def test_the_plan_is_printed_and_nothing_written(
-    oscillator_fmu: Path,
+    swift_fmu: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["simulate", str(oscillator_fmu), "--accuracy", "1e-4", "--plan"]) == 0
+    assert main(["simulate", str(swift_fmu), "--accuracy", "1e-4", "--plan"]) == 0
     said = capsys.readouterr().out
     assert "settling: " in said
     assert "whole periods" in said
@@ -225,7 +225,7 @@ def test_the_plan_is_printed_and_nothing_written(
     ],
 )
 def test_what_does_not_go_together_is_told(
-    options: list[str], words: str, oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]
+    options: list[str], words: str, swift_fmu: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["simulate", str(oscillator_fmu), *options]) == 2
+    assert main(["simulate", str(swift_fmu), *options]) == 2
     assert words in capsys.readouterr().err

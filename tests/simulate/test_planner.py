@@ -30,8 +30,8 @@ AT_REST = AccuracyAnnotation(forbid=("periodic start",))
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu) as running:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu) as running:
         yield running
 
 
