@@ -45,7 +45,13 @@ def pumped(n: int, k: int, seed: int) -> Scene:
     }
 
 
-@pytest.mark.parametrize(("n", "k"), [(1, 0), (2, 0), (2, 1), (2, 3), (3, 0), (3, 1)])
+@pytest.mark.parametrize(
+    ("n", "k"),
+    [
+        *((1, 0), (2, 1), (3, 1)),
+        *(pytest.param(*scene, marks=pytest.mark.nightly) for scene in ((2, 0), (2, 3), (3, 0))),
+    ],
+)
 def test_sidebands_are_those_of_a_dense_solve(models: Models, n: int, k: int) -> None:
     scene = pumped(n, k, seed=20 + n)
     fmu = models(n).start(**scene, readout1=1.0)
@@ -229,7 +235,9 @@ def test_amplification_below_the_threshold(models: Models) -> None:
 # --- the bound, and refusals ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wanted", [1e-1, 1e-2, 1e-4, 1e-7])
+@pytest.mark.parametrize(
+    "wanted", [1e-2, *(pytest.param(x, marks=pytest.mark.nightly) for x in (1e-1, 1e-4, 1e-7))]
+)
 def test_the_cut_costs_less_than_its_bound(wanted: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """All sidebands together against a chain cut far out, at strong pumps in many places."""
     names = [f"lambda{a}{b}" for a, b in ((1, 2), (1, 3), (2, 3))]

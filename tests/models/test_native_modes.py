@@ -94,7 +94,7 @@ def test_every_scene_is_that_of_the_python_fmu(
 
     Of long chains there are few, as Python takes its time for these.
     """
-    cases = [*scenes(3, 10, seed=3), pumped(3, 0, seed=23), THREE | PUMP]
+    cases = [*scenes(3, 5, seed=3), pumped(3, 0, seed=23), THREE | PUMP]
     cases += [] if settings else [pumped(3, 1, seed=23)]
     for scene in cases:
         python, native = (run(fmu, scene | settings, *course(scene, settings)) for fmu in pairs(3))
