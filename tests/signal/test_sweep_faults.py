@@ -31,11 +31,18 @@ def only(found: tuple[SweepFault, ...], fault: Fault) -> SweepFault:
 NIGHTLY = pytest.mark.nightly
 
 
+@pytest.fixture
+def one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether two lines fit as well is not asked: it costs most of the time where none is seen."""
+    monkeypatch.setattr("fitting.signal.sweep_faults._Sweep.two_lines_p", lambda *_: 1.0)
+
+
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=NIGHTLY) for k in range(1, 6))])
 def test_nothing_is_said_of_sound_sweeps(seed: int) -> None:
     assert sweep_faults(FREQUENCY_HZ, 3e-5 * (np.abs(line()) + noise(seed))) == ()
 
 
+@pytest.mark.usefixtures("one_line")
 @pytest.mark.parametrize("power", [2.0, pytest.param(0.5, marks=NIGHTLY)])
 def test_decibels_of_the_wrong_kind_show_as_a_power(power: float) -> None:
     found = only(sweep_faults(FREQUENCY_HZ, np.abs(line()) ** power + noise(1)), Fault.POWER)
@@ -44,7 +51,8 @@ def test_decibels_of_the_wrong_kind_show_as_a_power(power: float) -> None:
     assert abs(found.width_hz[0] / WIDTH_HZ - 1.0) > 0.2  # what is reported without a warning
 
 
-@pytest.mark.parametrize("seeds", [4, pytest.param(24, marks=NIGHTLY)])
+@pytest.mark.usefixtures("one_line")
+@pytest.mark.parametrize("seeds", [6, pytest.param(24, marks=NIGHTLY)])
 def test_squares_of_noisy_amplitudes_are_named_though_their_noise_grows_with_them(
     seeds: int,
 ) -> None:
@@ -58,6 +66,7 @@ def test_squares_of_noisy_amplitudes_are_named_though_their_noise_grows_with_the
     assert named >= seeds - max(1, seeds // 12)
 
 
+@pytest.mark.usefixtures("one_line")
 @pytest.mark.parametrize("missing", [0.4, pytest.param(0.25, marks=NIGHTLY)])
 def test_a_detector_that_saturates_is_named(missing: float) -> None:
     """Soft or with a limit; its law, and so size and width, need not be told by the points."""
@@ -78,6 +87,7 @@ def test_one_bad_point_is_named_with_its_place_and_is_no_second_line() -> None:
     assert found.std == pytest.approx(NOISE, rel=0.3)
 
 
+@pytest.mark.usefixtures("one_line")
 def test_a_background_is_named_with_its_size() -> None:
     found = only(sweep_faults(FREQUENCY_HZ, np.abs(line() + 0.06j) + noise(4)), Fault.BACKGROUND)
     assert found.width_hz[1] == pytest.approx(WIDTH_HZ, rel=0.05)
@@ -112,8 +122,8 @@ def test_flat_and_exact_sweeps_have_no_fault(amplitude: FloatArray) -> None:
 @pytest.mark.parametrize(
     ("height", "apart"),
     [
-        (-0.1, 5.0),
-        pytest.param(0.05j, 0.5, marks=NIGHTLY),
+        (0.05j, 0.5),
+        pytest.param(-0.1, 5.0, marks=NIGHTLY),
         pytest.param(-0.1j, 5.0, marks=NIGHTLY),
     ],
 )
@@ -129,9 +139,9 @@ def test_two_lines_are_told_as_such_beside_what_they_look_like(
 @pytest.mark.parametrize(
     ("times", "apart", "height"),
     [
-        (0.1, 0.0, -0.1j),
+        (7.0, 1.0, 0.05j),
         pytest.param(5.0, 3.0, 0.05, marks=NIGHTLY),
-        pytest.param(7.0, 1.0, 0.05j, marks=NIGHTLY),
+        pytest.param(0.1, 0.0, -0.1j, marks=NIGHTLY),
     ],
 )
 def test_the_second_line_may_be_narrower_or_wider(
