@@ -142,7 +142,9 @@ def test_a_forced_reduction_is_taken_with_a_warning(workers: FmuWorkers) -> None
 # --- an FMU that is not ours ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-7])
+@pytest.mark.parametrize(
+    "accuracy", [1e-4, *(pytest.param(x, marks=pytest.mark.nightly) for x in (1e-2, 1e-7))]
+)
 def test_a_foreign_fmu_is_settled_by_watching_it(accuracy: float, tmp_path: Path) -> None:
     """m x'' + c x' + k x = F cos: |X| = F/sqrt((k - m w^2)^2 + (c w)^2), from rest."""
     fmu = build_c_fmu(tmp_path)

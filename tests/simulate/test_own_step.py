@@ -58,7 +58,7 @@ def test_noise_that_nearly_does_ends_settling(tmp_path: Path) -> None:
         ("STANDS_BETWEEN", False, 2, Basis.OWN_STEP),
         ("LOSES_TIME", True, 2, Basis.OWN_STEP),
         ("REFUSES", True, 2, Basis.OTHER_STEPS),
-        ("REFUSES", False, 2, Basis.OTHER_STEPS),
+        pytest.param("REFUSES", False, 2, Basis.OTHER_STEPS, marks=pytest.mark.nightly),
         ("REFUSES", True, 3, Basis.FIXED_STEP),
     ],
 )
