@@ -59,7 +59,7 @@ def landlock() -> bool:
 @pytest.mark.parametrize(
     ("how", "label", "words"),
     [
-        (FILLS_DISK, "one", "2 MB.* stopped"),
+        pytest.param(FILLS_DISK, "one", "2 MB.* stopped", marks=pytest.mark.nightly),
         (FILLS_DISK, "many", "2 MB.* stopped"),
         (HANGS, "", r"0\.5 s of processor time.* stopped"),
         (OPENS_SOCKET, "9", "network.* stopped"),
@@ -92,7 +92,11 @@ with FmuWorkers(Path(sys.argv[1]), timeout_s=100.0, isolation=LIMITS) as workers
 
 @pytest.mark.parametrize(
     ("caller_mb", "how", "of_memory"),
-    [(0, FILLS_MEMORY, True), (600, FILLS_MEMORY, False), (600, ABORTS, False)],
+    [
+        (0, FILLS_MEMORY, True),
+        (600, FILLS_MEMORY, False),
+        pytest.param(600, ABORTS, False, marks=pytest.mark.nightly),
+    ],
 )
 def test_memory_is_named_where_it_is_known_to_have_been_the_end(
     good: Path, caller_mb: int, how: int, of_memory: bool

@@ -47,7 +47,7 @@ def pulled(workers: FmuWorkers) -> list[float]:
     return [float(x) for x in result[:, 0]]
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [2, pytest.param(1, marks=pytest.mark.nightly)])
 def test_a_killed_worker_is_replaced_and_does_its_runs_again(
     good: Path, tmp_path: Path, count: int
 ) -> None:
@@ -73,7 +73,10 @@ def test_a_worker_that_is_killed_again_is_told_as_that(good: Path) -> None:
         assert pulled(workers) == expected
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "how",
+    [signal.SIGKILL, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.nightly)],
+)
 def test_a_signal_to_an_idle_worker_is_not_noticed(good: Path, how: signal.Signals) -> None:
     """What asks all processes of a job to end is dealt with by the caller alone."""
     with FmuWorkers(good) as workers:

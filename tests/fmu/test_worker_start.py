@@ -67,7 +67,10 @@ def run_python(arguments: list[str], folder: Path, text: str | None = None) -> l
     return ran.stdout.splitlines()
 
 
-@pytest.mark.parametrize("how", ["file", "standard input", "argument"])
+@pytest.mark.parametrize(
+    "how",
+    ["standard input", *(pytest.param(x, marks=pytest.mark.nightly) for x in ("file", "argument"))],
+)
 def test_a_plain_script_makes_runs(good: Path, tmp_path: Path, how: str) -> None:
     """Once imported, no guard, and nothing is left when it ends without closing anything."""
     text = SCRIPT.format(root=str(ROOT), fmu=str(good))

@@ -209,7 +209,10 @@ def test_failure_is_a_sentence_with_the_parameters(
     np.testing.assert_allclose(after[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
 
 
-@pytest.mark.parametrize("misbehave", [FAILS_AT_START, FAILS_IN_STEP, NAN])
+@pytest.mark.parametrize(
+    "misbehave",
+    [FAILS_IN_STEP, *(pytest.param(x, marks=pytest.mark.nightly) for x in (FAILS_AT_START, NAN))],
+)
 def test_a_run_that_fails_costs_an_instance_and_no_process(good: Path, misbehave: int) -> None:
     """Neither it nor the run behind it is made on an instance that another run was made on."""
     calm = replace(PULLED, start_values={**PULLED.start_values, "misbehave": 0})
@@ -242,7 +245,7 @@ def test_a_run_is_not_blamed_for_a_failure_before_it(good: Path) -> None:
         assert workers.counts.processes == 2
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.nightly)])
 def test_a_batch_of_many_messages_is_one_batch(good: Path, workers: int) -> None:
     """Displacements go with the force, in the order of the runs; the run that fails is named."""
     forces = np.arange(1.0, 4_502.0)
@@ -273,7 +276,9 @@ def in_trial(workers: FmuWorkers) -> bool:
     return process is not None and process.in_trial
 
 
-@pytest.mark.parametrize("misbehave", [HANGS, HANGS_AT_START])
+@pytest.mark.parametrize(
+    "misbehave", [HANGS_AT_START, pytest.param(HANGS, marks=pytest.mark.nightly)]
+)
 def test_endless_loop_is_stopped(good: Path, misbehave: int, clock: Clock) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
     with FmuWorkers(good, timeout_s=60.0) as workers:
@@ -292,7 +297,7 @@ def test_endless_loop_is_stopped(good: Path, misbehave: int, clock: Clock) -> No
         (PENDING, r"0\.0005 s.* 0\.001 s"),
         (FAILS_IN_STEP, "make this step"),
         (FAILS_AT_START, "at the start"),
-        (CRASHES, "SIGSEGV"),
+        pytest.param(CRASHES, "SIGSEGV", marks=pytest.mark.nightly),
     ],
 )
 def test_failures_of_fmi_3(running3: FmuWorkers, misbehave: int, words: str) -> None:
@@ -340,10 +345,11 @@ def stiffness_runs(n: int) -> list[Run]:
     ("reset", "reused", "word"),
     [
         ("RESET_WORKS", True, "bit for bit"),
-        ("RESET_KEEPS_PARAMETERS", True, "bit for bit"),  # all are set for every run anyway
+        # all are set for every run anyway
+        pytest.param("RESET_KEEPS_PARAMETERS", True, "bit for bit", marks=pytest.mark.nightly),
         ("RESET_DOES_NOTHING", False, "displacement"),
-        ("RESET_KEEPS_DERIVED", False, "displacement"),
-        ("RESET_FREEZES_OUTPUT", False, "displacement"),
+        pytest.param("RESET_KEEPS_DERIVED", False, "displacement", marks=pytest.mark.nightly),
+        pytest.param("RESET_FREEZES_OUTPUT", False, "displacement", marks=pytest.mark.nightly),
         ("RESET_FAILS", False, "fmi2Reset"),
         ("RESET_CRASHES", False, "SIGSEGV"),
         ("RESET_HANGS", False, "no answer"),
@@ -381,7 +387,7 @@ def test_a_value_that_is_varied_later_is_checked_then(
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
 
-@pytest.mark.parametrize("once", [False, True])
+@pytest.mark.parametrize("once", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_a_reset_is_not_proven_by_a_run_at_rest(
     folder: Path, fresh: FmuWorkers, once: bool
 ) -> None:
@@ -448,7 +454,7 @@ def test_several_workers_give_what_one_gives(good: Path) -> None:
         assert three.run([]) == []
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [2, pytest.param(1, marks=pytest.mark.nightly)])
 def test_batches_in_turn_give_what_each_gives_alone(good: Path, workers: int) -> None:
     sent: list[float] = []
 
@@ -470,7 +476,9 @@ def test_batches_in_turn_give_what_each_gives_alone(good: Path, workers: int) ->
             np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-10)
 
 
-@pytest.mark.parametrize("misbehave", [FAILS_IN_STEP, CRASHES])
+@pytest.mark.parametrize(
+    "misbehave", [CRASHES, pytest.param(FAILS_IN_STEP, marks=pytest.mark.nightly)]
+)
 def test_a_batch_that_fails_is_no_failure_of_the_next_one(good: Path, misbehave: int) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
 
@@ -640,10 +648,10 @@ sys.stdin.read()
     ("how", "state"),
     [
         (signal.SIGKILL, "busy"),
-        (signal.SIGKILL, "idle"),
         (signal.SIGTERM, "idle"),
         (signal.SIGINT, "busy"),
-        (signal.SIGINT, "idle"),
+        pytest.param(signal.SIGKILL, "idle", marks=pytest.mark.nightly),
+        pytest.param(signal.SIGINT, "idle", marks=pytest.mark.nightly),
     ],
 )
 def test_nothing_is_left_behind_when_the_caller_is_killed(
