@@ -90,7 +90,7 @@ def test_a_value_beyond_its_box_is_told_as_such_with_what_is_left_there(
     curve = ComplexCurve(SEEN, y, wiring=Wiring(background="constant"))
     inside = (ff.Parameter("d1", 10.0, bounds=(1.0, 11.0), scale=5.0), PARAMETERS[1])
     problem = ff.Problem(swift, inside, ff.ComplexSweep(SETUP, curve))
-    found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1))
+    found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1), ["d1"])
     value, error, scatter = best(SEEN, y, 2)
     answer = answer_of(found.result)
     [known] = [k for k in answer.known if k.name == "d1"]

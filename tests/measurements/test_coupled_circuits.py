@@ -125,6 +125,7 @@ def fit_of_tones() -> tuple[FloatArray, FloatArray]:
     return np.asarray(found.x[:4]), np.sqrt(np.diag(covariance))[:4]
 
 
+@pytest.mark.nightly
 def test_wave_forms_tell_what_their_tones_tell(swift: ff.Fmu) -> None:
     """Nobody knows what went before a record: its start is solved for; one gain for all."""
     setup = ff.Setup(

@@ -211,7 +211,7 @@ def test_a_box_that_holds_a_width_widens_no_errors(fmu: ff.Fmu) -> None:
     assert errors[1] == pytest.approx(errors[0], rel=0.4)
 
 
-@pytest.mark.parametrize("averages", [1, 100])
+@pytest.mark.parametrize("averages", [100, pytest.param(1, marks=pytest.mark.nightly)])
 def test_langevin_s_intervals_hold_the_truth(fmu: ff.Fmu, averages: int) -> None:
     """Exact discretisation, Welch, fit: squares of deviations over errors are chi square."""
     found = [one(fmu, averages, seed) for seed in range(4)]
