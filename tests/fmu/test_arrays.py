@@ -84,12 +84,12 @@ def test_elements_are_fitted_to_a_step(path: Path) -> None:
 
 def test_start_values_of_another_number_are_refused(path: Path) -> None:
     fewer = reworded(path, {'start="-1 2 -2 -1"': 'start="-1 2 -2"'})
-    with pytest.raises(ff.BadInput, match="variable 'A': 3 start values, wanted 4, one for each"):
+    with pytest.raises(ff.BadInput, match=r"'A': 3 .*wanted 4,"):
         read_description(fewer)
     none = reworded(path, {' start="-1 2 -2 -1"': ""})
     with (
         ff.Fmu(none, workers=1) as fmu,
-        pytest.raises(ff.BadInput, match="'A\\[1,2\\]' has no start value, wanted one: an array"),
+        pytest.raises(ff.BadInput, match=r"'A\[1,2\]'"),
     ):
         fmu.workers.run([replace(RUN, start_values={"A[1,1]": 1.0})])
 
@@ -115,5 +115,5 @@ def test_structural_parameters_are_set_in_their_mode(fmu: ff.Fmu) -> None:
 
 
 def test_the_size_of_an_array_stays(fmu: ff.Fmu) -> None:
-    with pytest.raises(ff.BadInput, match=r"'states' is a fixed structuralParameter .* its size"):
+    with pytest.raises(ff.BadInput, match=r"'states'.* structuralParameter"):
         fmu.workers.run([replace(RUN, start_values={"states": 3})])

@@ -20,7 +20,10 @@ from tests.support.cfmu_build import build_exchange_fmu, build_reference_fmu
 DAMPED = {"damping": 2.0}
 
 
-@pytest.fixture(scope="module", params=[2, 3], ids=["FMI 2", "FMI 3"])
+VERSIONS = [pytest.param(2, id="FMI 2", marks=pytest.mark.nightly), pytest.param(3, id="FMI 3")]
+
+
+@pytest.fixture(scope="module", params=VERSIONS)
 def exchange(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_exchange_fmu(tmp_path_factory.mktemp("exchange"), request.param)
 
@@ -33,7 +36,9 @@ def workers(exchange: Path) -> Iterator[FmuWorkers]:
 
 @pytest.fixture(scope="module")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ff.Fmu]:
-    with ff.Fmu(build_exchange_fmu(tmp_path_factory.mktemp("exchange"))) as opened:
+    """That of FMI 2.0."""
+    path = build_exchange_fmu(tmp_path_factory.mktemp("exchange"))
+    with ff.Fmu(path, workers=1) as opened:
         yield opened
 
 
@@ -95,7 +100,7 @@ def test_an_fmu_that_cannot_be_driven_is_refused(exchange: Path, tmp_path: Path)
             if name == "modelDescription.xml":
                 content = content.replace(b'<ModelExchange modelIdentifier="exchange"/>', b"")
             other.writestr(name, content)
-    with pytest.raises(ff.BadInput, match="neither co-simulation nor model exchange"):
+    with pytest.raises(ff.BadInput, match=r"neither .*exchange"):
         read_description(path)
 
 
@@ -120,9 +125,9 @@ def test_either_interface_can_be_chosen(dahlquist: Path) -> None:
 
 
 def test_an_interface_that_is_not_there_is_refused(exchange: Path) -> None:
-    with pytest.raises(ff.BadInput, match="offers model-exchange alone, wanted co-simulation"):
+    with pytest.raises(ff.BadInput, match=r"model-exchange.*co-simulation"):
         ff.Fmu(exchange, interface="co-simulation")
-    with pytest.raises(ff.BadInput, match="'both', wanted co-simulation or model-exchange"):
+    with pytest.raises(ff.BadInput, match=r"'both'.*model-exchange"):
         ff.Fmu(exchange, interface="both")
 
 
@@ -136,7 +141,7 @@ def test_a_decay_is_fitted_by_either_interface(dahlquist: Path, tmp_path: Path) 
     found = {}
     for name in ("model-exchange", "co-simulation"):
         made, _ = ff.init(file, dahlquist, out=tmp_path / name, told={"interface": name})
-        result = ff.fit(ff.Problem.of(made)).result
+        result = ff.fit(ff.Problem.of(made), starts=1).result
         k = result.parameters["k"]
         assert abs(k.value - 0.83) < 2.0 * k.std, name
         found[name] = k.std, result.warnings
@@ -195,7 +200,13 @@ def test_equations_that_are_linear_in_part_are_integrated(
     assert found == pytest.approx(1e-3 * solved.y[0], abs=1e-5 * 1e-3)
 
 
-def test_the_tolerance_of_the_integration_follows_the_accuracy(fmu: ff.Fmu) -> None:
+@pytest.mark.parametrize(
+    ("rough", "good", "times"),
+    [(1e-2, 1e-3, 3.0), pytest.param(1e-3, 1e-5, 10.0, marks=pytest.mark.nightly)],
+)
+def test_the_tolerance_of_the_integration_follows_the_accuracy(
+    fmu: ff.Fmu, rough: float, good: float, times: float
+) -> None:
     """Of a hardening spring, whose equations are integrated; of a linear one none is chosen."""
     values, drive = {"damping": 6e-1, "hard": 1e10}, ff.Drive(input="force")
 
@@ -205,10 +216,10 @@ def test_the_tolerance_of_the_integration_follows_the_accuracy(fmu: ff.Fmu) -> N
             given, tones=[315.0], drive=drive, outputs="displacement", accuracy=accuracy
         )
 
-    coarse, fine = plan(1e-3), plan(1e-5)
-    assert max(coarse.promised / 1e-3, fine.promised / 1e-5) <= 1.0
+    coarse, fine = plan(rough), plan(good)
+    assert max(coarse.promised / rough, fine.promised / good) <= 1.0
     ratio = float(coarse.amplitudes[0][0, 0]) / float(fine.amplitudes[0][0, 0])
     assert ratio == pytest.approx(1.0, abs=coarse.promised + fine.promised)
     chosen = [float(p.settings["integrator_tolerance"]) for p in (coarse, fine)]
-    assert chosen[0] > 10.0 * chosen[1]
-    assert "integrator_tolerance" not in plan(1e-5, hard=0.0).settings
+    assert chosen[0] > times * chosen[1]
+    assert "integrator_tolerance" not in plan(good, hard=0.0).settings

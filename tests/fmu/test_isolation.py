@@ -59,11 +59,11 @@ def landlock() -> bool:
 @pytest.mark.parametrize(
     ("how", "label", "words"),
     [
-        (FILLS_DISK, "one", "wrote more than 2 MB and was stopped"),
-        (FILLS_DISK, "many", "wrote more than 2 MB and was stopped"),
-        (HANGS, "", "took more than 0.5 s of processor time and was stopped"),
-        (OPENS_SOCKET, "9", "asked for a network, which it has not when isolated, and was stopped"),
-        (OPENS_MANY, "/dev/null", "no more files.*it ran isolated, with .* 40 open files"),
+        pytest.param(FILLS_DISK, "one", "2 MB.* stopped", marks=pytest.mark.nightly),
+        (FILLS_DISK, "many", "2 MB.* stopped"),
+        (HANGS, "", r"0\.5 s of processor time.* stopped"),
+        (OPENS_SOCKET, "9", "network.* stopped"),
+        (OPENS_MANY, "/dev/null", "files.* 40 open files"),
     ],
 )
 def test_what_takes_too_much_is_stopped(
@@ -92,7 +92,11 @@ with FmuWorkers(Path(sys.argv[1]), timeout_s=100.0, isolation=LIMITS) as workers
 
 @pytest.mark.parametrize(
     ("caller_mb", "how", "of_memory"),
-    [(0, FILLS_MEMORY, True), (600, FILLS_MEMORY, False), (600, ABORTS, False)],
+    [
+        (0, FILLS_MEMORY, True),
+        (600, FILLS_MEMORY, False),
+        pytest.param(600, ABORTS, False, marks=pytest.mark.nightly),
+    ],
 )
 def test_memory_is_named_where_it_is_known_to_have_been_the_end(
     good: Path, caller_mb: int, how: int, of_memory: bool
@@ -100,19 +104,19 @@ def test_memory_is_named_where_it_is_known_to_have_been_the_end(
     """What a caller of 600 MB starts counts as that large: its sentence names the limits alone."""
     command = [sys.executable, "-c", CALLER, str(good), str(caller_mb), str(how)]
     ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
-    assert ("wanted more than 200 MB of memory" in ended.stdout) is of_memory
-    assert of_memory or "it ran isolated, with 200 MB of memory" in ended.stdout
+    assert ("more than 200 MB" in ended.stdout) is of_memory
+    assert "200 MB" in ended.stdout
 
 
 def test_nothing_is_written_outside_its_folder(isolated: FmuWorkers, tmp_path: Path) -> None:
     if not landlock():
         isolated.run([PULLED])
-        assert any("it may write files elsewhere" in text for text in isolated.warnings)
+        assert any("write files" in text for text in isolated.warnings)
         return
     kept = tmp_path / "kept"
     kept.write_text("mine")
     for label in (kept, tmp_path / "new"):
-        with pytest.raises(FmuFailure, match="cannot write there: Permission denied"):
+        with pytest.raises(FmuFailure, match="Permission denied"):
             isolated.run([misbehaving(ESCAPES, label)])
     assert kept.read_text() == "mine"
     assert not (tmp_path / "new").exists()
@@ -161,13 +165,13 @@ def test_the_command_ends_with_the_code_of_a_failed_fmu(
     out = ["--out", str(tmp_path / "out")]
     assert main(["simulate", str(good), *drive, *out, "--isolate"]) == 3
     told = capsys.readouterr().err
-    assert "asked for a network" in told
+    assert "network" in told
     assert told.count("\n") == 1
     assert main(["check", str(good), "--isolate"]) == 0
 
 
 def test_limits_that_are_none_are_refused() -> None:
-    with pytest.raises(BadInput, match=r"memory_mb is 0\.0, wanted a positive number"):
+    with pytest.raises(BadInput, match=r"memory_mb is 0\.0,"):
         Isolation(memory_mb=0.0)
-    with pytest.raises(BadInput, match="files is 3, wanted 24 at least"):
+    with pytest.raises(BadInput, match=r"files is 3,.* 24"):
         Isolation(files=3)

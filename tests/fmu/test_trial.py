@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -26,11 +27,24 @@ from tests.support.cfmu_build import (
 from tests.support.processes import Clock
 
 
+@pytest.fixture(scope="module")
+def lag_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_lag_fmu(tmp_path_factory.mktemp("lag"))
+
+
+@pytest.fixture(scope="module")
+def lag(lag_fmu: Path) -> Iterator[FmuWorkers]:
+    """One process for all that tries no reset."""
+    with FmuWorkers(lag_fmu) as workers:
+        yield workers
+
+
 @pytest.mark.parametrize("step_s", [0.02, 0.3])
-def test_half_a_step_shows_a_solver_that_steps_with_the_host(step_s: float, tmp_path: Path) -> None:
+def test_half_a_step_shows_a_solver_that_steps_with_the_host(
+    step_s: float, lag: FmuWorkers
+) -> None:
     """Euler's steps of x' = 1 - x give 1 - (1 - h)^n, in halves 1 - (1 - h/2)^(2 n)."""
-    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
-        found = try_repeats(workers, pushed_run(workers, step_s, {"euler": 1.0}), STEPS)
+    found = try_repeats(lag, pushed_run(lag, step_s, {"euler": 1.0}), STEPS)
     whole = [1.0 - (1.0 - step_s) ** n for n in range(STEPS + 1)]
     halves = [1.0 - (1.0 - 0.5 * step_s) ** (2 * n) for n in range(STEPS + 1)]
     difference = max(abs(a - b) for a, b in zip(whole, halves, strict=True))
@@ -48,9 +62,9 @@ def test_exact_steps_do_not_mind_their_length_and_counted_steps_are_no_result(
     assert found.halves < 1e-12
 
 
-def test_what_changes_no_output_is_named(tmp_path: Path) -> None:
+def test_what_changes_no_output_is_named(lag_fmu: Path) -> None:
     """A lag with its input held at rest sees neither gain nor tau; pushed, it sees all of them."""
-    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
+    with FmuWorkers(lag_fmu) as workers:
         assert try_resets(workers, pushed_run(workers, 0.1, {})).idle == ()
         resting = pushed_run(workers, 0.1, {"u": 0.0})
         assert try_resets(workers, resting).idle == ("tau", "gain", "through", "euler")
@@ -61,7 +75,7 @@ def test_what_changes_no_output_is_named(tmp_path: Path) -> None:
     [
         ("RESET_WORKS", (), True),
         ("RESET_DOES_NOTHING", ("",), False),
-        ("RESET_FREEZES_OUTPUT", ("",), False),
+        pytest.param("RESET_FREEZES_OUTPUT", ("",), False, marks=pytest.mark.nightly),
         ("RESET_KEEPS_DERIVED", ("mass", "damping", "stiffness"), False),
         ("RESET_KEEPS_PARAMETERS", ("mass", "damping", "stiffness", "force", "inverted"), False),
         ("RESET_FAILS", (), True),
@@ -97,10 +111,16 @@ def test_noise_that_grows_is_told(tmp_path: Path) -> None:
     n = found.repeats.steps
     assert found.repeats.late <= 2.01e-6 * (1.0 + n)
     assert found.repeats.early <= 2.01e-6 * (1.0 + n / 4.0)
-    assert any("grows with time" in sentence for sentence in said)
+    assert any(f"{found.repeats.late:.1e}" in sentence for sentence in said)
 
 
-@pytest.mark.parametrize("own_s", [2e-6, 3e-5, 3e-4, 9e-4, 1.25e-3, 0.01, 0.07])
+@pytest.mark.parametrize(
+    "own_s",
+    [
+        *(2e-6, 9e-4, 0.07),
+        *(pytest.param(s, marks=pytest.mark.nightly) for s in (3e-5, 3e-4, 1.25e-3, 0.01)),
+    ],
+)
 def test_a_step_of_its_own_is_found(own_s: float, tmp_path: Path) -> None:
     """Not told by the description, much shorter or longer than a trial step, or no part of it."""
     with FmuWorkers(build_c_fmu(tmp_path, marks={"OWN_STEP": own_s})) as workers:
@@ -109,9 +129,8 @@ def test_a_step_of_its_own_is_found(own_s: float, tmp_path: Path) -> None:
     assert own.own_step_s == pytest.approx(own_s, rel=0.02)
 
 
-def test_no_step_is_found_where_there_is_none(tmp_path: Path) -> None:
-    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
-        none = try_repeats(workers, pushed_run(workers, 1e-3, {}), 64)
+def test_no_step_is_found_where_there_is_none(lag: FmuWorkers) -> None:
+    none = try_repeats(lag, pushed_run(lag, 1e-3, {}), 64)
     assert none is not None
     assert math.isnan(none.own_step_s)
 
@@ -119,8 +138,8 @@ def test_no_step_is_found_where_there_is_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("LOSES_TIME", "in steps of 0.0005 s no output moves, in steps of 0.001 s they do"),
-        ("REFUSES", "it refuses steps of 0.0005 s, and takes those of 0.001 s"),
+        ("LOSES_TIME", "in steps of 0.0005 s"),
+        ("REFUSES", "it refuses steps of 0.0005 s"),
     ],
 )
 def test_steps_that_are_lost_or_refused_are_told(kind: str, said: str, tmp_path: Path) -> None:
@@ -137,19 +156,23 @@ def test_outputs_that_go_by_the_number_of_steps_are_told(tmp_path: Path) -> None
     with FmuWorkers(build_c_fmu(tmp_path, marks={"NOISE": 1.0})) as workers:
         found = examine(workers, 1e-3, {})
         sentences = [f.sentence for f in trial_findings(workers.description, found)]
+    assert found.repeats is not None
+    assert found.repeats.floor > 0.3
     [said] = [s for s in sentences if "other ones" in s]
-    assert said.startswith("in shorter communication steps outputs are other ones (displacement by")
+    assert f"displacement by {found.repeats.floor:.1e}" in said
 
 
 @pytest.mark.parametrize(
-    ("reset", "said"), [("RESET_FAILS", "fmi2Reset returned 'error'"), ("RESET_CRASHES", "SIGSEGV")]
+    ("reset", "said"), [("RESET_FAILS", "fmi2Reset"), ("RESET_CRASHES", "SIGSEGV")]
 )
 def test_a_reset_that_does_not_work_is_told(reset: str, said: str, tmp_path: Path) -> None:
     with FmuWorkers(build_c_fmu(tmp_path, reset=reset)) as workers:
         found = examine(workers, 1e-3, {})
         [sentence] = [f.sentence for f in trial_findings(workers.description, found)]
-    assert sentence.startswith("its reset does not work: ")
-    assert said in sentence
+    assert found.resets is not None
+    assert found.resets.true  # what fails is no lie
+    assert said in found.resets.fails
+    assert sentence.endswith(found.resets.fails)
 
 
 def test_what_acts_late_is_not_called_idle(tmp_path: Path) -> None:
@@ -159,19 +182,18 @@ def test_what_acts_late_is_not_called_idle(tmp_path: Path) -> None:
         sentences = [f.sentence for f in trial_findings(workers.description, found)]
     assert found.resets is not None
     assert found.resets.idle == ()
-    assert not any("changes no output" in sentence for sentence in sentences)
+    assert not [s for s in sentences if s.startswith("parameter")]
 
 
-def test_what_an_input_does_at_once_and_later(tmp_path: Path) -> None:
+def test_what_an_input_does_at_once_and_later(lag: FmuWorkers) -> None:
     """y = x + through u: without ``through`` a step is wanted, with it none; no gain: nothing."""
-    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
-        for values, acts, at_once in (
-            ({}, True, False),
-            ({"through": 0.5}, True, True),
-            ({"gain": 0.0}, False, False),
-        ):
-            [effect] = try_inputs(workers, pushed_run(workers, 0.1, values))
-            assert (effect.name, effect.acts, effect.at_once) == ("u", acts, at_once)
+    for values, acts, at_once in (
+        ({}, True, False),
+        ({"through": 0.5}, True, True),
+        ({"gain": 0.0}, False, False),
+    ):
+        [effect] = try_inputs(lag, pushed_run(lag, 0.1, values))
+        assert (effect.name, effect.acts, effect.at_once) == ("u", acts, at_once)
 
 
 def test_tunable_parameters_are_moved_between_steps(tmp_path: Path) -> None:
@@ -187,7 +209,8 @@ def test_tunable_parameters_are_moved_between_steps(tmp_path: Path) -> None:
             f.sentence for f in trial_findings(workers.description, Examination(effects=effects))
         ]
     assert {e.name: e.acts for e in effects} == {"force": True, "damping": False}
-    assert said == ["parameter damping: moved between steps, it changes no output"]
+    [sentence] = said
+    assert sentence.startswith("parameter damping: ")
 
 
 def test_own_steps_are_kept_to(tmp_path: Path) -> None:
@@ -209,12 +232,13 @@ def test_a_hang_when_an_instance_is_freed_is_found(tmp_path: Path, clock: Clock)
         found = examine(workers, 1e-3, {})
     assert found.trial is not None
     assert found.failure is not None
-    assert "was to free an instance and gave no answer within 70 s" in found.failure.message
+    assert "free an instance" in found.failure.message
+    assert "70 s" in found.failure.message
 
 
-def test_costs_are_measured(tmp_path: Path) -> None:
+def test_costs_are_measured(lag_fmu: Path) -> None:
     """Of a program that was started for it no two runs are alike: only what cannot be otherwise."""
-    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
+    with FmuWorkers(lag_fmu) as workers:
         run = pushed_run(workers, 1e-3, {})
         try_resets(workers, run)
         before = workers.counts

@@ -67,7 +67,10 @@ def run_python(arguments: list[str], folder: Path, text: str | None = None) -> l
     return ran.stdout.splitlines()
 
 
-@pytest.mark.parametrize("how", ["file", "standard input", "argument"])
+@pytest.mark.parametrize(
+    "how",
+    ["standard input", *(pytest.param(x, marks=pytest.mark.nightly) for x in ("file", "argument"))],
+)
 def test_a_plain_script_makes_runs(good: Path, tmp_path: Path, how: str) -> None:
     """Once imported, no guard, and nothing is left when it ends without closing anything."""
     text = SCRIPT.format(root=str(ROOT), fmu=str(good))
@@ -174,7 +177,7 @@ def test_a_process_that_cannot_be_started_is_a_sentence(
     from fitting.text.errors import FmuFailure
 
     monkeypatch.setattr("multiprocessing.spawn.get_executable", lambda: "/nowhere/python")
-    with pytest.raises(FmuFailure, match=r"no worker process could be started: .*/nowhere/python"):
+    with pytest.raises(FmuFailure, match="/nowhere/python"):
         FmuWorkers(good).run([PULLED])
 
 

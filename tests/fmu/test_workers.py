@@ -10,6 +10,8 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -58,6 +60,39 @@ def good(folder: Path) -> Path:
     return build_c_fmu(folder)
 
 
+@pytest.fixture(scope="session")
+def good3(folder: Path) -> Path:
+    """The same for FMI 3.0."""
+    return build_c_fmu(folder, fmi=3)
+
+
+@pytest.fixture(scope="module")
+def running(good: Path) -> Iterator[FmuWorkers]:
+    """Open for all that neither counts nor misses a process: one costs more than their runs."""
+    with FmuWorkers(good) as workers:
+        yield workers
+
+
+@pytest.fixture(scope="module")
+def running3(good3: Path) -> Iterator[FmuWorkers]:
+    """The like for FMI 3.0."""
+    with FmuWorkers(good3) as workers:
+        yield workers
+
+
+@pytest.fixture(scope="module")
+def fresh(good: Path) -> Iterator[FmuWorkers]:
+    """A new instance for every run: what reused ones are held against."""
+    with FmuWorkers(good, reuse="never") as workers:
+        yield workers
+
+
+@pytest.fixture(scope="module")
+def keeps_derived(folder: Path) -> Path:
+    """Its reset keeps what was derived from parameters."""
+    return build_c_fmu(folder, reset="RESET_KEEPS_DERIVED")
+
+
 def step_response(times: np.ndarray) -> np.ndarray:
     """Displacement of the oscillator under a unit force from rest."""
     gamma = DAMPING / (2 * MASS)
@@ -67,8 +102,8 @@ def step_response(times: np.ndarray) -> np.ndarray:
     return np.asarray((1 - decay * swing) / STIFFNESS)
 
 
-def test_numbers_of_fmi_2_and_3_are_those_of_the_closed_solution(folder: Path, good: Path) -> None:
-    for path in (good, build_c_fmu(folder, fmi=3)):
+def test_numbers_of_fmi_2_and_3_are_those_of_the_closed_solution(good: Path, good3: Path) -> None:
+    for path in (good, good3):
         assert validation_problems(path) == []
         with FmuWorkers(path) as workers:
             late = replace(PULLED, settle_s=0.05, start_time_s=3.0)
@@ -78,9 +113,11 @@ def test_numbers_of_fmi_2_and_3_are_those_of_the_closed_solution(folder: Path, g
         np.testing.assert_allclose(late_result[:, 0], expected, rtol=1e-10)
 
 
-def test_values_of_every_type_arrive_and_outputs_of_several_types_are_read(folder: Path) -> None:
-    for fmi in (2, 3):
-        with FmuWorkers(build_c_fmu(folder, fmi=fmi)) as workers:
+def test_values_of_every_type_arrive_and_outputs_of_several_types_are_read(
+    good: Path, good3: Path
+) -> None:
+    for path in (good, good3):
+        with FmuWorkers(path) as workers:
             outputs = ("steps", "displacement", "line_width")
             plain, by_flag, by_label = workers.run(
                 [
@@ -103,7 +140,7 @@ def test_values_of_every_type_arrive_and_outputs_of_several_types_are_read(folde
         np.testing.assert_array_equal(by_label[:, 1], -plain[:, 1])
 
 
-def test_generated_input_drives_to_the_closed_steady_state(good: Path) -> None:
+def test_generated_input_drives_to_the_closed_steady_state(running: FmuWorkers) -> None:
     frequency_hz, amplitude, phase = 280.0, 0.7, 0.4
     step_s = 1 / (frequency_hz * 200)
     signal_ = InputSignal("force", ((frequency_hz, amplitude, phase), (50.0, 0.0, 0.0)), step_s)
@@ -116,8 +153,7 @@ def test_generated_input_drives_to_the_closed_steady_state(good: Path) -> None:
         outputs=("displacement",),
         input_signal=signal_,
     )
-    with FmuWorkers(good) as workers:
-        [result] = workers.run([run])
+    [result] = running.run([run])
     omega = 2 * math.pi * frequency_hz
     response = 1 / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING)
     times = periods / frequency_hz + np.arange(n) * 5 * step_s
@@ -137,10 +173,9 @@ def test_held_values_keep_their_phase_at_large_times() -> None:
     assert abs(float(cycle_fraction(1 / 3, np.array([3e15]))[0])) <= 1.0
 
 
-def test_samples_do_not_accumulate_time(good: Path) -> None:
+def test_samples_do_not_accumulate_time(running: FmuWorkers) -> None:
     n, step = 2001, 0.1 * 1e-3
-    with FmuWorkers(good) as workers:
-        [result] = workers.run([replace(PULLED, samples=n, sample_step_s=step)])
+    [result] = running.run([replace(PULLED, samples=n, sample_step_s=step)])
     np.testing.assert_allclose(
         result[:, 0], step_response(np.arange(n) * step), rtol=1e-9, atol=1e-16
     )
@@ -149,24 +184,21 @@ def test_samples_do_not_accumulate_time(good: Path) -> None:
 @pytest.mark.parametrize(
     ("misbehave", "words"),
     [
-        (NAN, ["displacement is nan at t = 0.001 s", "lost the state after 0 s"]),
-        (ENDS_EARLY, ["stopped early at t = 0.0005 s, wanted 0.001 s", "discard"]),
-        (FAILS_AT_START, ["fmi2EnterInitializationMode returned 'error'", "told to fail"]),
-        (
-            FAILS_IN_STEP,
-            ["fmi2DoStep from t = 0.0 s by 0.001 s", "'error'", "cannot step from 0 s"],
-        ),
+        (NAN, ["displacement is nan", "t = 0.001 s", "after 0 s"]),
+        (ENDS_EARLY, ["t = 0.0005 s", "0.001 s", "discard"]),
+        (FAILS_AT_START, ["fmi2EnterInitializationMode", "'error'", "told to"]),
+        (FAILS_IN_STEP, ["fmi2DoStep", "t = 0.0 s", "0.001 s", "'error'", "from 0 s"]),
         (PENDING, ["'pending'"]),
-        (CRASHES, ["SIGSEGV", "about to crash at 0 s"]),
-        (ABORTS, ["SIGABRT", "assertion of the solver failed"]),
+        (CRASHES, ["SIGSEGV", "crash at 0 s"]),
+        (ABORTS, ["SIGABRT", "assertion"]),
     ],
 )
 def test_failure_is_a_sentence_with_the_parameters(
-    good: Path, misbehave: int, words: list[str]
+    good: Path, running: FmuWorkers, misbehave: int, words: list[str]
 ) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
-    count = 2 if misbehave in (NAN, CRASHES) else 1
-    with FmuWorkers(good, workers=count) as workers:
+    two = FmuWorkers(good, workers=2) if misbehave == CRASHES else nullcontext(running)
+    with two as workers:
         with pytest.raises(FmuFailure) as failure:
             workers.run([PULLED, PULLED, bad, PULLED])
         assert failure.value.parameters == bad.start_values
@@ -177,7 +209,10 @@ def test_failure_is_a_sentence_with_the_parameters(
     np.testing.assert_allclose(after[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
 
 
-@pytest.mark.parametrize("misbehave", [FAILS_AT_START, FAILS_IN_STEP, NAN])
+@pytest.mark.parametrize(
+    "misbehave",
+    [FAILS_IN_STEP, *(pytest.param(x, marks=pytest.mark.nightly) for x in (FAILS_AT_START, NAN))],
+)
 def test_a_run_that_fails_costs_an_instance_and_no_process(good: Path, misbehave: int) -> None:
     """Neither it nor the run behind it is made on an instance that another run was made on."""
     calm = replace(PULLED, start_values={**PULLED.start_values, "misbehave": 0})
@@ -203,14 +238,14 @@ def test_a_run_is_not_blamed_for_a_failure_before_it(good: Path) -> None:
         for how in (FAILS_AT_START, CRASHES)
     )
     with FmuWorkers(good) as workers:
-        with pytest.raises(FmuFailure, match="told to fail"):
+        with pytest.raises(FmuFailure, match="'error'"):
             workers.run([fails])
         with pytest.raises(FmuFailure, match="SIGSEGV"):
             workers.run([PULLED, crashes])
         assert workers.counts.processes == 2
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.nightly)])
 def test_a_batch_of_many_messages_is_one_batch(good: Path, workers: int) -> None:
     """Displacements go with the force, in the order of the runs; the run that fails is named."""
     forces = np.arange(1.0, 4_502.0)
@@ -221,7 +256,7 @@ def test_a_batch_of_many_messages_is_one_batch(good: Path, workers: int) -> None
         found = np.stack([result[:, 0] for result in pool.run(runs)])
         expected = forces[:, np.newaxis] * step_response(np.arange(6) * 1e-3)
         np.testing.assert_allclose(found, expected, rtol=1e-11)
-        with pytest.raises(FmuFailure, match="told to fail") as failure:
+        with pytest.raises(FmuFailure, match="'error'") as failure:
             pool.run([*runs[:at], bad, *runs[at + 1 :]])
         assert failure.value.parameters["force"] == forces[at]
         assert failure.value.at == at
@@ -241,13 +276,15 @@ def in_trial(workers: FmuWorkers) -> bool:
     return process is not None and process.in_trial
 
 
-@pytest.mark.parametrize("misbehave", [HANGS, HANGS_AT_START])
+@pytest.mark.parametrize(
+    "misbehave", [HANGS_AT_START, pytest.param(HANGS, marks=pytest.mark.nightly)]
+)
 def test_endless_loop_is_stopped(good: Path, misbehave: int, clock: Clock) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
     with FmuWorkers(good, timeout_s=60.0) as workers:
         workers.run([PULLED])
         clock.runs = lambda: in_second_run(workers)
-        with pytest.raises(FmuFailure, match="no answer within 60 s") as failure:
+        with pytest.raises(FmuFailure, match="60 s") as failure:
             workers.run([PULLED, bad])
         assert failure.value.parameters == bad.start_values
         assert clock.now > 60.0
@@ -256,16 +293,16 @@ def test_endless_loop_is_stopped(good: Path, misbehave: int, clock: Clock) -> No
 @pytest.mark.parametrize(
     ("misbehave", "words"),
     [
-        (ENDS_EARLY, "asks to end the simulation"),
-        (PENDING, "stopped early at t = 0.0005 s, wanted 0.001 s"),
-        (FAILS_IN_STEP, "cannot make this step"),
-        (FAILS_AT_START, "told to fail at the start"),
-        (CRASHES, "SIGSEGV"),
+        (ENDS_EARLY, "asks to end"),
+        (PENDING, r"0\.0005 s.* 0\.001 s"),
+        (FAILS_IN_STEP, "make this step"),
+        (FAILS_AT_START, "at the start"),
+        pytest.param(CRASHES, "SIGSEGV", marks=pytest.mark.nightly),
     ],
 )
-def test_failures_of_fmi_3(folder: Path, misbehave: int, words: str) -> None:
-    with FmuWorkers(build_c_fmu(folder, fmi=3)) as workers, pytest.raises(FmuFailure, match=words):
-        workers.run([replace(PULLED, start_values={**START, "misbehave": misbehave})])
+def test_failures_of_fmi_3(running3: FmuWorkers, misbehave: int, words: str) -> None:
+    with pytest.raises(FmuFailure, match=words):
+        running3.run([replace(PULLED, start_values={**START, "misbehave": misbehave})])
 
 
 def test_warnings_are_kept_and_do_not_stop(good: Path) -> None:
@@ -274,9 +311,10 @@ def test_warnings_are_kept_and_do_not_stop(good: Path) -> None:
     with FmuWorkers(good) as workers:
         for runs in ([slow] * 3, [PULLED]):
             workers.run(runs)
-            assert workers.warnings == ("slow today, 99 % load",)
+            [warning] = workers.warnings  # the FMU's own words, as often as they come
+            assert warning.endswith("99 % load")
             latest.append(workers.latest_warnings)
-    assert latest == [("slow today, 99 % load",), ()]
+    assert latest == [(warning,), ()]
 
 
 def test_a_flood_of_warnings_is_cut_short_in_a_sentence(good: Path) -> None:
@@ -285,17 +323,16 @@ def test_a_flood_of_warnings_is_cut_short_in_a_sentence(good: Path) -> None:
     with FmuWorkers(good) as workers:
         workers.run([replace(lost, samples=51)])
         assert len(workers.warnings) == 50
-        assert workers.warnings[-1].startswith("lost the state after ")
+        assert workers.warnings[-1].startswith("lost the state")
         workers.run([replace(lost, samples=81)])
         assert len(workers.warnings) == 51
-        assert workers.warnings[-1] == "… further warnings dropped"
+        assert workers.warnings[-1].startswith("… ")
         assert workers.latest_warnings == workers.warnings
 
 
-def test_nan_is_handed_back_only_where_it_is_allowed(good: Path) -> None:
+def test_nan_is_handed_back_only_where_it_is_allowed(running: FmuWorkers) -> None:
     run = replace(PULLED, start_values={**START, "misbehave": NAN}, allow_nan=True)
-    with FmuWorkers(good) as workers:
-        [result] = workers.run([run])
+    [result] = running.run([run])
     assert np.isnan(result[1:, 0]).all()
 
 
@@ -307,83 +344,86 @@ def stiffness_runs(n: int) -> list[Run]:
 @pytest.mark.parametrize(
     ("reset", "reused", "word"),
     [
-        ("RESET_WORKS", True, "same bit for bit"),
-        ("RESET_KEEPS_PARAMETERS", True, "same bit for bit"),  # all are set for every run anyway
+        ("RESET_WORKS", True, "bit for bit"),
+        # all are set for every run anyway
+        pytest.param("RESET_KEEPS_PARAMETERS", True, "bit for bit", marks=pytest.mark.nightly),
         ("RESET_DOES_NOTHING", False, "displacement"),
-        ("RESET_KEEPS_DERIVED", False, "displacement"),
-        ("RESET_FREEZES_OUTPUT", False, "displacement"),
-        ("RESET_FAILS", False, "fmi2Reset returned 'error'"),
+        pytest.param("RESET_KEEPS_DERIVED", False, "displacement", marks=pytest.mark.nightly),
+        pytest.param("RESET_FREEZES_OUTPUT", False, "displacement", marks=pytest.mark.nightly),
+        ("RESET_FAILS", False, "fmi2Reset"),
         ("RESET_CRASHES", False, "SIGSEGV"),
         ("RESET_HANGS", False, "no answer"),
     ],
 )
 def test_reset_is_trusted_only_where_it_works(
-    folder: Path, good: Path, clock: Clock, reset: str, reused: bool, word: str
+    folder: Path, fresh: FmuWorkers, clock: Clock, reset: str, reused: bool, word: str
 ) -> None:
     runs = stiffness_runs(12)
-    with FmuWorkers(good, reuse="never") as workers:
-        expected = workers.run(runs)
-        assert workers.counts.instances == len(runs)
-        assert "asked for" in workers.reuse_note
+    before = fresh.counts.instances
+    expected = fresh.run(runs)
+    assert fresh.counts.instances == before + len(runs)
+    assert "asked for" in fresh.reuse_note
     with FmuWorkers(build_c_fmu(folder, reset=reset), timeout_s=60.0) as workers:
         clock.runs = lambda: reset == "RESET_HANGS" and in_trial(workers)
         results = workers.run(runs) + workers.run(runs)
         assert word in workers.reuse_note
-        assert ("every run has a new instance" in workers.reuse_note) is not reused
+        assert workers.reused is reused
         assert (workers.counts.instances < 5) is reused
     for result, truth in zip(results, expected + expected, strict=True):
         assert result.tobytes() == truth.tobytes()
 
 
-def test_a_value_that_is_varied_later_is_checked_then(folder: Path) -> None:
+def test_a_value_that_is_varied_later_is_checked_then(
+    keeps_derived: Path, fresh: FmuWorkers
+) -> None:
     """A reset that keeps what was derived from the stiffness passes while only the force varies."""
     forces = [replace(PULLED, start_values={**START, "force": 1.0 + i}) for i in range(5)]
-    with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_DERIVED")) as workers:
+    with FmuWorkers(keeps_derived) as workers:
         workers.run(forces)
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
         results = workers.run(stiffness_runs(4))
-        assert "every run has a new instance" in workers.reuse_note
-    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
-        expected = workers.run(stiffness_runs(4))
+        assert workers.reused is False
+    expected = fresh.run(stiffness_runs(4))
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
 
-@pytest.mark.parametrize("once", [False, True])
-def test_a_reset_is_not_proven_by_a_run_at_rest(folder: Path, once: bool) -> None:
+@pytest.mark.parametrize("once", [False, pytest.param(True, marks=pytest.mark.nightly)])
+def test_a_reset_is_not_proven_by_a_run_at_rest(
+    folder: Path, fresh: FmuWorkers, once: bool
+) -> None:
     """The first run shows no value, as a probe without a drive; then stiffness and force vary."""
     still = replace(PULLED, start_values={**START, "force": 0.0})
     runs = [still, PULLED, *stiffness_runs(4)[1:]]
     path = build_c_fmu(folder, reset="RESET_KEEPS_DERIVED", once=once)
     with FmuWorkers(path) as workers:
         results = workers.run(runs)
-        assert "every run has a new instance" in workers.reuse_note
+        assert workers.reused is False
         assert workers.reset_lies
-    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
-        expected = workers.run(runs)
+    expected = fresh.run(runs)
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
 
-def test_a_reset_is_not_proven_by_runs_that_end_at_once(folder: Path) -> None:
+def test_a_reset_is_not_proven_by_runs_that_end_at_once(
+    keeps_derived: Path, fresh: FmuWorkers
+) -> None:
     """Runs of one sample, taken before the first step, show no damping."""
     ends = replace(PULLED, samples=1)
     runs = [ends, replace(ends, start_values={**PULLED.start_values, "damping": 0.5}), PULLED]
     runs += [replace(PULLED, start_values={**PULLED.start_values, "damping": 0.5})]
-    with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_DERIVED")) as workers:
+    with FmuWorkers(keeps_derived) as workers:
         results = workers.run(runs)
-        assert "every run has a new instance" in workers.reuse_note
-    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
-        expected = workers.run(runs)
+        assert workers.reused is False
+    expected = fresh.run(runs)
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
 
-def test_one_instance_per_process(folder: Path) -> None:
+def test_one_instance_per_process(folder: Path, fresh: FmuWorkers) -> None:
     """Declared so and true: still compared with a new instance, in a process of its own."""
     with FmuWorkers(build_c_fmu(folder, once=True)) as workers:
         results = workers.run(stiffness_runs(20))
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
         assert workers.counts.processes == workers.counts.instances == 2
-    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
-        expected = workers.run(stiffness_runs(20))
+    expected = fresh.run(stiffness_runs(20))
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
 
@@ -402,7 +442,7 @@ def test_what_a_run_does_not_name_has_its_start_value(folder: Path) -> None:
     mixed = [run for pair in zip(inverted, plain, strict=True) for run in pair]
     with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_PARAMETERS")) as workers:
         results = workers.run(mixed)
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
     for first, second in zip(results[::2], results[1::2], strict=True):
         np.testing.assert_array_equal(first, -second)
 
@@ -414,7 +454,7 @@ def test_several_workers_give_what_one_gives(good: Path) -> None:
         assert three.run([]) == []
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [2, pytest.param(1, marks=pytest.mark.nightly)])
 def test_batches_in_turn_give_what_each_gives_alone(good: Path, workers: int) -> None:
     sent: list[float] = []
 
@@ -436,7 +476,9 @@ def test_batches_in_turn_give_what_each_gives_alone(good: Path, workers: int) ->
             np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-10)
 
 
-@pytest.mark.parametrize("misbehave", [FAILS_IN_STEP, CRASHES])
+@pytest.mark.parametrize(
+    "misbehave", [CRASHES, pytest.param(FAILS_IN_STEP, marks=pytest.mark.nightly)]
+)
 def test_a_batch_that_fails_is_no_failure_of_the_next_one(good: Path, misbehave: int) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
 
@@ -469,7 +511,9 @@ def test_a_batch_that_nobody_waits_for_any_more_is_none_of_the_next_ones(good: P
         np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-11)
 
 
-@pytest.mark.parametrize("name", ["Gerät (neu)", "mit Leerzeichen"])
+@pytest.mark.parametrize(
+    "name", ["Gerät (neu)", pytest.param("mit Leerzeichen", marks=pytest.mark.nightly)]
+)
 def test_folder_names_that_fmus_stumble_over(
     tmp_path: Path, good: Path, oscillator_fmu: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -514,7 +558,7 @@ def test_the_oscillator_is_reused(oscillator_fmu: Path) -> None:
     ]
     with FmuWorkers(oscillator_fmu) as workers:
         results = workers.run(runs)
-        assert "same bit for bit" in workers.reuse_note
+        assert workers.reused is True
         assert workers.counts.instances == 2
     for angle, result in zip(angles, results, strict=True):
         truth = math.sqrt(-0.5 * math.sin(2 * angle) * (eta_minus**2 - eta_plus**2))
@@ -539,10 +583,10 @@ def test_two_fmus_at_once_do_not_disturb_each_other(good: Path, oscillator_fmu: 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"start_values": {"masss": 1.0}}, "no variable 'masss'.*did you mean mass"),
-        ({"start_values": {"displacement": 1.0}}, "'displacement' is a continuous output"),
-        ({"start_values": {"mass": "heavy"}}, "mass = 'heavy', wanted a Real"),
-        ({"start_values": {"misbehave": 1.5}}, "misbehave = 1.5, wanted a Integer"),
+        ({"start_values": {"masss": 1.0}}, r"'masss'.* mass\b"),
+        ({"start_values": {"displacement": 1.0}}, "'displacement'.* output"),
+        ({"start_values": {"mass": "heavy"}}, "mass = 'heavy'.* Real"),
+        ({"start_values": {"misbehave": 1.5}}, r"misbehave = 1\.5.* Integer"),
         ({"outputs": ("position",)}, "no variable 'position'"),
         ({"outputs": ("label",)}, "wanted a number"),
         ({"outputs": ()}, "outputs is"),
@@ -554,26 +598,26 @@ def test_two_fmus_at_once_do_not_disturb_each_other(good: Path, oscillator_fmu: 
     ],
 )
 def test_a_run_that_does_not_fit_the_fmu(
-    good: Path, changes: dict[str, object], words: str
+    running: FmuWorkers, changes: dict[str, object], words: str
 ) -> None:
-    with FmuWorkers(good) as workers, pytest.raises(BadInput, match=words):
-        workers.run([replace(PULLED, **changes)])  # type: ignore[arg-type]
+    with pytest.raises(BadInput, match=words):
+        running.run([replace(PULLED, **changes)])  # type: ignore[arg-type]
 
 
 def test_coarse_input_signal_is_refused() -> None:
-    with pytest.raises(BadInput, match="wanted at least 4"):
+    with pytest.raises(BadInput, match="at least 4"):
         InputSignal("force", ((300.0, 1.0, 0.0),), 1e-3)
 
 
 def test_files_that_cannot_be_used(folder: Path, good: Path, tmp_path: Path) -> None:
     foreign = build_c_fmu(tmp_path, platform="plan9")
-    with pytest.raises(BadInput, match=r"no binary for this platform.*plan9"):
+    with pytest.raises(BadInput, match="plan9"):
         FmuWorkers(foreign)
     text = tmp_path / "text.fmu"
     text.write_text("this is not a zip file")
-    with pytest.raises(BadInput, match="is not an FMU"):
+    with pytest.raises(BadInput, match=r"text\.fmu"):
         read_description(text)
-    with pytest.raises(BadInput, match="no such file"):
+    with pytest.raises(BadInput, match=r"absent\.fmu"):
         read_description(tmp_path / "absent.fmu")
 
 
@@ -604,10 +648,10 @@ sys.stdin.read()
     ("how", "state"),
     [
         (signal.SIGKILL, "busy"),
-        (signal.SIGKILL, "idle"),
         (signal.SIGTERM, "idle"),
         (signal.SIGINT, "busy"),
-        (signal.SIGINT, "idle"),
+        pytest.param(signal.SIGKILL, "idle", marks=pytest.mark.nightly),
+        pytest.param(signal.SIGINT, "idle", marks=pytest.mark.nightly),
     ],
 )
 def test_nothing_is_left_behind_when_the_caller_is_killed(

@@ -41,12 +41,6 @@ METHOD = ff.Tikhonov(nu=1e-6, beta=0.01, levels=2, misfit="squares")
 NOISE = 0.01
 
 
-@pytest.fixture(scope="module")
-def oscillator(oscillator_fmu: Path) -> ff.Fmu:
-    """One for all tests here."""
-    return ff.Fmu(oscillator_fmu, workers=1)
-
-
 def measured(turns: FloatArray | float = 0.0, seed: int = 5) -> ComplexArray:
     """Values of all experiments through the gain, turned by a phase of each (5,), with noise."""
     exact = GAIN * np.exp(1j * np.broadcast_to(turns, 5))[:, None] * mode(PAIRS, ETA, WIDTH)
@@ -77,11 +71,11 @@ TURNS = np.array([0.0, 0.0, 1.9, 1.9, -2.0])
 
 
 def test_value_error_and_freedom_are_those_of_least_squares_in_all_unknowns(
-    oscillator: ff.Fmu,
+    swift: ff.Fmu,
 ) -> None:
     """Width, eigenfrequency, modulus and three phases: the last four are solved inside."""
     y = measured(TURNS)
-    problem = ff.Problem(oscillator, PARAMETERS, tones_of(y, restarted=("3", "5")))
+    problem = ff.Problem(swift, PARAMETERS, tones_of(y, restarted=("3", "5")))
     found = ff.profile(ff.fit(problem, method=METHOD, starts=1))
 
     def rows(q: FloatArray) -> FloatArray:
@@ -105,10 +99,10 @@ def test_value_error_and_freedom_are_those_of_least_squares_in_all_unknowns(
     [("gain", (), 2), ("gain", ("2", "4"), 4), ("phase", (), 1), ("phase", ("3",), 2)],
 )
 def test_what_is_solved_inside_is_the_least_squares_solution(
-    unknown: str, restarted: tuple[str, ...], unknowns: int, oscillator: ff.Fmu
+    unknown: str, restarted: tuple[str, ...], unknowns: int, swift: ff.Fmu
 ) -> None:
     """No change of any unknown lowers the sum of squares: rows are normal to all columns."""
-    m = measurement_of(tones_of(measured(TURNS), unknown, restarted), oscillator)
+    m = measurement_of(tones_of(measured(TURNS), unknown, restarted), swift)
     moved = Prediction(3e6 * mode(PAIRS.ravel(), ETA + 0.3, WIDTH))
     rows, columns = m.residuals(moved, 1.0), m.solved_columns(moved)
     assert m.solved_inside == unknowns == columns.shape[1]
@@ -117,18 +111,18 @@ def test_what_is_solved_inside_is_the_least_squares_solution(
     assert m.solved(moved, 1.0) == pytest.approx(m.scaled(moved, 1.0))
 
 
-def test_amplitudes_and_phases_are_the_two_halves_of_the_rows(oscillator: ff.Fmu) -> None:
-    m = measurement_of(tones_of(measured(), "none"), oscillator)
+def test_amplitudes_and_phases_are_the_two_halves_of_the_rows(swift: ff.Fmu) -> None:
+    m = measurement_of(tones_of(measured(), "none"), swift)
     rows = m.residuals(Prediction(m.y * 1.001 * np.exp(0.002j)), 1.0)
     assert rows == pytest.approx(np.repeat([0.001, 0.002], m.y.size), abs=3e-6)
     along = m.amplitude_rows(Prediction(m.y), np.stack([rows, rows], axis=1))
     assert along[:, 0] == pytest.approx(rows[: m.y.size])
 
 
-def test_the_report_says_what_phases_gained(oscillator: ff.Fmu) -> None:
+def test_the_report_says_what_phases_gained(swift: ff.Fmu) -> None:
     """Both errors of the width against the linearised problem of the closed form."""
     y = measured()
-    fit = ff.fit(ff.Problem(oscillator, PARAMETERS, tones_of(y)), method=METHOD, starts=1)
+    fit = ff.fit(ff.Problem(swift, PARAMETERS, tones_of(y)), method=METHOD, starts=1)
     [width, _] = fit.inferred.quadratures.gains
     assert width.name == "d1"
 
@@ -155,16 +149,16 @@ SWEEP = ff.Sweep(
 )
 
 
-def test_phases_of_a_sweep_scaled_series_are_compared_by_its_chi(oscillator: ff.Fmu) -> None:
+def test_phases_of_a_sweep_scaled_series_are_compared_by_its_chi(swift: ff.Fmu) -> None:
     """With the reference phase alone unknown, the sweep's chi holds the amplitudes."""
-    problem = ff.Problem(oscillator, PARAMETERS, [tones_of(measured(), "phase"), SWEEP])
+    problem = ff.Problem(swift, PARAMETERS, [tones_of(measured(), "phase"), SWEEP])
     rows = problem.residuals(np.array([WIDTH, ETA]))
     assert np.std(rows) == pytest.approx(NOISE, rel=0.4)
-    with pytest.raises(BadInput, match=r"gives a scale alone, which .* unknown = \"gain\" does"):
-        ff.Problem(oscillator, PARAMETERS, [tones_of(measured(), "gain"), SWEEP])
+    with pytest.raises(BadInput, match=r"unknown = \"gain\""):
+        ff.Problem(swift, PARAMETERS, [tones_of(measured(), "gain"), SWEEP])
 
 
-def test_tones_with_and_without_phases_are_fitted_together(oscillator: ff.Fmu) -> None:
+def test_tones_with_and_without_phases_are_fitted_together(swift: ff.Fmu) -> None:
     alone = ff.Tones(
         SETUP,
         PAIRS + 0.5,
@@ -174,7 +168,7 @@ def test_tones_with_and_without_phases_are_fitted_together(oscillator: ff.Fmu) -
         amplitude_unit="m",
     )
     with_phases = tones_of(measured(), "phase")
-    problem = ff.Problem(oscillator, PARAMETERS, [with_phases, alone, SWEEP])
+    problem = ff.Problem(swift, PARAMETERS, [with_phases, alone, SWEEP])
     assert problem.residuals(np.array([WIDTH, ETA])).size == 20 + 10
     fit = ff.fit(problem, method=METHOD, starts=1)
     assert fit.x == pytest.approx([WIDTH, ETA], abs=0.2)
@@ -282,25 +276,23 @@ def written(folder: Path, fmu: ff.Fmu, way: str, y: ComplexArray) -> Path:
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_every_way_to_write_complex_values_is_read(
-    way: str, oscillator: ff.Fmu, tmp_path: Path
-) -> None:
+def test_every_way_to_write_complex_values_is_read(way: str, swift: ff.Fmu, tmp_path: Path) -> None:
     y = measured()
-    campaign = ff.read_campaign(written(tmp_path, oscillator, way, y))
-    problem = ff.Problem.of(campaign, oscillator)
+    campaign = ff.read_campaign(written(tmp_path, swift, way, y))
+    problem = ff.Problem.of(campaign, swift)
     [found] = problem.record.measurements
     assert isinstance(found, ComplexTones)
     assert found.y == pytest.approx(y.ravel(), rel=1e-9)
-    same = ff.Problem(oscillator, PARAMETERS, tones_of(y))
+    same = ff.Problem(swift, PARAMETERS, tones_of(y))
     assert problem.residuals(problem.start) == pytest.approx(same.residuals(same.start), abs=1e-9)
 
 
-def test_decibels_and_phases_are_read(oscillator: ff.Fmu, tmp_path: Path) -> None:
+def test_decibels_and_phases_are_read(swift: ff.Fmu, tmp_path: Path) -> None:
     y = measured()
     pairs = [(20.0 * np.log10(np.abs(v)), np.degrees(np.angle(v))) for v in y.T]
-    path = write(tmp_path, oscillator, POLAR, "R{} (dB),P{} (deg)", [v for p in pairs for v in p])
+    path = write(tmp_path, swift, POLAR, "R{} (dB),P{} (deg)", [v for p in pairs for v in p])
     path.write_text(path.read_text().replace('"V peak"', '"dB"'))
-    [found] = ff.Problem.of(ff.read_campaign(path), oscillator).record.measurements
+    [found] = ff.Problem.of(ff.read_campaign(path), swift).record.measurements
     assert isinstance(found, ComplexTones)
     assert found.y == pytest.approx(y.ravel(), rel=1e-9)
 
@@ -308,23 +300,23 @@ def test_decibels_and_phases_are_read(oscillator: ff.Fmu, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        ('phases = ["P1"]', r"\[experiments\] phases: 1 column, wanted 2"),
-        ('phases = ["P1", "P3"]', r"experiments.csv: no column 'P3' of phases; there is"),
-        ('phases = ["R1", "P2"]', r"phases: 'R1' is named twice, wanted a column for each"),
-        ('phases = ["P1", "P2"]\nunknown = "delay"', r"unknown: found 'delay', wanted one of"),
-        ('unknown = "gain"', r"unknown: has a meaning beside 'phases', or 'x' and 'y', only"),
-        ('x = ["P1", "P2"]', r"y: wanted beside 'x'"),
-        ('phases = ["P1", "P2"]\nrestarted = ["7"]', r"no experiment '7', which \[experiments\]"),
+        ('phases = ["P1"]', r"\[experiments\] phases: 1 .* 2"),
+        ('phases = ["P1", "P3"]', r"experiments\.csv: .*'P3' of phases"),
+        ('phases = ["R1", "P2"]', r"phases: 'R1'.* twice"),
+        ('phases = ["P1", "P2"]\nunknown = "delay"', r"unknown: found 'delay'"),
+        ('unknown = "gain"', r"unknown: .*'phases'.*'x' and 'y'"),
+        ('x = ["P1", "P2"]', r"y: .*'x'"),
+        ('phases = ["P1", "P2"]\nrestarted = ["7"]', r"'7'.* \[experiments\]"),
         (
             'phases = ["P1", "P2"]\nunknown = "none"\nrestarted = ["2"]',
-            r"restarted: has no meaning with unknown = \"none\"",
+            r"restarted: .*unknown = \"none\"",
         ),
     ],
 )
 def test_a_table_that_cannot_be_meant_is_refused(
-    change: str, wanted: str, oscillator: ff.Fmu, tmp_path: Path
+    change: str, wanted: str, swift: ff.Fmu, tmp_path: Path
 ) -> None:
-    path = written(tmp_path, oscillator, "degrees", measured())
+    path = written(tmp_path, swift, "degrees", measured())
     text = (
         path.read_text()
         .replace('phases = ["P1", "P2"]', change)
@@ -332,7 +324,7 @@ def test_a_table_that_cannot_be_meant_is_refused(
     )
     path.write_text(text)
     with pytest.raises(BadInput, match=wanted) as caught:
-        ff.Problem.of(ff.read_campaign(path), oscillator)
+        ff.Problem.of(ff.read_campaign(path), swift)
     assert len(caught.value.args) == 1
 
 
@@ -340,18 +332,18 @@ def test_a_table_that_cannot_be_meant_is_refused(
     ("header", "phase", "wanted"),
     [
         ("R{} (V),P{}", 1.0, r"column 'P1' has no unit"),
-        ("R{} (V),P{} (rad)", 57.3, r"row 2, column 'P1': found 18.6\d* rad, in 5 of 5 rows"),
-        ("P{} (deg),R{} (V)", -1.0, r"row 2, column 'R1': negative amplitude"),
+        ("R{} (V),P{} (rad)", 57.3, r"row 2, .*'P1': found 18.6\d* rad, .*5 of 5 rows"),
+        ("P{} (deg),R{} (V)", -1.0, r"row 2, .*'R1': negative"),
         ("R{} (V),P{} (Hz)", 1.0, r"column 'P1'.*Hz"),
         ("R{} (V),P{} (rad)", np.nan, r"row 2, column 'P1': found 'nan'"),
     ],
 )
 def test_columns_that_cannot_be_meant_are_refused(
-    header: str, phase: float, wanted: str, oscillator: ff.Fmu, tmp_path: Path
+    header: str, phase: float, wanted: str, swift: ff.Fmu, tmp_path: Path
 ) -> None:
     """No unit, degrees as radians, exchanged columns, another quantity, a cell without number."""
     values = [v for y in measured().T for v in (np.abs(y), phase * (0.1 + np.abs(np.angle(y))))]
-    path = write(tmp_path, oscillator, POLAR, header, values)
+    path = write(tmp_path, swift, POLAR, header, values)
     with pytest.raises(BadInput, match=wanted):
         ff.read_campaign(path)
 
@@ -359,17 +351,17 @@ def test_columns_that_cannot_be_meant_are_refused(
 @pytest.mark.parametrize(
     ("mistake", "words"),
     [
-        (lambda y: y.imag + 1j * y.real, r"if they run the other way: are X and Y exchanged"),
-        (lambda y: np.abs(y) * np.exp(1j * np.radians(np.angle(y))), r"if their numbers are rad"),
-        (lambda y: np.abs(y) * np.exp(1j * np.degrees(np.angle(y))), r"if their numbers are deg"),
+        (lambda y: y.imag + 1j * y.real, "exchanged"),
+        (lambda y: np.abs(y) * np.exp(1j * np.radians(np.angle(y))), "numbers are rad"),
+        (lambda y: np.abs(y) * np.exp(1j * np.degrees(np.angle(y))), "numbers are deg"),
         (lambda y: y, None),
     ],
 )
 def test_phases_that_are_read_wrongly_are_told(
-    mistake: Callable[[ComplexArray], ComplexArray], words: str | None, oscillator: ff.Fmu
+    mistake: Callable[[ComplexArray], ComplexArray], words: str | None, swift: ff.Fmu
 ) -> None:
     tones = tones_of(mistake(measured()))
-    fit = ff.fit(ff.Problem(oscillator, PARAMETERS, tones), method=METHOD, starts=1)
+    fit = ff.fit(ff.Problem(swift, PARAMETERS, tones), method=METHOD, starts=1)
     said = [w.sentence for w in fit.inferred.warnings if w.kind is Kind.PHASES]
     if words is None:
         assert not said
@@ -379,13 +371,13 @@ def test_phases_that_are_read_wrongly_are_told(
 
 @pytest.mark.parametrize(("width", "contradicts"), [(WIDTH, False), (1.3 * WIDTH, True)])
 def test_an_unknown_gain_contradicts_a_sweep_by_its_line_alone(
-    width: float, contradicts: bool, oscillator: ff.Fmu
+    width: float, contradicts: bool, swift: ff.Fmu
 ) -> None:
     """No factor between their amplitudes is a mistake, and none is told: each has its own scale."""
     swept = 1e6 * np.abs(mode(SWEPT, ETA, width))
     noisy = swept * (1.0 + 0.003 * np.random.default_rng(2).standard_normal(SWEPT.size))
     sweep = ff.Sweep(SETUP, SWEPT, noisy, use="fit", scale="fit", amplitude_unit="m")
-    problem = ff.Problem(oscillator, PARAMETERS, [tones_of(7.0 * measured()), sweep])
+    problem = ff.Problem(swift, PARAMETERS, [tones_of(7.0 * measured()), sweep])
     fit = ff.fit(problem, method=METHOD, starts=1)
     told = sweep_agreement(fit.record.solution)
     assert [t.contradicts for t in told] in ([[True]] if contradicts else ([], [False]))

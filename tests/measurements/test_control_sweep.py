@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lxml import html
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure as Canvas
 
@@ -17,6 +16,8 @@ from fitting.campaign.control_table import MeasuredSpectrum, with_harmonics
 from fitting.measurements.control.spectrum import ControlSpectrum
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.measurement import Prediction
+from fitting.report.figures.measurements import draw_measurement
+from fitting.report.shown import shown_fit
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra as crossing
 
@@ -31,65 +32,65 @@ NOISE = 0.01
 
 
 @pytest.fixture(scope="module")
-def fit(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Fit:
+def fit(swift: ff.Fmu, swift_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Fit:
     folder = tmp_path_factory.mktemp("crossing")
-    path = crossing.written(folder, oscillator_fmu, crossing.measured(3, NOISE))
-    return ff.fit(ff.Problem.of(ff.read_campaign(path)))
+    path = crossing.written(folder, swift_fmu, crossing.measured(3, NOISE))
+    return ff.fit(ff.Problem.of(ff.read_campaign(path), swift))
 
 
 def test_rows_at_the_truth_are_those_of_the_closed_form(
-    oscillator_fmu: Path, tmp_path: Path
+    swift: ff.Fmu, swift_fmu: Path, tmp_path: Path
 ) -> None:
     """From a file, in other units, and from arrays; a scale of each spectrum costs nothing."""
     exact = crossing.measured(0, 0.0)
-    path = crossing.written(tmp_path, oscillator_fmu, exact)
+    path = crossing.written(tmp_path, swift_fmu, exact)
     path.write_text(
         path.read_text().replace("[control_sweep]", "[control_sweep]\nrectified = false")
     )
-    told = ff.Problem.of(ff.read_campaign(path))
+    told = ff.Problem.of(ff.read_campaign(path), swift)
     p = [TRUTH[name] for name in told.names]
     assert told.residuals(p) == pytest.approx(np.zeros(exact.size), abs=1e-9)
     gains = np.linspace(1.0, 5.0, crossing.VOLTS.size)
-    given = from_arrays(oscillator_fmu, gains[:, None] * exact, "each")
+    given = from_arrays(swift, gains[:, None] * exact, "each")
     q = [crossing.A0, crossing.A1, crossing.B0, crossing.LAMBDA, crossing.WIDTH]
     assert given.residuals(q) == pytest.approx(np.zeros(exact.size), abs=1e-9)
     # one scale for all cannot follow gains that differ; without any, amplitudes are as they are
-    shared = from_arrays(oscillator_fmu, gains[:, None] * exact, "shared").residuals(q)
+    shared = from_arrays(swift, gains[:, None] * exact, "shared").residuals(q)
     weights = np.max(gains[:, None] * exact, axis=1, keepdims=True) ** -2
     chi = np.sum(weights * gains[:, None] * exact**2) / np.sum(weights * exact**2)
     apart = (chi / gains[:, None] - 1.0) * exact / np.max(exact, axis=1, keepdims=True)
     assert shared == pytest.approx(apart.ravel(), abs=1e-9)
-    plain = from_arrays(oscillator_fmu, exact, "none").residuals(q)
+    plain = from_arrays(swift, exact, "none").residuals(q)
     assert plain == pytest.approx(np.zeros(exact.size), abs=1e-9)
 
 
 def test_columns_of_other_names_without_units_are_told_by_the_campaign(
-    oscillator_fmu: Path, tmp_path: Path
+    swift: ff.Fmu, swift_fmu: Path, tmp_path: Path
 ) -> None:
     exact = crossing.measured(0, 0.0)
-    path = crossing.written(tmp_path, oscillator_fmu, exact)
+    path = crossing.written(tmp_path, swift_fmu, exact)
     table = tmp_path / "map.csv"
     head, rest = table.read_text().split("\n", 1)
-    assert head == "V (mV),frequency (kHz),amplitude (mV)"
+    assert head.count(",") == 2
     table.write_text("V (mV),u,seen\n" + rest)
     columns = '[control_sweep]\ncolumns = { frequency = "u (kHz)", amplitude = "seen (mV)" }'
     plain = path.read_text().replace("[control_sweep]", "[control_sweep]\nrectified = false")
     path.write_text(plain.replace("[control_sweep]", columns))
-    told = ff.Problem.of(ff.read_campaign(path))
+    told = ff.Problem.of(ff.read_campaign(path), swift)
     p = [TRUTH[name] for name in told.names]
     assert told.residuals(p) == pytest.approx(np.zeros(exact.size), abs=1e-9)
     path.write_text(plain.replace("[control_sweep]", columns.replace("seen (mV)", "sen (mV)")))
-    with pytest.raises(BadInput, match="no column 'sen"):
+    with pytest.raises(BadInput, match="'sen"):
         ff.read_campaign(path)
     path.write_text(plain.replace("[control_sweep]", columns.replace("seen (mV)", "seen")))
-    with pytest.raises(BadInput, match=r"'seen' has no unit .* in the campaign's columns"):
+    with pytest.raises(BadInput, match=r"'seen'.* unit"):
         ff.read_campaign(path)
     path.write_text(plain.replace("[control_sweep]", columns.replace("seen (mV)", "V (mV)")))
-    with pytest.raises(BadInput, match="'V' is what a spectrum is measured over or tells"):
+    with pytest.raises(BadInput, match="'V'"):
         ff.read_campaign(path)
 
 
-def from_arrays(fmu: Path, amplitude: np.ndarray, scale: str) -> ff.Problem:
+def from_arrays(fmu: ff.Fmu, amplitude: np.ndarray, scale: str) -> ff.Problem:
     setup = ff.Setup(
         ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)),
         "q1",
@@ -188,13 +189,15 @@ def coupling_error() -> float:
     return float(np.sqrt(covariance[3, 3]) / size[3])
 
 
-def test_its_maps_stand_in_the_report_and_in_plots(fit: ff.Fit, tmp_path: Path) -> None:
-    page = html.document_fromstring(ff.report(fit, tmp_path).read_text(encoding="utf-8"))
-    pictures = {image.get("alt") for image in page.iter("img")}
-    assert "Maps of 5 spectra over V: measured, simulated, difference." in pictures
-    text = page.text_content()
-    assert "The model's maxima come closest at V = " in text
-    assert "'d2' follows the law d1." in text
+def test_its_maps_are_what_a_report_shows_and_stand_in_plots(fit: ff.Fit) -> None:
+    shown = shown_fit(fit.record)
+    [figure] = shown.figures
+    assert "5 spectra over V" in figure.alt
+    assert "closest at V = " in figure.caption.replace("\u00a0", " ")
+    assert any("law d1" in note for note in shown.notes)
+    drawn = draw_measurement(figure, shown)
+    assert drawn.stem == "control_sweep"
+    assert [c for a in drawn.figure.axes for c in a.get_children() if isinstance(c, QuadMesh)]
     axes = Canvas().subplots()
     assert ff.plot.measurement(fit, "1_control_sweep", number=0, ax=axes) is axes
     cells = [c for c in axes.get_children() if isinstance(c, QuadMesh)]
@@ -246,8 +249,8 @@ LINES = "V (mV),frequency (kHz),amplitude (mV)"
     ("change", "wanted"),
     [
         (lambda t: t.replace('controls = ["V"]', 'controls = ["W"]'), "no column 'W'"),
-        (lambda t: t.replace('controls = ["V"]', "controls = []"), "wanted at least one column"),
-        (lambda t: t.replace('"map.csv"', '"mop.csv"'), "no such file; did you mean 'map.csv'"),
+        (lambda t: t.replace('controls = ["V"]', "controls = []"), "at least one column"),
+        (lambda t: t.replace('"map.csv"', '"mop.csv"'), r"mop\.csv.*'map\.csv'"),
         (lambda t: t.replace('"V rms"', '"dBm"'), "wanted impedance"),
         (
             lambda t: t.replace("[control_sweep]", '[control_sweep]\ndrive = "1/g"'),
@@ -261,16 +264,16 @@ LINES = "V (mV),frequency (kHz),amplitude (mV)"
         (lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz"]'), "1 value,"),
         (
             lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz", "2 Hz"]'),
-            "0 points to fit from 1 Hz to 2 Hz; wanted at least 8",
+            "0 points .* 1 Hz to 2 Hz.* 8",
         ),
         (lambda t: t.replace("[control_sweep]", '[control_sweep]\nscale = "all"'), 'one of "each"'),
         (lambda t: t.replace("[control_sweep]", '[control_sweep]\noutput = "q9"'), "variable 'q9'"),
     ],
 )
 def test_what_is_wrong_with_its_table_is_told_in_a_sentence(
-    change: Callable[[str], str], wanted: str, oscillator_fmu: Path, tmp_path: Path
+    change: Callable[[str], str], wanted: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
-    path = crossing.written(tmp_path, oscillator_fmu, crossing.measured(1, NOISE))
+    path = crossing.written(tmp_path, swift_fmu, crossing.measured(1, NOISE))
     before = path.read_text()
     path.write_text(change(before))
     assert path.read_text() != before
@@ -285,14 +288,14 @@ def test_what_is_wrong_with_its_table_is_told_in_a_sentence(
         ("V (mV)", "V", "column 'V' has no unit"),
         ("V (mV)", "V (Hz)", "the law|adds"),
         ("amplitude (mV)", "amplitude (Hz)", "column 'amplitude'"),
-        ("1.018", "0.5", "wanted strictly rising ones"),
-        ("-3000.0,", "x,", "wanted a finite number"),
+        ("1.018", "0.5", "rising"),
+        ("-3000.0,", "x,", "finite number"),
     ],
 )
 def test_what_is_wrong_with_its_file_is_told_in_a_sentence(
-    old: str, new: str, wanted: str, oscillator_fmu: Path, tmp_path: Path
+    old: str, new: str, wanted: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
-    path = crossing.written(tmp_path, oscillator_fmu, crossing.measured(1, NOISE))
+    path = crossing.written(tmp_path, swift_fmu, crossing.measured(1, NOISE))
     table = tmp_path / "map.csv"
     text = table.read_text()
     assert old in text

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lxml import html
 from scipy.optimize import least_squares
 
 import fitting as ff
+from fitting.report.tables.values import per_place_table
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.tables import read_table
 from tests.bench import bench_coupled_rlc
@@ -25,9 +25,9 @@ C3_NF = np.arange(10.0, 101.0, 10.0)
 
 
 def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
-    swift_fmu: Path, tmp_path: Path
+    swift: ff.Fmu,
 ) -> None:
-    fit = ff.fit(ff.Problem.of(SPECTRA, ff.Fmu(swift_fmu)))
+    fit = ff.fit(ff.Problem.of(SPECTRA, swift), starts=1)
     assert fit.success
     k = fit.result.parameters["k"]
     assert k.value == pytest.approx(COMPONENTS, rel=0.03)
@@ -38,16 +38,17 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
     derived = fit.result.derived["lambda"]
     assert derived.places == tuple(f"{c:g} nF" for c in C3_NF)
     assert derived.stds == pytest.approx(k.std / np.sqrt(1e-9 * C3_NF), rel=1e-3)
-    page = html.document_fromstring(ff.report(fit, tmp_path).read_text(encoding="utf-8"))
-    [table] = [t for t in page.iter("table") if "100 nF" in t.text_content()]
+    table = per_place_table(fit.result)
+    assert table is not None
+    [row] = [[cell.text for cell in row] for row in table.rows if row[0].text == "100 nF"]
     low, high = (coupling[-1] + z * 1.96 * derived.stds[-1] for z in (-1.0, 1.0))
-    assert f"{low:.4g}"[:4] in table.text_content()
-    assert f"{high:.4g}"[:4] in table.text_content()
+    assert f"{low:.4g}"[:4] in " ".join(row)
+    assert f"{high:.4g}"[:4] in " ".join(row)
 
 
-def test_spectra_of_the_other_loop_find_what_all_components_say(swift_fmu: Path) -> None:
+def test_spectra_of_the_other_loop_find_what_all_components_say(swift: ff.Fmu) -> None:
     """Same window, drive and capacitances: parts are good to some per cent, k to half of it."""
-    fit = ff.fit(ff.Problem.of(SPECTRA.with_name("spectra_c2.toml"), ff.Fmu(swift_fmu)))
+    fit = ff.fit(ff.Problem.of(SPECTRA.with_name("spectra_c2.toml"), swift), starts=1)
     assert fit.success
     values = fit.result.parameters
     assert values["k"].value == pytest.approx(COMPONENTS, rel=0.03)
@@ -70,7 +71,7 @@ def test_losses_of_the_spectra_by_closed_form() -> None:
     assert [k1, k2] == pytest.approx([COMPONENTS] * 2, rel=0.05)
 
 
-def test_every_spectrum_has_a_coupling_of_its_own(swift_fmu: Path, tmp_path: Path) -> None:
+def test_every_spectrum_has_a_coupling_of_its_own(swift: ff.Fmu, tmp_path: Path) -> None:
     """Errors are linearised ones of scatter that all share; tolerances are not known.
 
     Residuals are largest at the resonances: as if all points were equally good, the values at 20
@@ -83,7 +84,7 @@ def test_every_spectrum_has_a_coupling_of_its_own(swift_fmu: Path, tmp_path: Pat
     text = text.replace('"square_wave', f'"{SPECTRA.parent.as_posix()}/square_wave')
     path = tmp_path / "each.toml"
     path.write_text(text)
-    fit = ff.fit(ff.Problem.of(path, ff.Fmu(swift_fmu)))
+    fit = ff.fit(ff.Problem.of(path, swift), starts=1)
     found = {o.parameter: o for o in fit.result.offsets}
     assert set(found) == {f"k[{c:g} nF]" for c in C3_NF}
     assert np.median([o.value for o in found.values()]) == pytest.approx(COMPONENTS, rel=0.03)
@@ -124,7 +125,8 @@ def fit_of_tones() -> tuple[FloatArray, FloatArray]:
     return np.asarray(found.x[:4]), np.sqrt(np.diag(covariance))[:4]
 
 
-def test_wave_forms_tell_what_their_tones_tell(swift_fmu: Path) -> None:
+@pytest.mark.nightly
+def test_wave_forms_tell_what_their_tones_tell(swift: ff.Fmu) -> None:
     """Nobody knows what went before a record: its start is solved for; one gain for all."""
     setup = ff.Setup(
         ff.Drive(),
@@ -159,7 +161,7 @@ def test_wave_forms_tell_what_their_tones_tell(swift_fmu: Path) -> None:
         ff.Parameter("gain", -5e6, bounds=(-2e7, -1e6), unit="1"),
     ]
     method = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
-    fit = ff.fit(ff.Problem(swift_fmu, parameters, traces), method=method, starts=1)
+    fit = ff.fit(ff.Problem(swift, parameters, traces), method=method, starts=1)
     values = np.array([fit[name].value for name in ETAS_AND_WIDTHS])
     stds = np.array([fit[name].std for name in ETAS_AND_WIDTHS])
     tones, errors = fit_of_tones()

@@ -47,7 +47,14 @@ def chi_square_at(lab: CrossingLaboratory, begun: FloatArray, coupling: float | 
     return 2.0 * float(least_squares(rows, y, method="trf", x_scale="jac").cost)
 
 
-@pytest.mark.parametrize(("spectra", "points", "starts"), [(5, 61, 1), (12, 41, 2)])
+@pytest.mark.parametrize(
+    ("spectra", "points", "starts"),
+    [
+        (12, 21, 1),
+        pytest.param(5, 61, 1, marks=pytest.mark.nightly),
+        pytest.param(12, 41, 2, marks=pytest.mark.nightly),
+    ],
+)
 def test_ends_of_its_interval_are_where_chi_square_has_risen_by_its_quantile(
     spectra: int, points: int, starts: int
 ) -> None:

@@ -82,8 +82,7 @@ def test_a_ringdown_takes_few_steps_of_the_fmu(beam: ff.Fmu) -> None:
     whole = 20 * of  # of the plan, which compares with whole runs
     assert runs > 60
     assert steps < whole + runs * few
-    told = " ".join(problem.planned.sentences)
-    assert f"a free decay of {of} samples follows from {few} of them" in told
+    assert any(f"{of} samples" in s and f" {few} of" in s for s in problem.planned.sentences)
 
 
 def test_steps_of_a_solver_that_takes_one_in_each_are_not_made_long(lag: ff.Fmu) -> None:
@@ -130,7 +129,7 @@ class Duffing:
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         self.runs += runs
         if self.fails:
-            raise FmuFailure("told to fail", {}, Path("duffing.fmu"))
+            raise FmuFailure("failed", {}, Path("duffing.fmu"))
         if self.refuses_long_steps and any(run.segments for run in runs):
             raise FmuFailure("wanted steps as short as those before", {}, Path("duffing.fmu"))
         return [self._run(run) for run in runs]
@@ -158,9 +157,9 @@ class Duffing:
             a, b = pushed[0], (pushed[1] + D * pushed[0]) / line
             x = np.exp(lower * past) * (a * np.cos(line * past) + b * np.sin(line * past))
             return np.asarray(x[:, None])
-        free = solve_ivp(
-            motion(0.0), (until, times[-1] + 1e-9), pushed, dense_output=True, **exactly
-        )
+        # bent runs are compared with each other alone: far better than a promise is enough
+        span, enough = (until, times[-1] + 1e-9), exactly | {"rtol": 1e-9}
+        free = solve_ivp(motion(0.0), span, pushed, dense_output=True, **enough)
         return np.asarray(free.sol(times)[0][:, None])
 
 
@@ -241,7 +240,7 @@ def test_long_steps_that_are_refused_elsewhere_are_not_made_there() -> None:
     assert np.max(np.abs(before.values - after.values)) <= steps.bound
     driven = replace(driven, plan=driven.plan.of_whole_runs)
     model.fails = True
-    with pytest.raises(FmuFailure, match="told to fail"):
+    with pytest.raises(FmuFailure, match="failed"):
         replace(response, models={"": driven}).evaluate_many([np.zeros(1)])
 
 

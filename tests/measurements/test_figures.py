@@ -62,14 +62,14 @@ def test_every_experiment_stands_before_above_after() -> None:
     spectrum, peaks = after.of(Role.MEASURED)
     assert peaks.y == pytest.approx([1e-3, 2e-3])
     assert spectrum.y == pytest.approx(np.full(100, 2e-6))
-    assert "mean magnitude 2 to 2 µV" in figure.caption
-    assert "goes from 0.1 to 0.5." in figure.alt
+    assert "2 to 2 µV" in figure.caption
+    assert "from 0.1 to 0.5" in figure.alt
 
 
 def test_more_experiments_than_can_be_read_are_not_all_drawn() -> None:
     figure = shown_by(tones(MOST_SPECTRA + 3))
     assert len(figure.panels) == 2 * MOST_SPECTRA
-    assert "The first 20 of 23 experiments are shown." in figure.caption
+    assert "20 of 23 experiments" in figure.caption
 
 
 def test_tones_without_an_experiment_show_nothing() -> None:
@@ -83,9 +83,9 @@ def test_a_sweep_shows_its_line_and_what_is_left() -> None:
     assert [layer.y[40] for layer in upper.of(Role.START)] == pytest.approx([2e-3])
     (left,) = lower.of(Role.SIMULATED)
     assert left.y == pytest.approx(-1e5 * 0.01 * damped_mode(F_HZ))  # % of the maximum, 1 mV
-    assert "is fitted point by point (χ from the ratio of the maxima)" in figure.caption
+    assert "ratio of the maxima" in figure.caption
     rms = 100.0 * np.sqrt(np.mean((10.0 * damped_mode(F_HZ)) ** 2))
-    assert f"an rms of {rms:.2g} % of the maximum" in figure.caption
+    assert f" {rms:.2g} % of" in figure.caption
     (width,) = [words for words in upper.notes if words.startswith("full width = ")]
     assert float(width.removeprefix("full width = ").split()[0]) == pytest.approx(20.0, rel=1e-6)
 
@@ -94,9 +94,9 @@ def test_a_sweep_without_a_line_says_so() -> None:
     ramp = np.linspace(1.0, 2.0, F_HZ.size)
     measured = Sweep(setup=SETUP, frequency_hz=F_HZ, amplitude_v=ramp, scaled_by="none")
     (figure,) = measured.figures(ramp, ramp)
-    assert "One damped mode could not be fitted to it: no resonance" in figure.caption
+    assert "no resonance" in figure.caption
     assert figure.panels[0].notes == ()
-    assert "sets the scale χ only (χ not scaled)" in figure.caption
+    assert "χ not scaled" in figure.caption
 
 
 def campaign(**series: ShownCampaign) -> ShownCampaign:
@@ -109,7 +109,7 @@ def test_panels_with_equal_axes_share_them_and_name_them_once() -> None:
     assert len(axes) == 14
     assert len({a.get_xlim() for a in axes}) == len({a.get_ylim() for a in axes}) == 1
     named = [a.get_ylabel() for a in axes if a.get_ylabel()]
-    assert named == ["before: amplitude (mV)", "after: amplitude (mV)"] * 2
+    assert named == [f"{when}: amplitude (mV)" for when in ("before", "after")] * 2
     below = [a for a in axes if a.get_xlabel()]
     assert [a.get_title().splitlines()[0] for a in below] == [f"pair{k}" for k in (2, 3, 4, 5, 6)]
 
@@ -122,7 +122,8 @@ def test_panels_above_each_other_move_together() -> None:
     assert lower.get_xlim() == (3.0, 4.0)
     lower.set_ylim(-7.0, 7.0)
     assert upper.get_ylim() != (-7.0, 7.0)
-    assert (upper.get_xlabel(), lower.get_ylabel()) == ("", "minus laboratory\n(% of maximum)")
+    assert upper.get_xlabel() == ""
+    assert "laboratory" in lower.get_ylabel()
 
 
 def test_highest_peaks_are_inside() -> None:
@@ -136,9 +137,10 @@ def test_highest_peaks_are_inside() -> None:
 def test_a_series_of_several_has_its_own_title() -> None:
     figure = replace(shown_by(tones(1)), series="a")
     drawn = draw_measurement(figure, campaign(a=campaign()))
-    assert (drawn.stem, drawn.title) == ("spectra_a", "Spectra, measured and simulated, a")
-    suptitle = drawn.figure.get_suptitle()
-    assert suptitle.splitlines() == ["Spectra, measured and simulated", "alone"]
+    assert drawn.stem == "spectra_a"
+    suptitle = drawn.figure.get_suptitle().splitlines()
+    assert suptitle == [drawn.title.removesuffix(", a"), "alone"]
+    assert drawn.title.endswith(", a")
 
 
 def test_logarithmic_axes_are_read_without_powers() -> None:
@@ -158,5 +160,5 @@ def test_logarithmic_axes_are_read_without_powers() -> None:
 def test_layers_of_unlike_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match="differ"):
         Layer(Role.MEASURED, Form.POINTS, F_HZ, F_HZ[1:])
-    with pytest.raises(ValueError, match="81 values, but 2 sigmas"):
+    with pytest.raises(ValueError, match=r"81 .* 2 sigmas"):
         Layer(Role.MEASURED, Form.POINTS, F_HZ, F_HZ, sigma=np.ones(2))

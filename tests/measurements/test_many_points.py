@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -24,7 +22,7 @@ PARAMETERS = (
 
 @pytest.mark.parametrize(("scale", "within", "most"), [("fit", 1e-6, 9), ("maximum", 1e-4, 9 + 11)])
 def test_a_long_sweep_takes_nine_runs_and_gives_the_truth(
-    scale: str, within: float, most: int, oscillator_fmu: Path
+    scale: str, within: float, most: int, swift: ff.Fmu
 ) -> None:
     """The largest of the points is 2e-5 below the maximum: so far the paper's scale is off.
 
@@ -34,7 +32,7 @@ def test_a_long_sweep_takes_nine_runs_and_gives_the_truth(
     amplitude_v = 1e7 * np.abs(mode(SEEN, ETA, WIDTH))
     sweep = ff.Sweep(setup, SEEN, amplitude_v, use="fit", scale=scale)
     problem = ff.Problem(
-        oscillator_fmu, PARAMETERS, [sweep], noise=ff.Noise(absolute_v=1e-3 * np.max(amplitude_v))
+        swift, PARAMETERS, [sweep], noise=ff.Noise(absolute_v=1e-3 * np.max(amplitude_v))
     )
     fit = ff.fit(problem, ff.Tikhonov(misfit="squares"), starts=1)
     assert fit.x[:2] == pytest.approx([WIDTH, ETA], rel=within)
@@ -45,10 +43,10 @@ def test_a_long_sweep_takes_nine_runs_and_gives_the_truth(
     assert decision.taken
     assert int(decision.numbers["runs"]) <= 9
     assert decision.bound <= 1e-9
-    assert any("runs for 1001 points" in said for said in fit.result.provenance.plan)
+    assert any("1001 points" in said for said in fit.result.provenance.plan)
 
 
-def test_a_long_complex_sweep_does_so_too(oscillator_fmu: Path) -> None:
+def test_a_long_complex_sweep_does_so_too(swift: ff.Fmu) -> None:
     """Two of them under two drives, which share a batch, behind a gain and beside a constant."""
     setup = Setup(DRIVE, "q1_hybrid", start_values=START, steady_start=True)
     curves = [
@@ -61,7 +59,7 @@ def test_a_long_complex_sweep_does_so_too(oscillator_fmu: Path) -> None:
         )
         for level in (1.0, 4.0)
     ]
-    problem = ff.Problem(oscillator_fmu, PARAMETERS, ff.ComplexSweep(setup, curves))
+    problem = ff.Problem(swift, PARAMETERS, ff.ComplexSweep(setup, curves))
     fit = ff.fit(problem, ff.Tikhonov(misfit="squares"), starts=1)
     assert fit.x == pytest.approx([WIDTH, ETA], rel=1e-6)
     cost = fit.result.evaluations

@@ -307,7 +307,7 @@ def written(folder: Path, fmu: Path, lock_in: LockIn, campaign: str = CAMPAIGN) 
     return path
 
 
-def from_arrays(lock_in: LockIn, fmu: Path) -> ff.Problem:
+def from_arrays(lock_in: LockIn, fmu: ff.Fmu) -> ff.Problem:
     """The problem that the campaign file tells of."""
     return ff.Problem(
         fmu,
@@ -320,8 +320,8 @@ def from_arrays(lock_in: LockIn, fmu: Path) -> ff.Problem:
     )
 
 
-def test_without_noise_the_truth_comes_back(oscillator_fmu: Path) -> None:
-    fit = ff.fit(from_arrays(measured(1, 0.0), oscillator_fmu), starts=1)
+def test_without_noise_the_truth_comes_back(swift: ff.Fmu) -> None:
+    fit = ff.fit(from_arrays(measured(1, 0.0), swift), starts=1)
     assert fit.success
     # the regularisation of the last level still pulls by about nu = 1e-9
     assert fit.x == pytest.approx([WIDTH_HZ, ETA_HZ], rel=1e-6)
@@ -333,13 +333,13 @@ NOISE = 0.01
 
 
 @pytest.fixture(scope="module")
-def path(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(tmp_path_factory.mktemp("lock_in"), oscillator_fmu, measured(5, NOISE))
+def path(swift_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp("lock_in"), swift_fmu, measured(5, NOISE))
 
 
 @pytest.fixture(scope="module")
-def fit(path: Path) -> ff.Fit:
-    return ff.fit(ff.Problem.of(ff.read_campaign(path, kinds=[LockInTable])))
+def fit(path: Path, swift: ff.Fmu) -> ff.Fit:
+    return ff.fit(ff.Problem.of(ff.read_campaign(path, kinds=[LockInTable]), swift))
 
 
 def test_a_campaign_file_that_tells_of_it_is_fitted(fit: ff.Fit) -> None:
@@ -361,12 +361,12 @@ def test_a_campaign_file_that_tells_of_it_is_fitted(fit: ff.Fit) -> None:
     assert set(fit.result.provenance.files) == {"campaign.toml", "lock_in.csv"}
 
 
-def test_its_rows_are_those_of_the_closed_form(fit: ff.Fit, oscillator_fmu: Path) -> None:
+def test_its_rows_are_those_of_the_closed_form(fit: ff.Fit, swift: ff.Fmu) -> None:
     """From the file and from arrays alike, whatever units the file has."""
     lock_in = measured(5, NOISE)
     apart = (closed_form(SEEN_HZ) - lock_in.amplitude_v) / np.max(np.abs(lock_in.amplitude_v))
     expected = np.concatenate([apart.real, apart.imag])
-    arrays = from_arrays(lock_in, oscillator_fmu)
+    arrays = from_arrays(lock_in, swift)
     for problem in (fit.problem, arrays):
         rows = problem.residuals([WIDTH_HZ, ETA_HZ])
         assert rows == pytest.approx(expected, abs=1e-9)
@@ -380,8 +380,8 @@ def test_its_rows_are_those_of_the_closed_form(fit: ff.Fit, oscillator_fmu: Path
 def test_its_figure_stands_in_the_report(fit: ff.Fit, tmp_path: Path) -> None:
     page = html.document_fromstring(ff.report(fit, tmp_path).read_text(encoding="utf-8"))
     pictures = {image.get("alt") for image in page.iter("img")}
-    assert f"Two quadratures at {SEEN_HZ.size} frequencies with the fitted model." in pictures
-    assert "what the fit leaves of them" in page.text_content()
+    assert [alt for alt in pictures if alt and f"at {SEEN_HZ.size} frequencies" in alt]
+    assert "fit leaves" in page.text_content()  # its caption
     drawn = (tmp_path / "figures" / "1_lock_in.svg").read_text(encoding="utf-8")
     for words in ("quadrature X", "quadrature Y", "SYNTHETIC DATA", "model, fitted"):
         assert words in drawn
@@ -409,33 +409,33 @@ def test_its_figure_is_drawn_into_given_axes(fit: ff.Fit) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "wanted"),
     [
-        ("tone =", "tones =", r"\[lock_in\]: unknown key 'tones'; did you mean 'tone'"),
-        ('"q1_hybrid_X_u1", ', "", r"\[lock_in\] outputs: 1 names, wanted two"),
-        ("[lock_in]", "[lock_ins]", r"unknown key 'lock_ins'; did you mean 'lock_in'"),
-        ('tone = "u1"', 'tone = "lambda"', r"\[lock_in\] tone: .*'lambda' .* cannot be set"),
-        ('name = "d1"', 'name = "u1"', r"'u1' is fitted and also set by \[lock_in\]"),
-        ("lock_in.csv", "lockin.csv", r"lockin\.csv: no such file; did you mean 'lock_in\.csv'"),
+        ("tone =", "tones =", r"\[lock_in\]: .*'tones'.*'tone'"),
+        ('"q1_hybrid_X_u1", ', "", r"\[lock_in\] outputs: 1 names"),
+        ("[lock_in]", "[lock_ins]", r"'lock_ins'.*'lock_in'"),
+        ('tone = "u1"', 'tone = "lambda"', r"\[lock_in\] tone: .*'lambda'"),
+        ('name = "d1"', 'name = "u1"', r"'u1'.* \[lock_in\]"),
+        ("lock_in.csv", "lockin.csv", r"lockin\.csv: .*'lock_in\.csv'"),
     ],
 )
 def test_what_is_wrong_with_its_table_is_told_as_of_any_other(
-    old: str, new: str, wanted: str, oscillator_fmu: Path, tmp_path: Path
+    old: str, new: str, wanted: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
     assert old in CAMPAIGN
-    wrong = written(tmp_path, oscillator_fmu, measured(5, NOISE), CAMPAIGN.replace(old, new))
+    wrong = written(tmp_path, swift_fmu, measured(5, NOISE), CAMPAIGN.replace(old, new))
     with pytest.raises(BadInput, match=wanted):
         ff.Problem.of(ff.read_campaign(wrong, kinds=[LockInTable]))
 
 
 def test_without_the_kind_its_table_is_unknown(path: Path) -> None:
-    with pytest.raises(BadInput, match="unknown key 'lock_in'"):
+    with pytest.raises(BadInput, match="'lock_in'"):
         ff.read_campaign(path)
 
 
 def test_editors_are_told_of_its_table(path: Path) -> None:
     schema = json.loads(campaign_schema([LockInTable]))
     table = schema["properties"]["lock_in"]
-    assert table["description"] == "Both quadratures of a lock-in amplifier over drive frequency."
-    assert table["properties"]["sigma"]["description"] == "Standard deviation of each quadrature."
+    assert table["description"] == LockInTable.__doc__
+    assert "quadrature" in table["properties"]["sigma"]["description"]
     assert set(table["required"]) == {"file", "outputs", "tone", "sigma"}
     tables = read_toml(path)
     jsonschema.validate(tables, schema, jsonschema.Draft7Validator)

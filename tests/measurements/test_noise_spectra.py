@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from lxml import html
 from scipy.constants import Boltzmann
 from scipy.optimize import minimize
 from scipy.signal import get_window
 from scipy.stats import chi2, gamma
 
 import fitting as ff
+from fitting.inference.quadratures import quadrature_sentences
 from fitting.measurements.noise.levels import best_levels
 from fitting.measurements.noise.record import NoiseRecord
+from fitting.report.shown import figures_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.bench.bench_noise import LABORATORY, PARAMETERS, QUICK, SETUP, one
@@ -26,9 +26,8 @@ EXACT = LABORATORY.density(U) + 2.0 * LABORATORY.noise_m**2 / LABORATORY.rate_hz
 
 
 @pytest.fixture(scope="module")
-def fmu(swift_fmu: Path) -> Iterator[ff.Fmu]:
-    with ff.Fmu(swift_fmu, workers=1) as opened:
-        yield opened
+def fmu(swift: ff.Fmu) -> ff.Fmu:
+    return swift
 
 
 def spectrum(density: FloatArray = EXACT, **more: object) -> ff.NoiseSpectrum:
@@ -147,7 +146,7 @@ def test_volts_are_told_in_metres_by_temperature_and_spring_constant(fmu: ff.Fmu
     more = {"force": "thermal", "temperature_k": 300.0, "spring_constant": k, "unit": "V"}
     fit = fitted(fmu, spectrum(4e12 * EXACT, **more))
     [gain] = fit.result.quadratures.qualities
-    assert gain.name == "read-out in V/m"
+    assert gain.name.endswith(" in V/m")
     assert gain.value == pytest.approx(2e6, rel=1e-6)
     wide = np.arange(1.0, 8000.0, 0.05)
     power = np.sum(LABORATORY.density(wide)) * 0.05
@@ -212,7 +211,7 @@ def test_a_box_that_holds_a_width_widens_no_errors(fmu: ff.Fmu) -> None:
     assert errors[1] == pytest.approx(errors[0], rel=0.4)
 
 
-@pytest.mark.parametrize("averages", [1, 100])
+@pytest.mark.parametrize("averages", [100, pytest.param(1, marks=pytest.mark.nightly)])
 def test_langevin_s_intervals_hold_the_truth(fmu: ff.Fmu, averages: int) -> None:
     """Exact discretisation, Welch, fit: squares of deviations over errors are chi square."""
     found = [one(fmu, averages, seed) for seed in range(4)]
@@ -287,24 +286,25 @@ def written(folder: Path, fmu: Path, old: str = "", new: str = "", rows: str = "
     return path
 
 
-def test_a_campaign_file_tells_of_noise(oscillator_fmu: Path, tmp_path: Path) -> None:
-    fit = ff.fit(ff.Problem.of(ff.read_campaign(written(tmp_path, oscillator_fmu))))
+def test_a_campaign_file_tells_of_noise(fmu: ff.Fmu, swift_fmu: Path, tmp_path: Path) -> None:
+    fit = ff.fit(ff.Problem.of(ff.read_campaign(written(tmp_path, swift_fmu)), fmu))
     assert fit.success
     for name, true in (("eta_plus", LABORATORY.f_hz), ("d1", LABORATORY.width_hz)):
         assert abs(fit[name].value - true) < 4.0 * fit[name].std
     [gain] = fit.result.quadratures.qualities
     assert abs(gain.value - 2e6) < 4.0 * gain.std < 4e5
-    read = html.document_fromstring(ff.report(fit, tmp_path / "out").read_text(encoding="utf-8"))
-    for script in read.findall(".//script"):
-        script.clear()
-    page = read.text_content()
-    assert "161 points of 100 averages" in page
-    assert "read-out in V/m = " in page
-    assert "loaded" not in page
-    assert (tmp_path / "out" / "figures" / "1_noise.svg").is_file()
+    [figure] = figures_of(fit.record)
+    assert figure.name == "noise"
+    assert f"{U.size} points" in figure.caption
+    assert "100 averages" in figure.caption
+    said = quadrature_sentences(fit.result.quadratures)
+    assert any(sentence.startswith(f"{gain.name} = ") for sentence in said)
+    assert not any("loaded" in sentence for sentence in said)  # as quality factors are
 
 
-def test_a_campaign_file_tells_of_a_coloured_force(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_a_campaign_file_tells_of_a_coloured_force(
+    fmu: ff.Fmu, swift_fmu: Path, tmp_path: Path
+) -> None:
     """The density of the force stands in a column of its own, in any unit."""
     seen = LABORATORY.density(U) * BROWNIAN * np.random.default_rng(6).gamma(100.0, 0.01, U.size)
     columns = zip(U, 1e20 * seen, BROWNIAN, strict=True)
@@ -312,66 +312,66 @@ def test_a_campaign_file_tells_of_a_coloured_force(oscillator_fmu: Path, tmp_pat
     rows = "\n".join(["frequency (Hz),density (mV2/Hz),shaker (V2/Hz)", *table])
     new = 'columns.force = "shaker"\nforce = "coloured"'
     old = 'force = "thermal"\ntemperature = "300 K"\nmass = "1 ng"'
-    fit = ff.fit(ff.Problem.of(ff.read_campaign(written(tmp_path, oscillator_fmu, old, new, rows))))
+    path = written(tmp_path, swift_fmu, old, new, rows)
+    fit = ff.fit(ff.Problem.of(ff.read_campaign(path), fmu))
     for name, true in (("eta_plus", LABORATORY.f_hz), ("d1", LABORATORY.width_hz)):
         assert abs(fit[name].value - true) < 4.0 * fit[name].std < 0.1 * true
-    with pytest.raises(BadInput, match="no column 'force'"):
-        ff.read_campaign(written(tmp_path, oscillator_fmu, old, 'force = "coloured"', rows))
-    with pytest.raises(BadInput, match=r"columns\.force has a meaning"):
-        ff.read_campaign(written(tmp_path, oscillator_fmu, old, 'columns.force = "shaker"', rows))
+    with pytest.raises(BadInput, match="'force'"):
+        ff.read_campaign(written(tmp_path, swift_fmu, old, 'force = "coloured"', rows))
+    with pytest.raises(BadInput, match=r"columns\.force "):
+        ff.read_campaign(written(tmp_path, swift_fmu, old, 'columns.force = "shaker"', rows))
 
 
 def test_kinds_of_noise_that_are_no_noise_of_the_model_are_told(fmu: ff.Fmu) -> None:
     """A flat spectrum with another line does not follow."""
     other = replace(LABORATORY, f_hz=72.0, width_hz=1.0).density(U) + EXACT[0]
     fit = fitted(fmu, spectrum(other))
-    assert "does not follow" in fit.message or "does not describe" in fit.message
+    assert fit.result.status != "converged"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        pytest.param("averages = 100", "averages = 0.5", "wanted 1 or more", id="averages"),
-        pytest.param('"300 K"', '"0 K"', "wanted more than zero", id="temperature"),
-        pytest.param('force = "thermal"\n', "", 'with force = "thermal" only', id="white"),
+        pytest.param("averages = 100", "averages = 0.5", "1 or more", id="averages"),
+        pytest.param('"300 K"', '"0 K"', "more than zero", id="temperature"),
+        pytest.param('force = "thermal"\n', "", 'force = "thermal"', id="white"),
         pytest.param(
             'mass = "1 ng"',
             'mass = "1 ng"\nspring_constant = "1 N/m"',
-            "wanted one of them",
+            "one of",
             id="both",
         ),
         pytest.param('"1 ng"', '"1 nm"', "wanted 'kg'", id="unit"),
-        pytest.param('mass = "1 ng"\n', "", "wanted mass or spring_constant", id="no mass"),
-        pytest.param('"thermal"', '"pink"', 'wanted one of "white", "thermal"', id="force"),
+        pytest.param('mass = "1 ng"\n', "", "mass or spring_constant", id="no mass"),
+        pytest.param('"thermal"', '"pink"', '"white", "thermal"', id="force"),
     ],
 )
 def test_bad_keys_are_told_in_a_sentence(
-    oscillator_fmu: Path, tmp_path: Path, old: str, new: str, said: str
+    swift_fmu: Path, tmp_path: Path, old: str, new: str, said: str
 ) -> None:
     with pytest.raises(BadInput) as raised:
-        ff.Problem.of(ff.read_campaign(written(tmp_path, oscillator_fmu, old, new))).record  # noqa: B018
+        ff.Problem.of(ff.read_campaign(written(tmp_path, swift_fmu, old, new))).record  # noqa: B018
     assert said in " ".join(raised.value.args)
 
 
 @pytest.mark.parametrize(
     ("head", "said"),
     [
-        pytest.param("frequency (Hz),density (dB)", "that of a power spectral density", id="dB"),
-        pytest.param("frequency (Hz),density", "has no unit in its header", id="no unit"),
+        pytest.param("frequency (Hz),density (dB)", "spectral density", id="dB"),
+        pytest.param("frequency (Hz),density", "has no unit", id="no unit"),
         pytest.param(
             "frequency (Hz),power (V2/Hz)",
-            "no column 'density'; there is: frequency, power; wanted its name in "
-            '[[noise_spectrum]], as columns = { density = "NAME" }',
+            "no column 'density'; there is: frequency, power",
             id="no column",
         ),
     ],
 )
 def test_bad_files_are_told_in_a_sentence(
-    oscillator_fmu: Path, tmp_path: Path, head: str, said: str
+    swift_fmu: Path, tmp_path: Path, head: str, said: str
 ) -> None:
     rows = "\n".join([head, *(f"{u},1.0" for u in range(1, 40))])
     with pytest.raises(BadInput) as raised:
-        ff.read_campaign(written(tmp_path, oscillator_fmu, rows=rows))
+        ff.read_campaign(written(tmp_path, swift_fmu, rows=rows))
     assert said in " ".join(raised.value.args)
 
 
@@ -381,34 +381,34 @@ SOME = np.linspace(1.0, 2.0, 20)
 @pytest.mark.parametrize(
     ("u", "y", "more", "said"),
     [
-        pytest.param(SOME[::-1], SOME, {}, "wanted frequencies that rise", id="falling"),
-        pytest.param(SOME, -SOME, {}, "density -1 at 1 Hz; wanted densities above zero", id="dB"),
-        pytest.param(SOME, SOME[1:], {}, "(20,) frequencies and (19,) densities", id="shapes"),
-        pytest.param(SOME, SOME, {"averages": 0}, "averages: found 0, wanted 1", id="averages"),
-        pytest.param(SOME - 1.5, SOME, {}, "wanted none below zero", id="negative"),
+        pytest.param(SOME[::-1], SOME, {}, "that rise", id="falling"),
+        pytest.param(SOME, -SOME, {}, "density -1 at 1 Hz", id="dB"),
+        pytest.param(SOME, SOME[1:], {}, "(20,) frequencies", id="shapes"),
+        pytest.param(SOME, SOME, {"averages": 0}, "averages: found 0", id="averages"),
+        pytest.param(SOME - 1.5, SOME, {}, "below zero", id="negative"),
         pytest.param(SOME**2, SOME, {"window": "hann"}, "wanted even ones", id="uneven"),
-        pytest.param(SOME, SOME, {"window": "kaiser"}, "wanted none, hann", id="window"),
+        pytest.param(SOME, SOME, {"window": "kaiser"}, "none, hann", id="window"),
         pytest.param(
             SOME,
             SOME,
             {"force": "thermal", "temperature_k": -1.0},
-            "temperature_k: found -1, wanted more than zero",
+            "temperature_k: found -1",
             id="temperature",
         ),
-        pytest.param(SOME, SOME, {"force": "coloured"}, "wanted both, or neither", id="no force"),
-        pytest.param(SOME, SOME, {"force_density": SOME}, "wanted both, or neither", id="white"),
+        pytest.param(SOME, SOME, {"force": "coloured"}, "both, or neither", id="no force"),
+        pytest.param(SOME, SOME, {"force_density": SOME}, "both, or neither", id="white"),
         pytest.param(
             SOME,
             SOME,
             {"force": "coloured", "force_density": SOME[1:]},
-            "(19,) densities of the force and (20,) of the answer",
+            "(19,) densities",
             id="force's shape",
         ),
         pytest.param(
             SOME,
             SOME,
             {"force": "coloured", "force_density": 1.5 - SOME},
-            "of the force at 1.52631579 Hz; wanted densities above zero",
+            "force at 1.52631579 Hz",
             id="force in dB",
         ),
     ],
@@ -425,5 +425,5 @@ def test_a_drive_that_gets_energy_back_is_refused(fmu: ff.Fmu) -> None:
     """With its sign turned round the output is not what the drive pushes."""
     turned = replace(SETUP, start_values={**SETUP.start_values, "g1": -1.0})
     measured = spectrum(force="thermal", setup=turned)
-    with pytest.raises(BadInput, match="does not lag its drive at its top"):
+    with pytest.raises(BadInput, match="lag"):
         fitted(fmu, measured)

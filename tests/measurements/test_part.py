@@ -50,8 +50,8 @@ def test_a_part_has_the_rows_of_its_places(problem: ff.Problem) -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"dephts": 0.0}, "'dephts' is set by no measurement.*they set depth, detuning, time"),
-        ({"depth": 7.0}, "nothing was measured at depth = 7.0"),
+        ({"dephts": 0.0}, "'dephts'.* depth, detuning, time"),
+        ({"depth": 7.0}, r"depth = 7\.0"),
         ({"detuning": -80.0}, "wanted two or more"),
     ],
 )
@@ -91,9 +91,9 @@ def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.
             )
         )
     )
-    assert "Measured at depth = 0 (2 of 4 places) alone: " in said
-    assert re.search("Both ends of the range of theta, d1, d2.* and lambda12 fit there", said)
-    assert "All 4 places together determine theta, d1, d2" in said
+    assert "depth = 0 (2 of 4 places)" in said
+    assert re.search(r"theta, d1, d2\b.*lambda12 ", said)  # both ends of their ranges
+    assert re.search(r"4 places .*theta, d1, d2\b", said)
 
 
 def test_maps_go_by_the_controls_that_repeat(problem: ff.Problem) -> None:
@@ -102,7 +102,7 @@ def test_maps_go_by_the_controls_that_repeat(problem: ff.Problem) -> None:
     assert isinstance(sweep, ControlSweep)
     [figure] = sweep.figures(sweep.measured, sweep.measured)
     for panel in figure.panels:
-        assert panel.x.label == "detuning (Hz) above depth"
+        assert panel.x.label.split() == ["detuning", "(Hz)", "above", "depth"]
         texts = [text.splitlines() for _, text in panel.x.ticks]
         told = [[float(part.replace("−", "-")) for part in text] for text in texts]
         assert told == [[s.settings["detuning"], s.settings["depth"]] for s in sweep.spectra]
@@ -114,8 +114,9 @@ def test_maps_go_by_the_controls_that_repeat(problem: ff.Problem) -> None:
     assert not any(line.get_visible() for line in axes.get_xgridlines() + axes.get_ygridlines())
 
 
+@pytest.mark.parametrize("budget", [2000, pytest.param(2400, marks=pytest.mark.nightly)])
 def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
-    problem: ff.Problem,
+    problem: ff.Problem, budget: int
 ) -> None:
     """With d1 = d2 the damping is the same in all coordinates: theta leaves the line as it is.
 
@@ -129,12 +130,11 @@ def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     couplings = [lines.coupling_hz(np.array([theta, 1.0, 1.0, 0.0, 0.0, 0.0])) for theta in angles]
     record = problem.part({"depth": 0.0}).record
     alone = ff.Problem.answered_by(lambda _: lines, record)
-    for budget in (2000, 2400):
-        part = ff.identify(alone, budget=budget).knowledge
-        assert part.effort.fmu_runs > 0.9 * budget  # it was cut
-        assert part.profiles["theta"].verdict is Verdict.OPEN
-        found = part.profiles["lambda12"]
-        assert found.verdict is Verdict.OPEN
-        low, high = found.interval95
-        assert low <= couplings[0] < couplings[1] <= high
-        assert not any("lambda12" in s and "for their cost" in s for s in part.sentences)
+    part = ff.identify(alone, budget=budget).knowledge
+    assert part.effort.fmu_runs > 0.9 * budget  # it was cut
+    assert part.profiles["theta"].verdict is Verdict.OPEN
+    found = part.profiles["lambda12"]
+    assert found.verdict is Verdict.OPEN
+    low, high = found.interval95
+    assert low <= couplings[0] < couplings[1] <= high
+    assert not any("lambda12" in s and "cost" in s for s in part.sentences)

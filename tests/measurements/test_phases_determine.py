@@ -7,7 +7,6 @@ ln d1, ln d2), two rows for each complex value, what is solved inside taken out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import mpmath as mp
 import numpy as np
@@ -36,12 +35,6 @@ PARAMETERS = (
     ff.Parameter("d1", 120.0, bounds=(60.0, 240.0), scale=1.0),
     ff.Parameter("d2", 90.0, bounds=(45.0, 180.0), scale=1.0),
 )
-
-
-@pytest.fixture(scope="module")
-def oscillator(oscillator_fmu: Path) -> ff.Fmu:
-    """One for all tests here."""
-    return ff.Fmu(oscillator_fmu, workers=1)
 
 
 def exact(p: Sequence[object], outputs: Sequence[str], *, reflection: bool = False) -> list[mp.mpc]:
@@ -109,7 +102,7 @@ def tones_of(outputs: Sequence[str], unknown: str) -> list[ff.Tones]:
     [("amplitudes", 7.3e-5), ("none", 1.05e-3), ("phase", 1.05e-3), ("gain", 1.05e-3)],
 )
 def test_singular_values_are_those_at_fifty_digits(
-    unknown: str, smallest: float, oscillator: ff.Fmu
+    unknown: str, smallest: float, swift: ff.Fmu
 ) -> None:
     """Both series with one reference phase: the angle is seen 14 times better than by amplitudes.
 
@@ -117,7 +110,7 @@ def test_singular_values_are_those_at_fifty_digits(
     changes by the square of that.
     """
     outputs = tuple(PAIRS)
-    problem = ff.Problem(oscillator, PARAMETERS, tones_of(outputs, unknown))
+    problem = ff.Problem(swift, PARAMETERS, tones_of(outputs, unknown))
     scaled = problem.jac(TRUTH) * np.array([1.0, TRUTH[1], TRUTH[2]])
     wanted = truth_of(outputs, unknown)
     assert np.linalg.svd(scaled, compute_uv=False) == pytest.approx(wanted, rel=1e-3)
@@ -145,7 +138,7 @@ def test_phases_tell_the_sign_of_the_coupling_by_damping() -> None:
     assert np.ptp(apart.imag) == pytest.approx(turned, rel=0.01)
 
 
-def test_one_pair_of_complex_values_tells_width_and_drift_apart(oscillator: ff.Fmu) -> None:
+def test_one_pair_of_complex_values_tells_width_and_drift_apart(swift: ff.Fmu) -> None:
     """Two amplitudes of unknown gain are one number for two unknowns; with phases there are two.
 
     Derivatives of ln X by ln w and by the offset over 30 Hz, against those at 50 digits.
@@ -177,7 +170,7 @@ def test_one_pair_of_complex_values_tells_width_and_drift_apart(oscillator: ff.F
     ]
     share = float(np.cos(TRUTH[0]) ** 2 * TRUTH[1])
     share /= share + float(np.sin(TRUTH[0]) ** 2 * TRUTH[2])
-    jacobian = ff.Problem(oscillator, parameters, tones).jac([120.0, 6940270.0])
+    jacobian = ff.Problem(swift, parameters, tones).jac([120.0, 6940270.0])
     scaled = jacobian * np.array([120.0 / share, 30.0])
     assert np.linalg.svd(scaled, compute_uv=False) == pytest.approx(wanted, rel=2e-3)
     assert wanted[1] > 0.1

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import jsonschema
 import pytest
 
 from fitting.campaign.file import WrittenCampaign
+from fitting.measurements import schema as schema_of_campaigns
 from fitting.measurements.schema import SCHEMA_FILE, campaign_schema
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record
@@ -27,14 +27,11 @@ def schema() -> dict[str, Any]:
     return found
 
 
-def test_what_is_shipped_is_what_is_checked() -> None:
+def test_what_is_shipped_is_what_is_checked(capsys: pytest.CaptureFixture[str]) -> None:
     """After a change of a key: python -m fitting.measurements.schema > its file."""
     assert SCHEMA_FILE.read_text(encoding="utf-8") == campaign_schema()
-    words = [sys.executable, "-m", "fitting.measurements.schema"]
-    root = Path(__file__).parents[2]
-    told = subprocess.run(words, capture_output=True, cwd=root, check=True)
-    assert told.stdout.decode() == campaign_schema()
-    assert told.stderr == b""
+    runpy.run_path(schema_of_campaigns.__file__, run_name="__main__")
+    assert capsys.readouterr() == (campaign_schema(), "")
 
 
 @pytest.mark.parametrize("path", CAMPAIGNS, ids=lambda path: path.parent.name)

@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import least_squares
 
 import fitting as ff
-from fitting.api.fmu import Fmu
 from fitting.campaign import Setup
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
@@ -52,7 +51,7 @@ def seen(q: FloatArray, twice: float) -> ComplexArray:
 
 @pytest.mark.parametrize(("kind", "twice"), [("notch", 1.0), ("reflection", 2.0)])
 def test_qualities_and_their_errors_are_those_of_least_squares_in_all_unknowns(
-    kind: str, twice: float, oscillator_fmu: Path
+    kind: str, twice: float, swift: ff.Fmu
 ) -> None:
     """1/Qc = Re(1/(|Qc| exp(-i phi))): the diameter correction of Probst et al. (2015)."""
     inverse = 1e4 / COUPLING
@@ -69,7 +68,7 @@ def test_qualities_and_their_errors_are_those_of_least_squares_in_all_unknowns(
     errors = np.sqrt(variance * np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
 
     curve = ff.ComplexCurve(SEEN, y, delay_s=None, wiring=ff.Wiring(kind=kind))
-    problem = ff.Problem(oscillator_fmu, PARAMETERS, ff.ComplexSweep(SETUP, curve))
+    problem = ff.Problem(swift, PARAMETERS, ff.ComplexSweep(SETUP, curve))
     found = ff.fit(problem, method=METHOD, starts=1)
     assert problem.names == ("eta_plus", "d1", "delay")
     assert found.x[0] - ETA == pytest.approx(fit.x[2], abs=0.02 * errors[2])
@@ -87,7 +86,7 @@ def test_qualities_and_their_errors_are_those_of_least_squares_in_all_unknowns(
 
 
 def test_an_internal_quality_that_noise_hides_has_an_interval_open_above(
-    oscillator_fmu: Path,
+    swift: ff.Fmu,
 ) -> None:
     """Losses add up: 1/Qi is 1 % of 1/Q, its interval reaches zero, and holds the truth."""
     coupled = 1e4 / Q * 0.99
@@ -104,7 +103,7 @@ def test_an_internal_quality_that_noise_hides_has_an_interval_open_above(
     error = 1e-4 * np.sqrt(spread[3, 3] + spread[4, 4] - 2 * spread[3, 4])
     assert loss < 1.9 * error  # so that noise hides it
     curve = ff.ComplexCurve(SEEN, y, delay_s=None, wiring=ff.Wiring(kind="notch"))
-    problem = ff.Problem(oscillator_fmu, PARAMETERS, ff.ComplexSweep(SETUP, curve))
+    problem = ff.Problem(swift, PARAMETERS, ff.ComplexSweep(SETUP, curve))
     found = ff.fit(problem, method=METHOD, starts=1)
     told = found.inferred.quadratures
     [internal] = [q for q in told.qualities if q.name == "Q_internal"]
@@ -114,15 +113,15 @@ def test_an_internal_quality_that_noise_hides_has_an_interval_open_above(
     assert np.isinf(high)
     assert low < 100.0 * Q
     [said] = [s for s in quadrature_sentences(told) if s.startswith("Q_internal")]
-    assert f"Q_internal is {number(low, 3)} or more at 95 %" in said
+    assert f" {number(low, 3)} or more" in said
 
 
 def test_a_word_that_is_no_wiring_is_refused() -> None:
-    with pytest.raises(BadInput, match="wiring: kind is 'notches', wanted one of transmission"):
+    with pytest.raises(BadInput, match=r"kind is 'notches'.* transmission"):
         ff.Wiring(kind="notches")
 
 
-def test_phases_halve_the_error_of_a_measured_coupling(oscillator_fmu: Path) -> None:
+def test_phases_halve_the_error_of_a_measured_coupling(swift: ff.Fmu) -> None:
     """The components of the circuit tell the coupling: 1/(2 pi sqrt(L C3)) = 711.8 Hz."""
     rows = np.genfromtxt(RLC / "c1_response.csv", delimiter=",", skip_header=1)
     u, drive, amplitude, phase = rows.T
@@ -145,7 +144,7 @@ def test_phases_halve_the_error_of_a_measured_coupling(oscillator_fmu: Path) -> 
         ff.Sweep(setup, u, np.abs(y)),
         ff.ComplexSweep(setup, ff.ComplexCurve(u, y, unit="1")),
     ):
-        problem = ff.Problem(oscillator_fmu, parameters, measured, derived="lambda")
+        problem = ff.Problem(swift, parameters, measured, derived="lambda")
         found = ff.fit(problem, method=METHOD, starts=1)["lambda"]
         low, high = found.interval()
         assert low < coupling < high
@@ -153,11 +152,10 @@ def test_phases_halve_the_error_of_a_measured_coupling(oscillator_fmu: Path) -> 
     assert errors[0] > 2.0 * errors[1]
 
 
-def test_seeded_laboratories_are_within_their_errors(oscillator_fmu: Path) -> None:
+def test_seeded_laboratories_are_within_their_errors(swift: ff.Fmu) -> None:
     """A few of those by which `tests.bench.bench_wiring` counts coverage: with a slope, too."""
-    with Fmu(oscillator_fmu) as fmu:
-        apart = [
-            deviations(laboratory(kind, seed), fmu)
-            for kind, seed in (("notch", 1), ("reflection", 2))
-        ]
+    apart = [
+        deviations(laboratory(kind, seed), swift)
+        for kind, seed in (("notch", 1), ("reflection", 2))
+    ]
     assert np.max(np.abs(apart)) < 3.5

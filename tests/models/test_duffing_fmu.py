@@ -289,7 +289,7 @@ def test_an_amplitude_beyond_the_averaging_is_refused_when_it_comes(instance: In
         assert instance.get("nonlinear_shift")[0] < 0.11
         now += 1e-5
     assert 0.0 < now < 1e-3
-    assert "cubic terms shift the frequency" in instance.status_message()
+    assert "cubic terms" in instance.status_message()
     assert all(map(math.isnan, instance.outputs().values()))
 
 

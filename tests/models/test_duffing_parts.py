@@ -134,18 +134,18 @@ def small(**changes: float) -> Parameters:
     "changes",
     [
         {},
-        {"eta_minus": 970.0},
-        {"eta_minus": 3.0 * 999.0 / 1.12},
-        {"eta_minus": 3.0 * 999.0 / 0.88},
         {"u1": 880.0, "u2": 1120.0},
-        {"u1": 530.0, "u2": 530.0},
+        pytest.param({"eta_minus": 970.0}, marks=pytest.mark.nightly),
+        pytest.param({"eta_minus": 3.0 * 999.0 / 1.12}, marks=pytest.mark.nightly),
+        pytest.param({"eta_minus": 3.0 * 999.0 / 0.88}, marks=pytest.mark.nightly),
+        pytest.param({"u1": 530.0, "u2": 530.0}, marks=pytest.mark.nightly),
     ],
     ids=[
         "near",
+        "tones-apart",
         "reversed",
         "below-the-third",
         "above-the-third",
-        "tones-apart",
         "slow",
     ],
 )
@@ -453,7 +453,7 @@ def test_what_a_step_misses_is_the_integral_of_the_cubic_through_its_points() ->
 def test_each_cubic_term_by_itself_wants_tones_that_one_frame_holds(name: str) -> None:
     p = small(u1=500.0, u2=1500.0)
     one = Cubic(**{**dict.fromkeys(Cubic._fields, 0.0), name: 1e10})
-    with pytest.raises(ModelError, match="too far apart for one rotating frame"):
+    with pytest.raises(ModelError, match="rotating frame"):
         EnvelopeSolver(p, one, Settings(1e-6, False))
     EnvelopeSolver(p, Cubic(*[0.0] * 3), Settings(1e-6, False))  # a linear motion wants none
 

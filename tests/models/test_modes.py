@@ -42,11 +42,12 @@ def test_there_are_two_hundred_scenes() -> None:
     assert sum(SIZES.values()) == 200
 
 
+@pytest.mark.parametrize("few", [True, pytest.param(False, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("n", SIZES)
-def test_lock_in_and_periodic_orbit(models: Models, n: int) -> None:
+def test_lock_in_and_periodic_orbit(models: Models, n: int, few: bool) -> None:
     """1e-9 of each mode's amplitude is promised; 1e-13 and, of the orbit's phase, 1e-12 is kept."""
     worst = 0.0
-    for scene in scenes(n, SIZES[n], seed=n):
+    for scene in scenes(n, 15 if few else SIZES[n], seed=n):
         fmu = models(n).start(**scene, periodic_start=True)
         sizes = [mp.mpf(0)] * n
         lines = reference.lines(scene)
@@ -270,7 +271,7 @@ def test_two_modes_reproduce_coupled_oscillator(
 # --- what the FMU promises as a host sees it -----------------------------------------------------
 
 
-@pytest.mark.parametrize("n", [1, 9])
+@pytest.mark.parametrize("n", [1, pytest.param(9, marks=pytest.mark.nightly)])
 def test_fmpy_finds_no_problem_and_the_bytes_are_the_same(n: int, tmp_path: Path) -> None:
     first = build_fmu.build(f"CoupledModes{n}", tmp_path / "a")
     assert validate_fmu(str(first)) == []

@@ -127,7 +127,8 @@ def worst(solver: int) -> float:
     ("solver", "label"),
     [
         *((solver, label) for solver in (EXACT, ENVELOPE) for label in SCENES),
-        *((RK4, label) for label in ("one mode", "two modes", "growing", "pumped")),
+        *((RK4, label) for label in ("one mode", "growing")),
+        *(pytest.param(RK4, x, marks=pytest.mark.nightly) for x in ("two modes", "pumped")),
     ],
 )
 def test_motion_from_rest_is_that_of_scipy(solver: int, label: str) -> None:
@@ -173,9 +174,18 @@ CHANGES: tuple[Values, ...] = (
 @pytest.mark.parametrize(
     ("solver", "periodic", "pump"),
     [
-        *((solver, periodic, "no") for solver in (0, 1, 2) for periodic in (False, True)),
-        *((solver, solver == ENVELOPE, "strong") for solver in (0, 1, 2)),
-        *((solver, solver != ENVELOPE, "slow") for solver in (0, 1, 2)),
+        *((solver, periodic, "no") for solver in (0, 1) for periodic in (False, True)),
+        *((RK4, True, "no"), (EXACT, False, "strong"), (ENVELOPE, False, "slow")),
+        *(
+            pytest.param(*way, marks=pytest.mark.nightly)
+            for way in (
+                (RK4, False, "no"),
+                (ENVELOPE, True, "strong"),
+                (RK4, False, "strong"),
+                (EXACT, True, "slow"),
+                (RK4, True, "slow"),
+            )
+        ),
     ],
 )
 def test_changed_parameters_keep_state_and_phase(solver: int, periodic: bool, pump: str) -> None:
@@ -263,8 +273,8 @@ def test_rk4_that_leaves_the_range_of_numbers_tells_a_stable_substep() -> None:
     """Classical Runge-Kutta is stable on the imaginary axis up to sqrt(8)."""
     slave = started(ONE, solver=RK4, rk4_substep=1.0)
     assert not slave.step(500.0)
-    assert "the rk4 solution left the range of numbers at t = 500.0 s" in slave.message
-    told = float(slave.message.split("a stable substep is below ")[1].split(" ")[0])
+    assert "t = 500.0 s" in slave.message
+    told = float(slave.message.split("substep is below ")[1].split(" ")[0])
     assert told == pytest.approx(math.sqrt(8.0) / (TWO_PI * 1.1), rel=0.02)
 
 
@@ -334,21 +344,21 @@ def test_a_mode_that_grows_out_of_range_ends_the_run() -> None:
     slave = started(TWO | {"d1": -1.0, "lambda12": 0.0})
     assert slave.step(200.0)
     assert not slave.step(260.0)
-    assert "the growing oscillation left the range of numbers before 260.0 s" in slave.message
+    assert "before 260.0 s" in slave.message
 
 
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"lambda12": 1.2}, "the stiffness matrix is not positive definite"),
+        ({"lambda12": 1.2}, "stiffness matrix"),
         ({"depth_f1": 0.1, "pump_hz": 0.0}, "pump_hz = 0.0 Hz"),
-        ({"depth_f1": 0.1, "pump_hz": 0.3, "d2": 0.0}, "d2 = 0.0 Hz: a pumped system"),
-        ({"d2": 0.0, "periodic_start": True}, "d2 = 0.0 Hz: the damping matrix"),
-        ({"solver": 1, "b": 1.0}, "b = 1.0: the rotating frame"),
+        ({"depth_f1": 0.1, "pump_hz": 0.3, "d2": 0.0}, "d2 = 0.0 Hz: a pumped"),
+        ({"d2": 0.0, "periodic_start": True}, "d2 = 0.0 Hz: the damping"),
+        ({"solver": 1, "b": 1.0}, "b = 1.0: "),
         ({"solver": 3}, "solver = 3"),
-        ({"lambda12": 0.0, "d1": 0.0, "u1": 1.0}, "a drive at 1.0 Hz has no steady state"),
-        ({"u2": -5.0}, "u2 = -5.0 Hz: a drive frequency"),
-        ({"depth_f1": 0.9, "pump_hz": 1e-3}, "too slow and too deep"),
+        ({"lambda12": 0.0, "d1": 0.0, "u1": 1.0}, "drive at 1.0 Hz"),
+        ({"u2": -5.0}, "u2 = -5.0 Hz: "),
+        ({"depth_f1": 0.9, "pump_hz": 1e-3}, "too deep"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(values: Values, words: str) -> None:
@@ -360,15 +370,17 @@ def test_what_cannot_be_simulated_is_refused(values: Values, words: str) -> None
 def test_couplings_that_are_too_strong_are_named_and_others_are_not() -> None:
     slave = started(THREE | {"lambda12": 1.2})
     assert not slave.step(0.1)
-    assert "with f2 = 1.3 Hz and lambda12 = 1.2 Hz the modes have a motion" in slave.message
+    assert "f2 = 1.3 Hz and lambda12 = 1.2 Hz" in slave.message
+    assert "lambda13" not in slave.message
     slave = started(THREE | {"lambda13": 0.0, "lambda23": 1.4})
     assert not slave.step(0.1)
-    assert "with f3 = 1.45 Hz and lambda12 = 0.4 Hz, lambda23 = 1.4 Hz the" in slave.message
+    assert "f3 = 1.45 Hz" in slave.message
+    assert "lambda12 = 0.4 Hz, lambda23 = 1.4 Hz" in slave.message
 
 
 def test_a_coupling_may_be_zero_but_not_negative_when_a_model_is_built() -> None:
     assert checked_start_values(model(2), {"lambda12": 0.0}) == {"lambda12": 0.0}
-    with pytest.raises(BuildError, match=r"wanted is at least 0\.0 Hz"):
+    with pytest.raises(BuildError, match=r"at least 0\.0 Hz"):
         checked_start_values(model(2), {"lambda12": -0.5})
 
 
@@ -377,7 +389,8 @@ def test_sidebands_that_one_side_alone_needs_too_many_of_are_refused() -> None:
     p = ONE | {"f1": 1.0, "u1": 1.3, "A2": 0.0, "pump_hz": 1.0 / 700.0, "depth_f1": 0.4}
     slave = started(p)
     assert not slave.step(0.1)
-    assert "needs more than 1500 sidebands of a drive at 1.3 Hz" in slave.message
+    assert "1500 sidebands" in slave.message
+    assert "1.3 Hz" in slave.message
 
 
 #: Drive and pump in Hz, sidebands kept below and above, depth and damping in Hz.
@@ -543,5 +556,5 @@ def test_a_slow_pump_of_one_mode_passes_where_its_bound_shows_it(
     assert started(p | {"d1": 1.01 * least}).step(1e-3)
     slave = started(p | {"d1": 0.99 * least})
     assert not slave.step(1e-3)
-    assert "too slow and too deep" in slave.message
-    assert f"by {depth:.3g} of the stiffness" in slave.message
+    assert "too deep" in slave.message
+    assert f"by {depth:.3g} of" in slave.message

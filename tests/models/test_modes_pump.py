@@ -45,7 +45,13 @@ def pumped(n: int, k: int, seed: int) -> Scene:
     }
 
 
-@pytest.mark.parametrize(("n", "k"), [(1, 0), (2, 0), (2, 1), (2, 3), (3, 0), (3, 1)])
+@pytest.mark.parametrize(
+    ("n", "k"),
+    [
+        *((1, 0), (2, 1), (3, 1)),
+        *(pytest.param(*scene, marks=pytest.mark.nightly) for scene in ((2, 0), (2, 3), (3, 0))),
+    ],
+)
 def test_sidebands_are_those_of_a_dense_solve(models: Models, n: int, k: int) -> None:
     scene = pumped(n, k, seed=20 + n)
     fmu = models(n).start(**scene, readout1=1.0)
@@ -208,7 +214,7 @@ def test_parametric_resonance_begins_where_mathieu_says(models: Models, quality:
     assert models(1).start(**p, depth_f1=0.998 * threshold).step(0.0, 1e-6) == OK
     fmu = models(1).start(**p, depth_f1=1.002 * threshold)
     assert fmu.step(0.0, 1e-6) == DISCARD
-    assert "makes the modes unstable" in fmu.status_message()
+    assert "unstable" in fmu.status_message()
     assert "pump_hz = 2000000.0 Hz" in fmu.status_message()
 
 
@@ -229,7 +235,9 @@ def test_amplification_below_the_threshold(models: Models) -> None:
 # --- the bound, and refusals ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wanted", [1e-1, 1e-2, 1e-4, 1e-7])
+@pytest.mark.parametrize(
+    "wanted", [1e-2, *(pytest.param(x, marks=pytest.mark.nightly) for x in (1e-1, 1e-4, 1e-7))]
+)
 def test_the_cut_costs_less_than_its_bound(wanted: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """All sidebands together against a chain cut far out, at strong pumps in many places."""
     names = [f"lambda{a}{b}" for a, b in ((1, 2), (1, 3), (2, 3))]

@@ -214,7 +214,7 @@ def test_model_exchange_is_refused_with_a_reason(twin: Unpacked) -> None:
         assert fmu.slave.fmi2Instantiate(b"x", MODEL_EXCHANGE, *words) is None
         [(status, said)] = fmu.messages
         assert status == ERROR
-        assert "for co-simulation alone" in said
+        assert "co-simulation" in said
 
 
 # --- the same description, the same bytes --------------------------------------------------------
@@ -246,7 +246,11 @@ def test_the_same_sources_give_the_same_bytes(twin_fmu: Path, tmp_path: Path) ->
     assert built.read_bytes() == twin_fmu.read_bytes()
 
 
-def test_another_name_and_start_value_give_another_fmu(twin_fmu: Path, tmp_path: Path) -> None:
+def test_another_name_and_start_value_give_another_fmu(
+    twin_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quick = tuple("-O0" if word == "-O2" else word for word in native_binary.COMPILE)
+    monkeypatch.setattr(native_binary, "COMPILE", quick)  # nothing here is computed by it
     words = ["--like", str(twin_fmu), "--out", str(tmp_path), "--set", "theta=0.75"]
     assert build_fmu.main([*words, "--name", "Sensor", "--history", "Fitted."]) == 0
     other = tmp_path / "Sensor.fmu"
@@ -262,19 +266,22 @@ def test_what_cannot_be_compiled_is_one_line(
 ) -> None:
     words = ["--native", "--out", str(tmp_path), "--model"]
     assert build_fmu.main([*words, "CoupledOscillator", "--platforms", "amiga"]) == 2
-    assert "platform 'amiga': there are linux64" in capsys.readouterr().err
+    assert "'amiga': there are linux64" in capsys.readouterr().err
     assert build_fmu.main(["--platforms", "win64"]) == 2
-    assert "--platforms: has a meaning with --native alone" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "--platforms: " in said
+    assert "--native" in said
     monkeypatch.setenv("PATH", str(tmp_path))
     assert build_fmu.main([*words, "CoupledOscillator"]) == 2
-    assert "there is no C compiler 'cc' here" in capsys.readouterr().err
+    assert "C compiler 'cc'" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_compilers_complaint_is_passed_on(tmp_path: Path) -> None:
     need_compiler()
     [tool] = native_binary.toolchains(())
-    with pytest.raises(BuildError, match=r"the C compiler .* failed: .*error: "):
+    with pytest.raises(BuildError, match=r"C compiler .*error: "):
         native_binary.compiled(tmp_path, [], {"broken.c": "int main(void) { return x; }\n"}, tool)
 
 

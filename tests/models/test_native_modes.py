@@ -94,7 +94,7 @@ def test_every_scene_is_that_of_the_python_fmu(
 
     Of long chains there are few, as Python takes its time for these.
     """
-    cases = [*scenes(3, 10, seed=3), pumped(3, 0, seed=23), THREE | PUMP]
+    cases = [*scenes(3, 5, seed=3), pumped(3, 0, seed=23), THREE | PUMP]
     cases += [] if settings else [pumped(3, 1, seed=23)]
     for scene in cases:
         python, native = (run(fmu, scene | settings, *course(scene, settings)) for fmu in pairs(3))
@@ -146,7 +146,7 @@ def test_a_chain_that_is_too_long_is_refused_alike(pairs: Callable[[int], Pair])
     long |= {"pump_hz": 1.0 / 700.0, "depth_f1": 0.4}
     python, native = (run(fmu, THREE | long, [0.1], {}) for fmu in pairs(3))
     assert same(python, native) <= 1e-12
-    assert "needs more than 1500 sidebands" in python[2][0][1]
+    assert "1500 sidebands" in python[2][0][1]
 
 
 def test_one_mode_without_pairs_compiles_without_a_warning(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def balanced(fmu: Instance, u: float) -> complex:
 def test_the_split_line_is_that_of_rk4(models: Models) -> None:
     """What is left, 3e-4, is that of 40 substeps a period: (2 pi/40)^4/120 of f, in widths."""
     fmu = models(2)
-    u_hz = np.array([930.0, 960.0, 990.0, 1030.0, 1060.0])
+    u_hz = np.array([960.0, 1030.0])
     wanted = np.array([integrated(fmu, u) for u in u_hz])
     found = np.array([balanced(fmu, u) for u in u_hz])
     assert np.abs(found - wanted).max() <= 5e-4 * np.abs(wanted).max()

@@ -140,5 +140,5 @@ def test_a_campaign_reads_its_lines(tmp_path: Path) -> None:
     assert experiment.lines_hz == (1000.1, 999.9)
     assert read_campaign_file(path).driven.highest_order == 9
     (tmp_path / "experiments.csv").write_text(table + "a,1000,2000,3,1\n")
-    with pytest.raises(BadInput, match="row 2: 2\\*u1 - u2 is at 0 Hz"):
+    with pytest.raises(BadInput, match=r"row 2: 2\*u1 - u2"):
         read_campaign(path)

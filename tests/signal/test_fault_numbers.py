@@ -16,6 +16,12 @@ ETA_HZ, WIDTH_HZ = 5000.0, 20.0
 Law = Callable[..., FloatArray]
 
 
+@pytest.fixture(autouse=True)
+def _one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether two lines fit as well is asked in `test_sweep_faults`: it costs most of the time."""
+    monkeypatch.setattr("fitting.signal.sweep_faults._Sweep.two_lines_p", lambda *_: 1.0)
+
+
 def detuned(count: int, widths: float = 3.0) -> FloatArray:
     """Frequencies about the line, their number, and the line widths to both sides of it."""
     return np.asarray(ETA_HZ + WIDTH_HZ * np.linspace(-widths, widths, count))

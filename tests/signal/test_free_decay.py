@@ -92,11 +92,12 @@ def drawn(seed: int) -> Drawn:
     return Drawn(summed(*terms, samples=samples), 2 * modes + offset + 2 * fast)
 
 
+@pytest.mark.parametrize("seeds", [60, pytest.param(300, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("tolerance", [1e-4, TOLERANCE])
-def test_no_decay_is_further_off_than_is_said(tolerance: float) -> None:
+def test_no_decay_is_further_off_than_is_said(tolerance: float, seeds: int) -> None:
     """Whatever is handed back holds its bound; nearly every decay is handed back."""
     worst, given, count = 0.0, 0, 0
-    for seed in range(300):
+    for seed in range(seeds):
         scene = drawn(seed)
         tried = few_samples(scene.y.size)
         found = [rebuilt(few, scene.y[few.indices], tolerance) for few in tried]
@@ -105,7 +106,7 @@ def test_no_decay_is_further_off_than_is_said(tolerance: float) -> None:
             count += 1
             given += any(each is not None for each in found)
     assert worst <= 1.0
-    assert given >= 0.95 * count > 100
+    assert given >= 0.95 * count > seeds / 3
 
 
 def test_noise_of_the_samples_is_part_of_what_is_said() -> None:

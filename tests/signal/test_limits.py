@@ -71,12 +71,12 @@ def test_so_many_lines_are_kept_apart_and_no_more() -> None:
     """(2 n + 1)^2 of a million at most: 999^2 = 998,001."""
     tones = ("u1", "u2")
     assert lines_to_read(["u1"], 499, tones, "here")[1] == 499
-    with pytest.raises(BadInput, match="order = 500 with 2 tones is too many"):
+    with pytest.raises(BadInput, match="order = 500 with 2"):
         lines_to_read(["u1"], 500, tones, "here")
     assert lines_to_read(["u1", "3*u1"], 3, tones, "here")[1] == 3
-    with pytest.raises(BadInput, match="a line of order 3, but order = 2"):
+    with pytest.raises(BadInput, match=r"order 3.* order = 2"):
         lines_to_read(["u1", "3*u1"], 2, tones, "here")
-    with pytest.raises(BadInput, match="one at least"):
+    with pytest.raises(BadInput, match="here: "):
         lines_to_read([], None, tones, "here")
     read, _ = lines_to_read(["u2", "u1"], None, tones, "here")
     assert [line.factors for line in read] == [(0, 1), (1, 0)]
@@ -101,7 +101,7 @@ def test_names_put_positive_terms_first() -> None:
 def test_periods_and_turns_are_exact() -> None:
     assert common_period((0.1, 0.25, 0.0)) == 20
     assert common_period((6.0, 4.0)) == Fraction(1, 2)
-    with pytest.raises(BadInput, match="one at least"):
+    with pytest.raises(BadInput, match="at least"):
         common_period((0.0,))
     times = np.array([1e9 + 1.0 / 3.0, 0.1, 12345.678])
     for f in (6.94026e6, 0.3):
@@ -120,16 +120,16 @@ def test_a_fit_of_tones_with_one_sample_fewer_than_unknowns_has_no_condition() -
     assert found.phasors == pytest.approx([3.0 * np.exp(0.5j), -0.7j])
     assert found.amplitudes == pytest.approx([3.0, 0.7])
     assert found.rest == pytest.approx(np.zeros(40), abs=1e-12)
-    with pytest.raises(BadInput, match="do not tell them apart"):
+    with pytest.raises(BadInput, match=r"1 Hz and 1\.0001 Hz"):
         fit_tones((1.0, 1.0001), t, values)
 
 
 def test_tones_a_thousand_times_apart_look_like_a_forgotten_unit() -> None:
     assert unit_hint((6.94, 6.9e3)) == ""
-    assert "differ by a factor of" in unit_hint((6.94, 6.95e3))
-    assert "differ by a factor of 14000" in unit_hint((5e-4, 7.0))
+    assert "factor of 1000" in unit_hint((6.94, 6.95e3))
+    assert "factor of 14000" in unit_hint((5e-4, 7.0))
     assert unit_hint((0.0, 7e6)) == ""
-    assert tones_in_words((6.94018, 6940360.0)) == "tones 6.94018 Hz and 6940360 Hz"
+    assert tones_in_words((6.94018, 6940360.0)).endswith("6.94018 Hz and 6940360 Hz")
     assert tones_in_words((5.0,)) == "tone 5 Hz"
 
 
@@ -143,7 +143,7 @@ def test_tones_a_thousand_times_apart_look_like_a_forgotten_unit() -> None:
         (0.0, 0.0, 5, "step 0.0 s"),
         (0.1, -1.0, 5, "settling -1.0 s"),
         (math.nan, 0.0, 5, "step nan s"),
-        (0.1, 0.0, 4, "4 samples cannot hold 2 tones"),
+        (0.1, 0.0, 4, "4 samples .*2 tones"),
     ],
 )
 def test_windows_have_a_step_a_time_and_a_sample_for_every_unknown(
@@ -156,7 +156,7 @@ def test_windows_have_a_step_a_time_and_a_sample_for_every_unknown(
         assert window().length_s == pytest.approx(0.5)
         assert window().input_step_s == 0.1
         assert replace(window(), held_steps=4).input_step_s == pytest.approx(0.025)
-        with pytest.raises(ValueError, match="6 samples, planned were 5"):
+        with pytest.raises(ValueError, match=r"6 samples.* 5"):
             window().read(np.zeros(6))
         return
     with pytest.raises(ValueError, match=words):
@@ -209,7 +209,7 @@ def test_points_near_a_tone_are_no_noise() -> None:
     robust = noise_floor(f, quiet, (11.3,), "robust")
     assert robust.sigma_v == pytest.approx(2.0 / (2.0 * np.log(2.0)) ** 0.5)
     assert robust.level_v == pytest.approx(robust.sigma_v * (np.pi / 2) ** 0.5)
-    with pytest.raises(BadInput, match="9 points more than 6 points away"):
+    with pytest.raises(BadInput, match=r"9 points .* 6 points"):
         noise_floor(f[:22], quiet[:22], (11.3,), "mean")
 
 
@@ -242,7 +242,7 @@ def test_a_peak_stands_four_sigma_out_of_the_noise(height: float, told: bool) ->
         assert found.sigmas_v == pytest.approx([sigma])
         assert read_peaks(f, a, (50.0,), "none").peaks_v == pytest.approx([height * sigma])
         return
-    with pytest.raises(BadInput, match="no peak at the tone"):
+    with pytest.raises(BadInput, match="tone 50 Hz"):
         read_peaks(f, a, (50.0,))
 
 
@@ -252,9 +252,9 @@ def test_a_tone_may_lie_half_a_step_beyond_the_trace() -> None:
     for tone, end in ((9.6, 0), (110.4, -1)):
         assert read_peaks(f, a, (tone,), "none").raw_v == [a[end]]
     for tone in (9.4, 110.6):
-        with pytest.raises(BadInput, match="does not contain the tone"):
+        with pytest.raises(BadInput, match=f"tone {tone:g} Hz.* 10 to 110 Hz"):
             read_peaks(f, a, (tone,))
-    with pytest.raises(ValueError, match="noise floor kind"):
+    with pytest.raises(ValueError, match="'median'"):
         read_peaks(f, a, (20.0,), "median")
 
 
@@ -308,7 +308,7 @@ def test_a_resonance_must_lie_within_its_sweep(beside: float, widths: float, fou
     if found:
         assert fit_resonance(f, a).width_hz == pytest.approx(10.0, rel=1e-4)
         return
-    with pytest.raises(BadInput, match="no resonance between"):
+    with pytest.raises(BadInput, match="no resonance"):
         fit_resonance(f, a)
 
 
@@ -317,7 +317,7 @@ def test_eight_points_make_a_resonance(background: str, least: int) -> None:
     f = 1000.0 + np.linspace(-20.0, 20.0, least)
     a = np.abs(mode_response(f, 1001.0, 10.0) + (0.1j if background == "complex" else 0.0))
     assert fit_resonance(f, a, background=background).eta_hz == pytest.approx(1001.0, abs=1e-3)
-    with pytest.raises(BadInput, match=f"{least - 1} points are too few"):
+    with pytest.raises(BadInput, match=f"{least - 1} points"):
         fit_resonance(f[1:], a[1:], background=background)
     with pytest.raises(ValueError, match="background"):
         fit_resonance(f, a, background="linear")

@@ -50,10 +50,10 @@ def test_robust_floor_ignores_spurious_lines_that_spoil_the_mean() -> None:
 
 
 def test_robust_peaks_are_unbiased_and_the_mean_difference_is_low_by_the_floor() -> None:
-    sigma, truth, draws = 0.5, np.array([5.0, 8.0]), 8000
+    sigma, truth, draws = 0.5, np.array([5.0, 8.0]), 4000
     part = slice(215, 286)
     traces = [spectrum((5.0, 8.0), sigma, 100 + k)[part] for k in range(draws)]
-    error = 2.5 * sigma / math.sqrt(draws)  # 0.014; one order down is sigma^2 / 2a = 0.025
+    error = 2.5 * sigma / math.sqrt(draws)  # 0.020; one order down is sigma^2 / 2a = 0.025
     robust = np.mean([read_peaks(GRID[part], t, TONES).peaks_v for t in traces], axis=0)
     np.testing.assert_allclose(robust, truth, atol=error)
     mean = np.mean([read_peaks(GRID[part], t, TONES, "mean").peaks_v for t in traces], axis=0)
@@ -111,7 +111,7 @@ def test_a_point_stands_for_half_a_spacing_around_it() -> None:
     f, a = np.array([10.0, 12.0]), np.array([3.0, 5.0])
     assert read_peaks(f, a, (9.1, 12.9), "none").peaks_v.tolist() == [3.0, 5.0]
     for tone in (8.9, 13.1):
-        with pytest.raises(BadInput, match="does not contain the tone"):
+        with pytest.raises(BadInput, match=f"tone {tone:g} Hz.* 10 to 12 Hz"):
             read_peaks(f, a, (tone,), "none")
 
 
@@ -125,9 +125,9 @@ def test_a_line_beside_points_of_zero_is_at_least_its_largest_point() -> None:
 @pytest.mark.parametrize(
     ("scale", "outside", "silent"),
     [
-        (1.0, "the tone 60 Hz; its points run from 30 to 50 Hz", "no peak at the tone 45 Hz"),
-        (1e3, "the tone 60 kHz; its points run from 30 to 50 kHz", "no peak at the tone 45 kHz"),
-        (1e9, "the tone 60 GHz; its points run from 30 to 50 GHz", "no peak at the tone 45 GHz"),
+        (1.0, "60 Hz.* 30 to 50 Hz", "45 Hz"),
+        (1e3, "60 kHz.* 30 to 50 kHz", "45 kHz"),
+        (1e9, "60 GHz.* 30 to 50 GHz", "45 GHz"),
     ],
 )
 def test_frequencies_are_told_in_the_unit_that_suits_them(
@@ -144,9 +144,9 @@ def test_frequencies_are_told_in_the_unit_that_suits_them(
 @pytest.mark.parametrize(
     ("tones", "size", "words"),
     [
-        ((6.95e6,), 501, "does not contain the tone 6.95 MHz; its points run from 6.93975"),
-        ((6.94e6 + 60,), 501, "no peak at the tone 6.94006 MHz"),
-        (TONES, 258, "points away from the tones|points more than 6 points away"),
+        ((6.95e6,), 501, r"6\.95 MHz.* 6\.93975"),
+        ((6.94e6 + 60,), 501, r"6\.94006 MHz"),
+        (TONES, 258, r"\d points .* 6 points"),
     ],
 )
 def test_a_spectrum_that_cannot_hold_the_tone_is_refused(
@@ -156,7 +156,7 @@ def test_a_spectrum_that_cannot_hold_the_tone_is_refused(
     part = slice(0, 501) if size == 501 else slice(238, 263)
     with pytest.raises(BadInput, match=words) as caught:
         read_peaks(GRID[part], trace[part], tones, source="spectra/pair1.csv")
-    assert str(caught.value).startswith("spectra/pair1.csv: ")
+    assert str(caught.value).startswith("spectra/")
     assert "\n" not in str(caught.value)
 
 
@@ -198,14 +198,15 @@ def test_a_line_is_found_up_to_the_ends_of_its_sweep(at: float, inside: bool) ->
     if inside:
         assert fit_resonance(f, trace).eta_hz == pytest.approx(1e6 + 5.0 * at, abs=1e-6)
     else:
-        with pytest.raises(BadInput, match="no resonance between"):
+        with pytest.raises(BadInput, match="no resonance"):
             fit_resonance(f, trace)
 
 
-def test_stated_uncertainties_are_the_scatter() -> None:
+@pytest.mark.parametrize("draws", [100, pytest.param(300, marks=pytest.mark.nightly)])
+def test_stated_uncertainties_are_the_scatter(draws: int) -> None:
     f = 6.94e6 + np.arange(-300.0, 301.0, 5.0)
     clean, rng, pulls = lorentz(f, 6.94001e6, 94.0, 40.0), np.random.default_rng(5), []
-    for _ in range(300):
+    for _ in range(draws):
         noise = 0.2 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
         fit = fit_resonance(f, np.abs(clean + noise))
         q = 6.94001e6 / 94.0
@@ -280,8 +281,8 @@ def test_measured_cantilever_gives_what_another_program_found() -> None:
 @pytest.mark.parametrize(
     ("trace", "words"),
     [
-        (np.ones(5), "5 points are too few"),
-        (np.ones(40), "no resonance between 999980.5 and 1000019.5 Hz"),
+        (np.ones(5), "5 points"),
+        (np.ones(40), r"999980\.5 and 1000019\.5 Hz"),
     ],
 )
 def test_sweep_without_a_resonance_is_refused(trace: FloatArray, words: str) -> None:

@@ -99,5 +99,5 @@ def test_errors_and_noise_of_single_readings_are_right(sigma: float) -> None:
 
 
 def test_readings_without_noise_are_no_single_ones() -> None:
-    with pytest.raises(BadInput, match="have no noise by which to tell single readings"):
+    with pytest.raises(BadInput, match="no noise"):
         fit_single_readings(F, np.abs(mode(F, ETA, WIDTH)))

@@ -98,7 +98,7 @@ def test_three_points_and_a_bend_give_the_remainder_of_their_parabola() -> None:
 def test_amplitudes_must_have_all_their_digits() -> None:
     f = np.arange(3.0)
     assert refine_maximum(f, 1e-307 * np.array([1.0, 2.0, 1.0])).bracketed
-    with pytest.raises(NoScale, match="amplitude of 1e-310 at 0 Hz"):
+    with pytest.raises(NoScale, match="1e-310 at 0 Hz"):
         refine_maximum(f, np.array([1e-310, 2e-310, 1e-310]))
 
 
@@ -243,8 +243,9 @@ def test_scatter_of_few_points_counts_as_students_t(freedom: int, table: float) 
     ("step", "proportional", "rarest"),
     [(0.36, False, 0.98), (0.36, True, 0.94), (0.1, False, 0.98)],
 )
+@pytest.mark.parametrize("sweeps", [500, pytest.param(2000, marks=pytest.mark.nightly)])
 def test_a_largest_point_is_as_far_from_the_top_as_is_said(
-    step: float, proportional: bool, rarest: float
+    step: float, proportional: bool, rarest: float, sweeps: int
 ) -> None:
     """2,000 sweeps of a line, five to twenty points above 70 %, noise of 1 %: 1.96 sigma hold it.
 
@@ -252,7 +253,7 @@ def test_a_largest_point_is_as_far_from_the_top_as_is_said(
     """
     rng = np.random.default_rng(8)
     held, far, told = 0, 0, []
-    for _ in range(2000):
+    for _ in range(sweeps):
         f = (np.arange(-14.0, 15.0) + rng.uniform(-0.5, 0.5)) * step
         line = lorentzian(f)
         noise = 0.01 * (line if proportional else 1.0) * rng.standard_normal(f.size)
@@ -260,8 +261,8 @@ def test_a_largest_point_is_as_far_from_the_top_as_is_said(
         held += abs(found.value_v - 1.0) < 1.96 * found.sigma
         far += abs(found.value_v - 1.0) > 4.0 * found.sigma
         told.append(found.noise)
-    assert held >= 2000 * rarest
-    assert far <= 8
+    assert held >= sweeps * rarest
+    assert far <= sweeps // 250
     assert np.median(told) == pytest.approx(0.01, rel=0.25)
 
 

@@ -46,7 +46,7 @@ def test_published_pair_is_read_back_exactly() -> None:
     st.integers(0, 4),
     st.one_of(st.none(), st.integers(16, 3000)),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_tones_never_fold_onto_each_other(whole: list[int], places: int, n: int | None) -> None:
     tones = [f / 10**places for f in whole]
     try:
@@ -64,13 +64,13 @@ def test_tones_never_fold_onto_each_other(whole: list[int], places: int, n: int 
 
 
 def test_band_refuses_edges_and_broken_periods() -> None:
-    with pytest.raises(BadInput, match="whole number"):
+    with pytest.raises(BadInput, match="whole"):
         Band(tones_hz=(3.0,), window_s=Fraction(1, 2), samples=64, zone=0)
-    with pytest.raises(BadInput, match="edge of the band"):
+    with pytest.raises(BadInput, match="edge of"):
         Band(tones_hz=(32.0,), window_s=Fraction(1), samples=64, zone=0)  # half the sampling rate
-    with pytest.raises(BadInput, match="edge of the band"):
+    with pytest.raises(BadInput, match="edge of"):
         Band(tones_hz=(64.0,), window_s=Fraction(1), samples=64, zone=2)  # seen as 0 Hz
-    with pytest.raises(BadInput, match="edge of the band"):
+    with pytest.raises(BadInput, match="edge of"):
         Band(
             tones_hz=(10.0, 54.0), window_s=Fraction(1), samples=64, zone=0
         )  # seen on top of each other
@@ -85,9 +85,9 @@ def test_band_refuses_edges_and_broken_periods() -> None:
         ({"tones_hz": PAIR, "window_s": 0.03}, "1.2 common periods"),
         ({"tones_hz": PAIR, "samples": 3}, "no sampling"),
         ({"tones_hz": PAIR, "samples": 0}, "samples is 0"),
-        ({"tones_hz": PAIR, "samples": 1}, "no sampling of 0.025 s with 1 sample "),
-        ({"tones_hz": (1.0, 1e7)}, "tones 1 Hz and 10000000 Hz: no sampling"),
-        ({"tones_hz": (1.0, 1e7)}, "differ by a factor of 10000000: is a unit missing"),
+        ({"tones_hz": PAIR, "samples": 1}, r"0\.025 s with 1 sample "),
+        ({"tones_hz": (1.0, 1e7)}, "1 Hz and 10000000 Hz: "),
+        ({"tones_hz": (1.0, 1e7)}, "factor of 10000000: "),
     ],
 )
 def test_impossible_windows_are_refused(arguments: dict[str, object], words: str) -> None:
@@ -100,7 +100,7 @@ def test_a_window_is_whole_periods_to_nine_digits() -> None:
     band = plan_band((3.0,), longest_s=1.0, window_s=0.3333333331)
     assert band is not None
     assert band.window_s == Fraction(1, 3)
-    with pytest.raises(BadInput, match="wanted a whole number"):
+    with pytest.raises(BadInput, match="whole number"):
         plan_band((3.0,), longest_s=1.0, window_s=0.3333333329)
 
 
@@ -201,11 +201,20 @@ def test_fit_of_incommensurable_tones() -> None:
     np.testing.assert_allclose(peaks, [[2.0, 0.0], [1.0, 3.0]], atol=1e-4)
     np.testing.assert_allclose(peaks[:, 0], [2.0, 1.0], rtol=1e-12)
     assert np.argmax(np.abs(rest[:, 1])) == 7
-    with pytest.raises(BadInput, match="tell them apart"):
+    with pytest.raises(BadInput, match=r"1 Hz and 1\.0001 Hz"):
         fit_tones((1.0, 1.0001), np.linspace(0, 1, 50), np.zeros((50, 1)))
 
 
-@pytest.mark.parametrize("first", range(1_000_000, 8_000_000, 237_137))
+FIRST = range(1_000_000, 8_000_000, 237_137)
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        *FIRST[::5],
+        *(pytest.param(f, marks=pytest.mark.nightly) for f in FIRST if f not in FIRST[::5]),
+    ],
+)
 def test_harmonics_and_mixtures_stay_off_the_tones(first: int) -> None:
     """(cos a + cos b)^3 has lines of 9/4 at either tone; 3 f1 or 2 f1 + f2 would add 1/4 or 3/4."""
     for gap in (1, 2, 10, 20, 200, 1000):

@@ -60,9 +60,9 @@ def test_the_reason_names_tones_in_the_unit_that_suits_them(
 
 def test_a_window_is_said_to_be_clear_of_the_mixtures_it_was_planned_for() -> None:
     clear = plan_window((6.0, 7.0), 0.0, mixtures_hz=(5.0, 8.0, 13.0))
-    assert "clear of the 3 mixtures" in window_in_words(clear)
+    assert "3 mixtures" in window_in_words(clear)
     held = plan_window((6.0, 7.0), 0.0, samples_per_period=20)
-    assert "the drive is held over steps" in window_in_words(held)
+    assert f"held over steps of {held.input_step_s:.6g} s" in window_in_words(held)
     for tones in ((6.0, 7.0), (math.pi, math.e)):  # with a common period and without
         said = window_in_words(plan_window(tones, 0.0))
         assert "mixtures" not in said

@@ -61,8 +61,8 @@ def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
     assert over.left == 0.0
     assert over.of(Kind.SOLVER, "substep") == over.decisions[2:]
     budget = replace(over, decisions=(over.decisions[0], over.decisions[2]))
-    assert "2.3e-04 is what can be promised" in plan_in_words(budget)[-1]
-    assert "most of it is due to solver (substep = 1e-06)" in warnings_in_words(budget)[0]
+    assert "2.3e-04" in plan_in_words(budget)[-1]
+    assert "solver (substep = 1e-06)" in warnings_in_words(budget)[0]
 
 
 def test_what_is_no_decision_is_refused() -> None:
@@ -75,11 +75,11 @@ def test_what_is_no_decision_is_refused() -> None:
         with pytest.raises(BadInput, match="accuracy"):
             Budget(accuracy)
     one = Reduction("one", {"a": 1})
-    with pytest.raises(BadInput, match="no reduction 'two', wanted one of: one"):
+    with pytest.raises(BadInput, match=r"'two'.* one$"):
         AccuracyAnnotation(reductions=(one,), forbid=("two",))
     with pytest.raises(BadInput, match="both"):
         AccuracyAnnotation(reductions=(one,), forbid=("one",), force=("one",))
-    with pytest.raises(BadInput, match="no reduction 'two', wanted one of: none"):
+    with pytest.raises(BadInput, match=r"'two'.* none\b"):
         AccuracyAnnotation(forbid=("two",)).over(AccuracyAnnotation())
 
 
@@ -87,8 +87,8 @@ def test_what_is_no_decision_is_refused() -> None:
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu) as running:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu) as running:
         yield running
 
 
@@ -125,21 +125,26 @@ def test_a_reduction_that_saves_is_taken_where_its_bound_fits(workers: FmuWorker
     assert rough.settings == {"other_mode": 2}  # a start at rest is then several times as fast
     assert fine.settings == {}
     listed = {d.subject: d for d in fine.decisions}
-    assert "is left for it" in reason_in_words(listed["far mode left out"])
-    assert listed["far mode left out"].bound > 1e-9
+    left_out = listed["far mode left out"]
+    assert not left_out.taken
+    assert left_out.bound > max(1e-9, float(left_out.numbers["left"]))
+    assert f"{float(left_out.numbers['left']):.1e}" in reason_in_words(left_out)
 
 
 def test_a_forced_reduction_is_taken_with_a_warning(workers: FmuWorkers) -> None:
     plan = planned(workers, 1e-9, force=("far mode left out",))
     assert plan.settings["other_mode"] == 2
     assert not plan.budget.kept
-    assert any("far mode left out" in text for text in warnings_in_words(plan.budget))
+    [forced] = [d for d in plan.decisions if d.subject.startswith("far mode left") and d.taken]
+    assert any(text.startswith(forced.subject) for text in warnings_in_words(plan.budget))
 
 
 # --- an FMU that is not ours ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-7])
+@pytest.mark.parametrize(
+    "accuracy", [1e-4, *(pytest.param(x, marks=pytest.mark.nightly) for x in (1e-2, 1e-7))]
+)
 def test_a_foreign_fmu_is_settled_by_watching_it(accuracy: float, tmp_path: Path) -> None:
     """m x'' + c x' + k x = F cos: |X| = F/sqrt((k - m w^2)^2 + (c w)^2), from rest."""
     fmu = build_c_fmu(tmp_path)
@@ -197,13 +202,13 @@ def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> No
 
 
 def test_the_plan_is_printed_and_nothing_written(
-    oscillator_fmu: Path,
+    swift_fmu: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["simulate", str(oscillator_fmu), "--accuracy", "1e-4", "--plan"]) == 0
+    assert main(["simulate", str(swift_fmu), "--accuracy", "1e-4", "--plan"]) == 0
     said = capsys.readouterr().out
     assert "settling: " in said
     assert "whole periods" in said
@@ -222,7 +227,7 @@ def test_the_plan_is_printed_and_nothing_written(
     ],
 )
 def test_what_does_not_go_together_is_told(
-    options: list[str], words: str, oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]
+    options: list[str], words: str, swift_fmu: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["simulate", str(oscillator_fmu), *options]) == 2
+    assert main(["simulate", str(swift_fmu), *options]) == 2
     assert words in capsys.readouterr().err

@@ -225,7 +225,7 @@ def reducible(off: float, *, saves: bool = True, refuses: bool = False) -> Outpu
     def output(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
         reduced = bool(values.get("approximate", False))
         if reduced and refuses:
-            raise FmuFailure("no approximation here", {}, Path("test.fmu"))
+            raise FmuFailure("refused", {}, Path("test.fmu"))
         ringing = np.exp(-np.pi * 0.4 * t) if not (reduced and saves) else 0.0
         return np.asarray((1.0 + ringing + (off if reduced else 0.0)) * tone(t))
 
@@ -282,7 +282,7 @@ def test_reductions_are_forced_forbidden_and_refused() -> None:
     assert forbidden.settings == {}
     refused = reduced(reducible(1e-6, refuses=True))
     assert only(refused, Kind.MODEL).basis is Basis.REFUSED
-    assert only(refused, Kind.MODEL).numbers["message"] == "no approximation here"
+    assert only(refused, Kind.MODEL).numbers["message"] == "refused"
     with pytest.raises(FmuFailure):
         reduced(reducible(1e-6, refuses=True), force=("approximation",))
 
@@ -380,7 +380,7 @@ def test_a_stated_bound_holds_for_the_weakest_tone_of_all_drives() -> None:
 
 
 def test_what_does_not_oscillate_is_refused_with_its_value() -> None:
-    with pytest.raises(BadInput, match=r"x is constant at 2\.5; wanted one that oscillates"):
+    with pytest.raises(BadInput, match=r"x is constant at 2\.5"):
         plan(lambda t, _: np.full(t.size, 2.5), 1e-3)
     for accuracy in (0.0, 1.0, math.nan):
         with pytest.raises(BadInput, match="accuracy"):
@@ -393,7 +393,7 @@ def test_a_run_that_costs_far_too_much_is_refused() -> None:
     for work, refused in ((4.0, True), (6.0, False)):
         options = PlanOptions(work=work, fixed=frozenset({"h"}))
         if refused:
-            with pytest.raises(BadInput, match=r"wanted at most 4\.0e"):
+            with pytest.raises(BadInput, match=r"at most 4\.0e"):
                 plan(of_substep, 1e-3, options, drive, substep="h")
         else:
             assert not plan(of_substep, 1e-3, options, drive, substep="h").budget.kept

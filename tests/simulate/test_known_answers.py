@@ -67,14 +67,12 @@ def test_what_came_to_its_end_is_not_kept(tmp_path: Path) -> None:
         assert workers.counts.runs > before
 
 
-def test_points_beside_one_that_fails_cost_no_second_run(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
-    bound = campaign(tmp_path, oscillator_fmu)
+def test_points_beside_one_that_fails_cost_no_second_run(swift_fmu: Path, tmp_path: Path) -> None:
+    bound = campaign(tmp_path, swift_fmu)
     plan = drafted(bound)
     near = P + np.array([0.0, 1.0, 0.0])
     impossible = np.array([1.3, -120.0, 90.0])  # runs go by bytes: this one comes last
-    with FmuWorkers(oscillator_fmu, reuse="never") as workers:
+    with FmuWorkers(swift_fmu, reuse="never") as workers:
         response = through(workers, bound, plan, {"reflection": False})
         begun = workers.counts.runs
         with pytest.raises(FmuFailure):

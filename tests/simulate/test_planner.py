@@ -25,12 +25,13 @@ from tests.support import reference
 from tests.support.scenes import STRING
 
 PAIR = (6.94016e6, 6.94036e6)
+LEFT_OUT = "far mode left out"
 AT_REST = AccuracyAnnotation(forbid=("periodic start",))
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu) as running:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu) as running:
         yield running
 
 
@@ -167,7 +168,7 @@ def test_what_takes_too_much_work_is_not_looked_at_and_said() -> None:
     (settling,) = plan.budget.of(Kind.SETTLING)
     assert settling.basis == Basis.UNSTEADY
     assert not plan.budget.kept
-    with pytest.raises(BadInput, match="a run over one window takes"):
+    with pytest.raises(BadInput, match="one window"):
         plan_drives((RINGING,), 1e-4, Ringing(1.0), Knowledge(), PlanOptions(work=0.1))
 
 
@@ -212,7 +213,7 @@ def test_what_the_user_sets_is_left_as_it_is(workers: FmuWorkers) -> None:
     )
     assert not set(plan.settings) & set(values)
     assert plan.settle_s > 0.0
-    assert not plan.budget.of(Kind.MODEL, "far mode left out")
+    assert LEFT_OUT not in {d.subject for d in plan.decisions}
 
 
 def test_a_prescribed_substep_is_measured(swift_fmu: Path) -> None:
@@ -243,5 +244,5 @@ def test_a_prescribed_substep_is_measured(swift_fmu: Path) -> None:
 
 
 def test_hints_of_the_fmu_that_do_not_exist_are_refused(workers: FmuWorkers) -> None:
-    with pytest.raises(BadInput, match="no variable 'stride'"):
+    with pytest.raises(BadInput, match="'stride'"):
         knowledge_of(workers.description, AccuracyAnnotation(substep="stride"))

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-import build_fmu
 import fitting as ff
 from fitting.report.words.simulation import unsteady_line
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
@@ -35,9 +34,8 @@ PUMPED = {
 
 
 @pytest.fixture(scope="module")
-def modes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ff.Fmu]:
-    folder: Path = tmp_path_factory.mktemp("modes")
-    with ff.Fmu(build_fmu.build("CoupledModes2", folder), workers=1) as fmu:
+def modes(swift_modes_fmu: Path) -> Iterator[ff.Fmu]:
+    with ff.Fmu(swift_modes_fmu, workers=1) as fmu:
         yield fmu
 
 
@@ -52,8 +50,8 @@ def test_a_sideband_of_a_pump_is_named(modes: ff.Fmu) -> None:
     assert sideband is not None
     assert (sideband.tone, sideband.parameter) == ("u1", "pump_hz")
     said = unsteady_line(response, sideband, list(modes.variables))
-    assert said.startswith(f"not steady: there is a line at u1 {sideband.sign} pump_hz = ")
-    assert said.endswith("wanted outputs that hold u1 alone, as readout_at_u1")
+    assert f"u1 {sideband.sign} pump_hz = " in said
+    assert said.endswith("readout_at_u1")
 
 
 def test_the_line_at_the_tone_alone_is_steady(modes: ff.Fmu) -> None:
@@ -63,10 +61,10 @@ def test_the_line_at_the_tone_alone_is_steady(modes: ff.Fmu) -> None:
     assert modes.sideband(response) is None
 
 
-def test_a_mode_that_rings_for_hours_is_a_free_oscillation(oscillator_fmu: Path) -> None:
+def test_a_mode_that_rings_for_hours_is_a_free_oscillation(swift_fmu: Path) -> None:
     eta_hz = 6.9e6
     start = {"theta": 0.0, "d1": 1e-7, "d2": 1e-7, "eta_plus": eta_hz, "u1": TONE_HZ, "A2": 0.0}
-    with ff.Fmu(oscillator_fmu, workers=1) as fmu:
+    with ff.Fmu(swift_fmu, workers=1) as fmu:
         accuracy = ff.Accuracy(1e-4, forbid=["periodic start"])
         response = fmu.simulate(start, tones=("u1",), outputs="q1_hybrid", accuracy=accuracy)
         assert not response.steady
@@ -76,7 +74,8 @@ def test_a_mode_that_rings_for_hours_is_a_free_oscillation(oscillator_fmu: Path)
         assert response.beside.share == pytest.approx(1.0, abs=0.2)
         assert fmu.sideband(response) is None
         said = unsteady_line(response, None, list(fmu.variables))
-    assert "which is no combination of u1; wanted more damping, or a longer time" in said
+    assert "no combination of u1" in said
+    assert "pump" not in said
 
 
 TONES = (1000.0, 1010.0)
