@@ -79,7 +79,7 @@ COMMANDS = (
         "expected against found errors of proposed measurements",
         smoke="--laboratories 3 --number 2",
     ),
-    Command("drafts", "campaigns of init for FMUs of others", smoke="--only oscillator"),
+    Command("drafts", "campaigns of init for FMUs of others", smoke="--only 'locals only'"),
     Command("drift", "cost of an offset per experiment", smoke="--pairs 5"),
     Command("duffing", "cost and error of the solvers of DuffingOscillator"),
     Command(
@@ -153,7 +153,7 @@ COMMANDS = (
     Command(
         "quirks",
         "what check and init make of FMUs of others",
-        smoke="--coverage 1 --only oscillator",
+        smoke="--coverage 1 --only 'reset keeps'",
     ),
     Command(
         "scaling",
