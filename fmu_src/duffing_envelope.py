@@ -66,7 +66,6 @@ class EnvelopeSolver:
         self.p, self.cubic, self.settings, self.offsets = p, cubic, settings, offsets
         self.model = SlowModel(p, cubic, offsets)
         self.centre = self.model.centre
-        self._spread = abs(p.u1 - p.u2) / self.centre if p.A1 and p.A2 else 0.0
         self.b = 0.0
         growth = max(rate.real for rate in self.model.rates)
         self._longest = 1.0 / growth if growth > 0.0 else math.inf
@@ -205,9 +204,9 @@ class EnvelopeSolver:
         q1, q2 = self._amplitudes(t)
         return abs(q1) ** 2, abs(q2) ** 2
 
-    def averaging_error(self, found: float) -> float:
-        """Return the bound of what averaging leaves out at the shift ``found``."""
-        return found * (3.0 * found + self._spread)
+    def averaging_error(self, t: float, found: float) -> float:
+        """Return the bound of what averaging leaves out at ``t`` s, with the shift ``found``."""
+        return self.model.averaging_error(self._slow(t), t, found)
 
     def _amplitudes(self, t: float) -> Pair:
         """Return Q at ``t`` s; the last answer is kept for the next reader."""

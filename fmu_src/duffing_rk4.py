@@ -89,8 +89,8 @@ class DuffingRungeKutta(RungeKuttaSolver):
         omega = TWO_PI * self.centre
         return q1 * q1 + (v1 / omega) ** 2, q2 * q2 + (v2 / omega) ** 2
 
-    def averaging_error(self, found: float) -> float:
-        """Return what averaging leaves out at the shift ``found``: nothing is averaged here."""
+    def averaging_error(self, t: float, found: float) -> float:
+        """Return what averaging leaves out: nothing is averaged here."""
         return 0.0
 
     def retuned(self, p: Parameters, t: float, cubic: Cubic | None = None) -> DuffingRungeKutta:

@@ -10,7 +10,9 @@ frequency, q~ = Re[Q exp(i phi) + R exp(3 i phi)], Q = (linear periodic response
 
     y' = (S - 2 pi i c) y - G N(Q, R),    R = -X(3 c) N3(Q),
 
-where N and N3 are the parts at exp(i phi) and exp(3 i phi) of the cubic forces. To first order
+where N and N3 are the parts at exp(i phi) and exp(3 i phi) of the cubic forces. B and X are
+matrices: a mode that only follows the other has no cubic force to speak of, and what it gets
+through the damping is of the order of the other's shift. To first order
 N1 = 3/4 alpha1 |Q1|^2 Q1 + kappa/4 (2 |Q2|^2 Q1 + conj(Q1) Q2^2); kept as well are what R does to
 N and the response -B N to the part at exp(-i phi). So the linear limit is exact, and what is left
 out is of second order: about eps (3 eps + |u1 - u2|/c) of an amplitude, with eps its relative
@@ -22,17 +24,19 @@ coordinates w of y along the eigenvectors of S.
 from __future__ import annotations
 
 import cmath
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from .duffing_plane import inverse, plane
 from .model_error import ModelError
-from .oscillator_equations import TWO_PI, Parameters, damping, phasors
+from .oscillator_equations import TWO_PI, Parameters, damping, phasors, transformation
 from .oscillator_phase import Frequency
 
 if TYPE_CHECKING:
     from .duffing_equations import Cubic
 
     Pair = tuple[complex, complex]
+    Matrix = tuple[complex, complex, complex, complex]
     #: Displacements in m and velocities over 2 pi of both modes, as complex numbers.
     State = tuple[complex, complex, complex, complex]
 
@@ -72,6 +76,7 @@ class SlowModel:
         ]
         self.centre = frame_frequency(p)
         self.detunings = [u - self.centre for u, _, _ in active]
+        self._spread = abs(p.u1 - p.u2) / self.centre if p.A1 and p.A2 else 0.0
         if any(cubic):
             _check_frame(p, self.centre, self.detunings)
         self.plane = plane(p, self.centre)
@@ -85,25 +90,35 @@ class SlowModel:
         self.lone = self._lone_mode()
 
     def _set_corrections(self, p: Parameters) -> None:
-        """Make the responses of each mode to its cubic forces away from the carrier."""
+        """Make the responses to cubic forces away from the carrier, across the modes as well.
+
+        A mode that only follows the other one through the damping has no cubic force to speak of:
+        what the other's does to it is of the order of its shift, and not less.
+        """
         omega, widths = TWO_PI * self.centre, damping(p)
-        #: B and its like at 3 c, and X(3 c), to first order without the damping's coupling.
+        #: B and its like at 3 c, and X(3 c).
         self._behind = self._mirrored(omega)
         self._behind3 = self._mirrored(3.0 * omega)
-        self._third = tuple(
-            1.0
-            / complex(
+        cross = complex(0.0, 3.0 * omega * TWO_PI * widths.w12)
+        first, second = (
+            complex(
                 TWO_PI * (eta - 3.0 * self.centre) * TWO_PI * (eta + 3.0 * self.centre),
                 3.0 * omega * TWO_PI * width,
             )
-            for eta, width in zip((p.eta_plus, p.eta_minus), widths)
+            for eta, width in ((p.eta_plus, widths.w11), (p.eta_minus, widths.w22))
         )
+        self._third = inverse(first, cross, cross, second)
 
-    def _mirrored(self, omega: float) -> Pair:
-        s11, _, _, s22 = self.plane.solvent
+    def _mirrored(self, omega: float) -> Matrix:
+        s11, s12, s21, s22 = (s.conjugate() for s in self.plane.solvent)
+        turn = 1j * omega
+        m11, m12, m21, m22 = inverse(turn - s11, -s12, -s21, turn - s22)
+        h11, h12, h21, h22 = self.plane.gain
         return (
-            1j * self.plane.gain[0] / (1j * omega - s11.conjugate()),
-            1j * self.plane.gain[3] / (1j * omega - s22.conjugate()),
+            1j * (m11 * h11 + m12 * h21),
+            1j * (m11 * h12 + m12 * h22),
+            1j * (m21 * h11 + m22 * h21),
+            1j * (m21 * h12 + m22 * h22),
         )
 
     def _tone(self, u: float, amplitude: complex, offset: float) -> Tone:
@@ -153,22 +168,29 @@ class SlowModel:
         return q
 
     def amplitudes(self, w: Pair, linear: Pair) -> Pair:
-        """Return Q of both modes, in m: |Q| is the amplitude at the drive frequencies."""
+        """Return Q of both modes, in m: |Q| is the amplitude at the drive frequencies.
+
+        Q = Q0 - B N(Q), Q0 all but the last term, in two rounds: a mode far below the drive is
+        moved by several times its relative frequency shift.
+        """
         y1, y2 = self.plane.amplitudes(*w)
         q1, q2 = linear[0] + y1, linear[1] + y2
         if self.lone is not None:
             q = self.lone_amplitude((q1, q2)[self.lone])
             return (q1, q) if self.lone else (q, q2)
-        n1, n2 = self.forces(q1, q2)
-        return q1 - self._behind[0] * n1, q2 - self._behind[1] * n2
+        b11, b12, b21, b22 = self._behind
+        n1, n2 = self.leading_forces(q1, q2)
+        n1, n2 = self.forces(q1 - (b11 * n1 + b12 * n2), q2 - (b21 * n1 + b22 * n2))
+        return q1 - (b11 * n1 + b12 * n2), q2 - (b21 * n1 + b22 * n2)
+
+    def moved(self, q1: complex, q2: complex) -> Pair:
+        """Return B N: how far the counter-rotating half of the cubic forces moves both modes."""
+        return times(self._behind, *self.forces(q1, q2))
 
     def deviation(self, q: Pair, linear: Pair) -> Pair:
         """Return w from Q, the inverse of ``amplitudes``."""
-        n1, n2 = self.forces(*q)
-        return self.plane.coordinates(
-            q[0] + self._behind[0] * n1 - linear[0],
-            q[1] + self._behind[1] * n2 - linear[1],
-        )
+        n1, n2 = self.moved(*q)
+        return self.plane.coordinates(q[0] + n1 - linear[0], q[1] + n2 - linear[1])
 
     def slope(self, w: Pair, linear: Pair) -> tuple[complex, complex, complex, complex]:
         """Return w' less the part with ``rates``, and Q, of both modes."""
@@ -185,27 +207,42 @@ class SlowModel:
         if any(coupled) or bool(alpha1) == bool(alpha2):
             return None
         lone = int(not alpha1)
-        alpha, third = self.cubic[lone], self._third[lone]
+        alpha, third = self.cubic[lone], self._third[3 * lone]
         #: N = Q |Q|^2 (first + second |Q|^2) of this mode alone: ``forces`` in one line.
         self._first, self._second = 0.75 * alpha, -0.1875 * alpha * alpha * third
-        self._own_behind, self._own_gain = self._behind[lone], 1j * self.plane.gain[3 * lone]
+        self._own_behind, self._own_gain = self._behind[3 * lone], 1j * self.plane.gain[3 * lone]
         self._own_responses = [response[lone] for response in self._responses]
         return lone
 
     def lone_amplitude(self, q: complex) -> complex:
         """Return Q of the lone mode from what it is without -B N."""
+        first, second, behind = self._first, self._second, self._own_behind
         m = q.real * q.real + q.imag * q.imag
-        return q - self._own_behind * (q * m * (self._first + self._second * m))
+        moved = q - behind * (q * (m * first))
+        m = moved.real * moved.real + moved.imag * moved.imag
+        return q - behind * (moved * m * (first + second * m))
 
     def lone_slope(self, w: complex, linear: complex) -> tuple[complex, complex]:
         """Return what :meth:`slope` does, of the lone mode."""
         first, second = self._first, self._second
-        q = linear + w
-        m = q.real * q.real + q.imag * q.imag
+        q0 = linear + w
+        m = q0.real * q0.real + q0.imag * q0.imag
         # lone_amplitude: a step comes here five times
-        q = q - self._own_behind * (q * m * (first + second * m))
+        q = q0 - self._own_behind * (q0 * (m * first))
+        m = q.real * q.real + q.imag * q.imag
+        q = q0 - self._own_behind * (q * m * (first + second * m))
         m = q.real * q.real + q.imag * q.imag
         return self._own_gain * (q * m * (first + second * m)), q
+
+    def leading_forces(self, q1: complex, q2: complex) -> Pair:
+        """Return N of both modes without what third harmonics do to it."""
+        alpha1, alpha2, kappa = self.cubic
+        m1, m2 = q1.real * q1.real + q1.imag * q1.imag, q2.real * q2.real + q2.imag * q2.imag
+        n1, n2 = 0.75 * alpha1 * m1 * q1, 0.75 * alpha2 * m2 * q2
+        if kappa:
+            n1 += 0.25 * kappa * (2.0 * m2 * q1 + q1.conjugate() * (q2 * q2))
+            n2 += 0.25 * kappa * (2.0 * m1 * q2 + q2.conjugate() * (q1 * q1))
+        return n1, n2
 
     def forces(self, q1: complex, q2: complex) -> Pair:
         """Return N, the cubic forces at the carrier, of both modes."""
@@ -213,16 +250,88 @@ class SlowModel:
         s1, s2 = q1 * q1, q2 * q2
         c1, c2 = q1.conjugate(), q2.conjugate()
         m1, m2 = (q1 * c1).real, (q2 * c2).real
-        # the third harmonics, R = -X(3 c) N3
-        r1 = -0.25 * self._third[0] * q1 * (alpha1 * s1 + kappa * s2)
-        r2 = -0.25 * self._third[1] * q2 * (alpha2 * s2 + kappa * s1)
-        n1 = 0.75 * alpha1 * (m1 * q1 + c1 * c1 * r1)
-        n2 = 0.75 * alpha2 * (m2 * q2 + c2 * c2 * r2)
+        # R = -X(3 c) N3, less its sign
+        (t11, t12, t21, t22), n1, n2 = self._third, 0.25 * q1, 0.25 * q2
+        n1, n2 = n1 * (alpha1 * s1 + kappa * s2), n2 * (alpha2 * s2 + kappa * s1)
+        r1, r2 = t11 * n1 + t12 * n2, t21 * n1 + t22 * n2
+        n1 = 0.75 * alpha1 * (m1 * q1 - c1 * c1 * r1)
+        n2 = 0.75 * alpha2 * (m2 * q2 - c2 * c2 * r2)
         if kappa:
             both = 2.0 * c1 * c2
-            n1 += 0.25 * kappa * (2.0 * m2 * q1 + c1 * s2 + c2 * c2 * r1 + both * r2)
-            n2 += 0.25 * kappa * (2.0 * m1 * q2 + c2 * s1 + c1 * c1 * r2 + both * r1)
+            n1 += 0.25 * kappa * (2.0 * m2 * q1 + c1 * s2 - c2 * c2 * r1 - both * r2)
+            n2 += 0.25 * kappa * (2.0 * m1 * q2 + c2 * s1 - c1 * c1 * r2 - both * r1)
         return n1, n2
+
+    # -- what averaging leaves out --------------------------------------------------------------
+
+    def averaging_error(self, w: Pair, t: float, eps: float) -> float:
+        """Return the bound of what averaging leaves out of a displacement's largest line.
+
+        Relative to that line, the worst of q~1, q~2, q1, q2; ``eps`` is the relative frequency
+        shift at ``t`` s. Each mode's own part is eps (3 eps + |u1 - u2|/c), the latter at least
+        1.5 |B N|/|Q| |u1 - u2|/c, and what is left of the rounds of ``amplitudes``. A mode that
+        follows the other one through the damping takes over what that one lacks, which is more
+        where the drive of its own nearly cancels it; so does a sum of both modes.
+        """
+        if eps == 0.0:
+            return 0.0
+        linear, y = self.linear(t), self.plane.amplitudes(*w)
+        first = linear[0] + y[0], linear[1] + y[1]
+        moved = times(self._behind, *self.leading_forces(*first))
+        moved = self.moved(first[0] - moved[0], first[1] - moved[1])
+        q = first[0] - moved[0], first[1] - moved[1]
+        after = self.moved(*q)
+        pace = self._pace(w, linear, t)
+        lacks = [
+            self._size(q[i], pace[i]) * eps * 3.0 * eps
+            + self._spread * max(eps * self._size(q[i], pace[i]), 1.5 * abs(after[i]))
+            + 2.0 * abs(after[i] - moved[i])
+            for i in (0, 1)
+        ]
+        follows = self._follows(eps)
+        errors = max(lacks[0], follows[0] * lacks[1]), max(lacks[1], follows[1] * lacks[0])
+        return self._largest_share(errors, q, pace)
+
+    def _largest_share(self, errors: tuple[float, float], q: Pair, pace: Pair) -> float:
+        """Return the largest part that the modes' errors are of a displacement, 1 at most."""
+        t11, t12, t21, t22 = transformation(self.p.theta, self.p.reflection)
+        found = 0.0
+        for a, b in ((1.0, 0.0), (0.0, 1.0), (t11, t21), (t12, t22)):
+            error = abs(a) * errors[0] + abs(b) * errors[1]
+            size = self._size(a * q[0] + b * q[1], a * pace[0] + b * pace[1])
+            if error > 0.0:
+                found = max(found, error / size if error < size else 1.0)
+        return found
+
+    def _pace(self, w: Pair, linear: Pair, t: float) -> Pair:
+        """Return Q' over pi |u1 - u2| of both modes, which turns with two lines of a beat."""
+        if not self._spread:
+            return 0j, 0j
+        turned = [1j * TWO_PI * d * turn for d, turn in zip(self.detunings, self.turns(t))]
+        d1, d2 = self.turned(turned)
+        n1, n2, _, _ = self.slope(w, linear)
+        y1, y2 = self.plane.amplitudes(self.rates[0] * w[0] + n1, self.rates[1] * w[1] + n2)
+        scale = 1.0 / (0.5 * TWO_PI * self._spread * self.centre)
+        return scale * (d1 + y1), scale * (d2 + y2)
+
+    def _size(self, q: complex, pace: complex) -> float:
+        """Return |Q|; of two tones the root of the sum of their lines' squares, which is steady."""
+        if not self._spread:
+            return abs(q)
+        return abs(complex(abs(q), abs(pace))) * math.sqrt(0.5)
+
+    def _follows(self, eps: float) -> tuple[float, float]:
+        """Return what each mode takes over of the other one through the damping, at c."""
+        omega, widths = TWO_PI * self.centre, damping(self.p)
+        across, room = omega * TWO_PI * abs(widths.w12), 6.0 * eps * omega * omega
+        if across == 0.0:
+            return 0.0, 0.0
+        found = []
+        for eta, width in ((self.p.eta_plus, widths.w11), (self.p.eta_minus, widths.w22)):
+            apart = abs(TWO_PI * (eta - self.centre) * TWO_PI * (eta + self.centre))
+            resists = abs(complex(max(apart - room, 0.0), omega * TWO_PI * width))
+            found.append(across / resists if across < 1e300 * resists else 1e300)
+        return found[0], found[1]
 
     # -- the full motion ------------------------------------------------------------------------
 
@@ -230,12 +339,9 @@ class SlowModel:
         """Return q~1, q~2 in m from Q at ``t`` s, third harmonics included."""
         q1, q2 = q
         turn = cmath.rect(1.0, TWO_PI * self._carrier.cycles(t))
-        n1, n2 = self._third_forces(q1, q2)
+        r1, r2 = times(self._third, *self._third_forces(q1, q2))
         cube = turn * turn * turn
-        return (
-            (q1 * turn).real - (self._third[0] * n1 * cube).real,
-            (q2 * turn).real - (self._third[1] * n2 * cube).real,
-        )
+        return (q1 * turn).real - (r1 * cube).real, (q2 * turn).real - (r2 * cube).real
 
     def full_state(self, w: Pair, t: float) -> State:
         """Return displacements and velocities over 2 pi."""
@@ -281,11 +387,12 @@ class SlowModel:
                 mirror[i] += tone.mirror[i] * part
                 ahead[i] += (tone.response[i] - tone.mirror[i]) * part
         y, q = self.plane.amplitudes(*w), self.amplitudes(w, linear)
-        third, cube, total = self._third_forces(*q), turn * turn * turn, [0j, 0j]
+        forces, cube, total = self._third_forces(*q), turn * turn * turn, [0j, 0j]
+        mirror3, third = times(self._behind3, *forces), times(self._third, *forces)
         for i in (0, 1):
             behind = mirror[i] + (q[i] - linear[i] - y[i])
-            behind3 = -self._behind3[i] * third[i]
-            ahead3 = -self._third[i] * third[i] - behind3
+            behind3 = -mirror3[i]
+            ahead3 = -third[i] - behind3
             total[i] = ahead[i] * turn + ahead3 * cube
             total[i] += (behind * turn + behind3 * cube).conjugate()
         return total[0], total[1]
@@ -295,6 +402,12 @@ class SlowModel:
         alpha1, alpha2, kappa = self.cubic
         s1, s2 = q1 * q1, q2 * q2
         return 0.25 * q1 * (alpha1 * s1 + kappa * s2), 0.25 * q2 * (alpha2 * s2 + kappa * s1)
+
+
+def times(matrix: Matrix, x1: complex, x2: complex) -> Pair:
+    """Return a matrix times a pair."""
+    m11, m12, m21, m22 = matrix
+    return m11 * x1 + m12 * x2, m21 * x1 + m22 * x2
 
 
 def frame_frequency(p: Parameters) -> float:

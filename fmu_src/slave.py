@@ -29,11 +29,13 @@ class ModelSlave(Fmi2Slave):
     """Base of every model here; a model overrides ``begin``, ``change``, ``step`` and the outputs.
 
     ``variables`` is the table; its order gives the value references. Outputs named in ``moving``
-    change with time, the others with the parameters only.
+    change with time, the others with the parameters only. ``costly`` names one of the former that
+    is calculated only where it is asked for.
     """
 
     variables: ClassVar[tuple[Variable, ...]] = ()
     moving: ClassVar[tuple[str, ...]] = ()
+    costly: ClassVar[str | None] = None
     start_overrides: ClassVar[Mapping[str, Any]] = {}
     #: Some seventy periods of a 7 MHz string, each well sampled: what a host runs if told nothing.
     default_experiment = DefaultExperiment(start_time=0.0, stop_time=1e-5, step_size=1e-8)
@@ -61,6 +63,7 @@ class ModelSlave(Fmi2Slave):
         self._changed = False
         self.time = 0.0
         self._moving_stale = self._steady_stale = True
+        self._costly_stale = False
 
     # -- what a model provides ------------------------------------------------------------------
 
@@ -78,6 +81,10 @@ class ModelSlave(Fmi2Slave):
 
     def moving_outputs(self) -> Sequence[float]:
         """Return the values of ``moving`` at the present time."""
+        raise NotImplementedError
+
+    def costly_output(self) -> float:
+        """Return the value of ``costly`` at the present time, where the others are up to date."""
         raise NotImplementedError
 
     def steady_outputs(self) -> Sequence[float]:
@@ -178,6 +185,7 @@ class ModelSlave(Fmi2Slave):
         for reference in self._table.real_outputs:
             self._values[reference] = math.nan
         self._moving_stale = self._steady_stale = self._changed = False
+        self._costly_stale = False
         self._values[self._table.references[STATUS_MESSAGE]] = _loggable(sentence)
         self.log(_loggable(sentence), Fmi2Status.error)
 
@@ -190,6 +198,8 @@ class ModelSlave(Fmi2Slave):
                 self._update_moving()
             if self._steady_stale and not self._steady.isdisjoint(vrs):
                 self._update_steady()
+            if self._costly_stale and self._table.references[self.costly or ""] in vrs:
+                self._update_costly()
         except Exception as error:
             self._fail(error)
         if not self._table.kinds["Real"].issuperset(vrs):
@@ -206,8 +216,13 @@ class ModelSlave(Fmi2Slave):
         outputs = self.moving_outputs()
         self._values[self._table.moving] = outputs
         self._moving_stale = False
+        self._costly_stale = self.costly is not None
         if not math.isfinite(sum(outputs)):
             raise ModelError(f"the motion left the range of numbers at t = {self.time!r} s")
+
+    def _update_costly(self) -> None:
+        self._values[self._table.references[self.costly or ""]] = self.costly_output()
+        self._costly_stale = False
 
     def _update_steady(self) -> None:
         if self._phase == _INSTANTIATED:
@@ -295,6 +310,7 @@ class ModelSlave(Fmi2Slave):
             "motion": motion,
             "moving_stale": self._moving_stale,
             "steady_stale": self._steady_stale,
+            "costly_stale": self._costly_stale,
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
@@ -303,6 +319,7 @@ class ModelSlave(Fmi2Slave):
             self._values = list(state["values"])
             self._changed = False
             self._moving_stale, self._steady_stale = state["moving_stale"], state["steady_stale"]
+            self._costly_stale = state["costly_stale"]
             if state["motion"] is not None:
                 self.resume(state["motion"])
         except Exception as error:

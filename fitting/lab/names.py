@@ -23,3 +23,15 @@ AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS = "amplitudes", "width by sweep", "width by
 QUANTITIES = (AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS)
 #: The file that holds the truth behind a campaign.
 TRUTH_NAME = "truth.toml"
+#: What synthetic campaigns consist of, whichever of them was made before in the same folder.
+SYNTHETIC_FILES = (
+    "campaign.toml",
+    TRUTH_NAME,
+    "experiments.csv",
+    "sweep.*",
+    "sweeps.csv",
+    "map.csv",
+    "trace.csv",
+    "next[0-9]*.csv",
+    "spectra/*.csv",
+)

@@ -14,7 +14,7 @@ from fitting.lab.curves import CURVE, curve_named
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
-from fitting.lab.names import PUMPED, TRUTH_NAME
+from fitting.lab.names import PUMPED, SYNTHETIC_FILES, TRUTH_NAME
 from fitting.lab.plan import Plan
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_files
@@ -52,7 +52,7 @@ class SyntheticFiles:
         """
         with results_folder(folder, "synthesize", self.files):
             write_all(folder, self.files)
-            remove_earlier(folder)
+            remove_earlier(folder, (*self.files, *SYNTHETIC_FILES))
         return folder / CAMPAIGN_NAME
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import stat
 import tempfile
 from contextlib import suppress
 from glob import escape
@@ -50,9 +52,30 @@ def remove_parts(path: Path) -> None:
     Args:
         path: of the file.
     """
+    ours = re.compile(re.escape(f".{path.name}.") + "[a-z0-9_]{8}" + re.escape(PART))  # mkstemp
     for part in path.parent.glob(f".{escape(path.name)}.*{PART}"):
         with suppress(OSError):
-            part.unlink()
+            if ours.fullmatch(part.name) and stat.S_ISREG(part.lstat().st_mode):
+                part.unlink()
+
+
+def add_to_file(path: Path, data: bytes) -> None:
+    """Add to the end of a file, on the disk when this returns: what is noted of it stays true.
+
+    Args:
+        path: of the file.
+        data: what is added.
+
+    Raises:
+        BadInput: the file cannot be written.
+    """
+    try:
+        with path.open("ab") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _umask() -> int:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from fitting.text.atomic import add_to_file
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.records import from_plain, to_plain
@@ -88,16 +89,13 @@ class Journal(Generic[Part]):
         """
         if not self._begun:
             write_whole(self.path, head_line(self.job))
-            folder = open_folder_of(self.path)
-            if folder is not None:
-                folder.let_grow(self.path)
             self._begun = True
-        line = json.dumps(to_plain(part), allow_nan=False, separators=(",", ":"))
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(f"{line}\n")
-        except OSError as error:
-            raise BadInput(f"{self.path}: cannot be written: {error.strerror}") from error
+        line = json.dumps(to_plain(part), allow_nan=False, separators=(",", ":")) + "\n"
+        folder = open_folder_of(self.path)
+        if folder is None:
+            add_to_file(self.path, line.encode())
+        else:
+            folder.add_to(self.path, line)
 
     def _whole(self) -> int:
         """Bytes up to the end of the last whole line."""

@@ -4,39 +4,51 @@ A small file beside the results, `RECORD_NAME`, holds for every file the command
 the digest of what it wrote. A file that is not in it, was changed since, or is another command's is
 kept, and the command that would replace it ends with a sentence. `LOCK_NAME` is there while a
 command writes; the system frees it when the process ends, however it ends.
+
+A folder may come from anywhere, and its record with it, so the record alone removes nothing: a file
+goes only where its name matches one of the command's own patterns, no link leads to it, and the
+digest of all of it is the one recorded.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
+import re
+import stat
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatch
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
-from fitting.text.atomic import remove_parts, replace_file
+from fitting.text.atomic import add_to_file, remove_parts, replace_file
 from fitting.text.errors import BadInput
 
 RECORD_NAME, LOCK_NAME = ".fmu-fit-files.json", ".fmu-fit.lock"
 ELSEWHERE = "wanted another folder (--out)"
-#: Before the digest of a file's first line, where the rest of it grows.
-FIRST_LINE = "first line "
+#: Models of this project, which any command builds into its folder where it needs one.
+BUILT = ("fmu/*.fmu",)
+#: A record that is larger is none: an entry takes 150 bytes.
+MOST_RECORD_BYTES = 16 * 2**20
+_COMMAND = re.compile(r"[a-z][a-z0-9_-]{0,39}")
 
 
 @dataclass(frozen=True)
 class OwnFile:
     """A file that was written: by which command, with which content.
 
-    ``digests`` are two while it is replaced, so that whichever of the two contents a process leaves
-    that is killed meanwhile is known. Of a file that grows it is that of its first line.
+    ``digests`` are two while it is replaced or added to, so that whichever of the two contents a
+    process leaves that is killed meanwhile is known. ``added`` is the text that is added last to a
+    file that grows: a process that is killed leaves a part of it.
     """
 
     command: str
     digests: tuple[str, ...]
+    added: str = ""
 
 
 class ResultsFolder:
@@ -47,7 +59,7 @@ class ResultsFolder:
         command: Who writes.
 
     Raises:
-        BadInput: its record cannot be read.
+        BadInput: its record cannot be read, or names files outside the folder.
     """
 
     def __init__(self, folder: Path, command: str) -> None:
@@ -56,10 +68,17 @@ class ResultsFolder:
         self.thread = threading.get_ident()
         self._own = _read_record(folder / RECORD_NAME)
         self._written: set[str] = set()
+        #: Digests of files that this process adds to, each of all that is in it.
+        self._growing: dict[str, Any] = {}
 
-    def remove_parts(self) -> None:
-        """Remove what killed processes left of files that they were writing."""
-        for name in (*self._own, RECORD_NAME):
+    def remove_parts(self, patterns: Iterable[str]) -> None:
+        """Remove what killed processes left of files that they were writing.
+
+        Args:
+            patterns: relative names of the files that this command writes.
+        """
+        remove_parts(self.path / RECORD_NAME)
+        for name in self._removable((*patterns, *BUILT)):
             remove_parts(self.path / name)
 
     def refuse_foreign(self, patterns: Iterable[str]) -> None:
@@ -73,6 +92,7 @@ class ResultsFolder:
         """
         for pattern in patterns:
             parent = self.folder / Path(pattern).parent
+            self._name(parent / RECORD_NAME)  # nothing in it leads outside
             for found in sorted(parent.glob("*")) if parent.is_dir() else ():
                 if fnmatch(found.name, Path(pattern).name):
                     self._refuse_foreign(found)
@@ -98,38 +118,65 @@ class ResultsFolder:
         if old is not None:
             self._note(path, new)
 
-    def let_grow(self, path: Path) -> None:
-        """A file that was written is added to from now on: it is known by its first line.
+    def add_to(self, path: Path, text: str) -> None:
+        """Add text to the end of a file that this command wrote below the folder.
 
         Args:
             path: of the file.
-        """
-        self._note(path, FIRST_LINE + _digest_of_first_line(path))
+            text: what is added.
 
-    def remove_earlier(self, patterns: Iterable[str] | None = None) -> None:
+        Raises:
+            BadInput: it cannot be written.
+        """
+        name, data = self._name(path), text.encode()
+        if name not in self._growing:
+            self._refuse_foreign(path)
+            self._growing[name] = _hashed(path)
+        digest = self._growing[name]
+        before = digest.hexdigest()
+        digest.update(data)
+        self._note(path, before, digest.hexdigest(), added=text)
+        add_to_file(path, data)
+
+    def remove_earlier(self, patterns: Iterable[str]) -> None:
         """Remove what this command wrote earlier and has not written since it was opened.
 
         A file that others wrote, that was changed since, or that cannot be removed stays.
 
         Args:
-            patterns: relative names of what may go, as "figures/1_*.png"; None: all.
+            patterns: relative names of what may go, as "figures/1_*.png".
         """
-        wanted = None if patterns is None else [Path(pattern) for pattern in patterns]
-        for name, own in list(self._own.items()):
+        for name in self._removable(patterns):
             path = self.path / name
-            if own.command != self.command or name in self._written:
-                continue
-            if wanted is not None and not any(_matches(Path(name), p) for p in wanted):
-                continue
             with suppress(OSError, BadInput):
-                if _is_as_written(path, own):
+                if name not in self._written and _is_as_written(path, self._own[name]):
                     path.unlink()
                     if path.parent != self.path:
                         path.parent.rmdir()  # only an empty one goes
 
+    def _removable(self, patterns: Iterable[str]) -> list[str]:
+        """Names of the record that are this command's, match a pattern, and that no link leads to.
+
+        Whether they hold what the command wrote is another question.
+        """
+        wanted = [Path(pattern) for pattern in patterns]
+        return [
+            name
+            for name, own in self._own.items()
+            if own.command == self.command
+            and any(_matches(Path(name), pattern) for pattern in wanted)
+            and self._is_inside(self.path / name)
+        ]
+
+    def _is_inside(self, path: Path) -> bool:
+        """Whether the folder that holds a file is the one that its path names, behind no link."""
+        with suppress(BadInput):
+            return _resolved(path.parent) == path.parent
+        return False
+
     def forget_what_is_gone(self) -> None:
         """Take files out of the record that are gone, as a checkpoint when the job is done."""
-        gone = [name for name in self._own if not (self.path / name).exists()]
+        gone = [name for name in self._own if not os.path.lexists(self.path / name)]
         for name in gone:
             del self._own[name]
         if gone and self._own:
@@ -139,11 +186,12 @@ class ResultsFolder:
 
     def _refuse_foreign(self, path: Path) -> None:
         own = self._own.get(self._name(path))
-        found = _digest(path)
-        if path.exists() and not path.is_file():
-            raise BadInput(f"{path}: is there and no file, so it is kept; {ELSEWHERE}")
-        if found is None:
+        if not os.path.lexists(path):
             return
+        if path.is_symlink():  # whatever it leads to: no command writes links
+            raise BadInput(f"{path}: is a link and no file, so it is kept; {ELSEWHERE}")
+        if not path.is_file():
+            raise BadInput(f"{path}: is there and no file, so it is kept; {ELSEWHERE}")
         if own is None:
             why = f"is there already, and fmu-fit {self.command} did not write it"
         elif own.command != self.command:
@@ -155,20 +203,35 @@ class ResultsFolder:
         raise BadInput(f"{path}: {why}, so it is kept; {ELSEWHERE}")
 
     def _name(self, path: Path) -> str:
-        return (path.parent.resolve() / path.name).relative_to(self.path).as_posix()
+        place = _resolved(path.parent) / path.name
+        if not place.is_relative_to(self.path):
+            raise BadInput(
+                f"{path}: a link leads outside {self.folder}, to {place.parent}, where nothing is "
+                f"written; {ELSEWHERE}"
+            )
+        return place.relative_to(self.path).as_posix()
 
-    def _note(self, path: Path, *digests: str) -> None:
+    def _note(self, path: Path, *digests: str, added: str = "") -> None:
         """Into the record before the file itself: a process that is killed leaves both known."""
-        self._own[self._name(path)] = OwnFile(self.command, digests)
+        self._own[self._name(path)] = OwnFile(self.command, digests, added)
         self._write_record()
 
     def _write_record(self) -> None:
         files = {
             name: {"command": own.command, "sha256": list(own.digests)}
+            | ({"added": own.added} if own.added else {})
             for name, own in sorted(self._own.items())
         }
         text = json.dumps({"files": files}, indent=1) + "\n"
         replace_file(self.path / RECORD_NAME, text.encode())
+
+
+def _resolved(folder: Path) -> Path:
+    """Where a folder is, behind its links."""
+    try:
+        return folder.resolve()
+    except (OSError, RuntimeError):
+        raise BadInput(f"{folder}: its links lead nowhere; {ELSEWHERE}") from None
 
 
 def _matches(name: Path, pattern: Path) -> bool:
@@ -176,36 +239,97 @@ def _matches(name: Path, pattern: Path) -> bool:
 
 
 def _is_as_written(path: Path, own: OwnFile) -> bool:
-    """Whether a file holds what its command wrote, or at its head where lines are added to it."""
-    if _digest(path) in own.digests:
-        return True
-    grows = any(digest.startswith(FIRST_LINE) for digest in own.digests)
-    return grows and FIRST_LINE + _digest_of_first_line(path) in own.digests
+    """Whether a file holds what its command wrote, all of it, or less of what was added last."""
+    if path.is_symlink() or not path.is_file():
+        return False
+    return _digest(path) in own.digests or (bool(own.added) and _is_cut(path, own))
 
 
-def _digest_of_first_line(path: Path) -> str:
+def _is_cut(path: Path, own: OwnFile) -> bool:
+    """Whether a file is what its command wrote and the beginning of the line added last."""
+    added = own.added.encode()
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            file.seek(max(0, size - len(added)))
+            end = file.read(len(added))
+        cut = end[end.rfind(b"\n") + 1 :]
+        return added.startswith(cut) and _hashed(path, size - len(cut)).hexdigest() in own.digests
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}; {ELSEWHERE}") from error
+
+
+def _hashed(path: Path, size: int = -1) -> Any:
+    """SHA-256 of a file, or of so many bytes of it."""
+    digest = hashlib.sha256()
     with path.open("rb") as file:
-        return hashlib.sha256(file.readline()).hexdigest()
+        left = os.fstat(file.fileno()).st_size if size < 0 else size
+        while left and (block := file.read(min(left, 2**20))):
+            digest.update(block)
+            left -= len(block)
+    return digest
 
 
 def _digest(path: Path) -> str | None:
     """SHA-256 of a file, None where there is none."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+        return _hashed(path).hexdigest() if path.is_file() else None
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}; {ELSEWHERE}") from error
 
 
 def _read_record(path: Path) -> dict[str, OwnFile]:
-    if not path.exists():
-        return {}
+    """The record of a folder, empty where there is none.
+
+    Raises:
+        BadInput: it is no plain file, too large, no record, or names files outside its folder.
+    """
     try:
-        files: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))["files"]
-        return {n: OwnFile(str(f["command"]), tuple(f["sha256"])) for n, f in files.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        text = _plain_text(path)
+        if text is None:
+            return {}
+        return {name: _entry(name, entry) for name, entry in json.loads(text)["files"].items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         raise BadInput(
             f"{path}: is no list of the files that fmu-fit wrote there; {ELSEWHERE}"
         ) from None
+
+
+def _plain_text(path: Path) -> str | None:
+    """Content of a small plain file, None where nothing is there; a pipe is not waited for."""
+    try:
+        _require_plain(path)
+    except FileNotFoundError:
+        return None
+    flags = os.O_RDONLY
+    for flag in ("O_NONBLOCK", "O_NOFOLLOW", "O_CLOEXEC", "O_BINARY"):  # not all on every system
+        flags |= getattr(os, flag, 0)
+    with os.fdopen(os.open(path, flags), "rb") as file:
+        data = file.read(MOST_RECORD_BYTES + 1)
+    if len(data) > MOST_RECORD_BYTES:
+        raise ValueError
+    return data.decode()
+
+
+def _require_plain(path: Path) -> None:
+    """Refuse links, pipes, devices and folders, before anything opens them."""
+    if not stat.S_ISREG(path.lstat().st_mode):
+        raise ValueError
+
+
+def _entry(name: str, entry: Any) -> OwnFile:
+    """An entry of a record; ValueError where its name may lead outside, or it is none."""
+    place = PurePath(name)
+    if place.anchor or ".." in place.parts or not place.parts or "\0" in name:
+        raise ValueError
+    if place.as_posix() != name:  # one name for one file
+        raise ValueError
+    command, digests, added = entry["command"], entry["sha256"], entry.get("added", "")
+    if not isinstance(command, str) or not _COMMAND.fullmatch(command):
+        raise ValueError
+    if not isinstance(digests, list) or not all(isinstance(d, str) for d in [*digests, added]):
+        raise ValueError
+    return OwnFile(command, tuple(digests), added)
 
 
 #: Folders that this process has open, by their absolute path.
@@ -218,11 +342,18 @@ def open_folder_of(path: Path) -> ResultsFolder | None:
     Args:
         path: of a file.
     """
-    parent = path.parent.resolve() if _OPEN else path.parent
-    return next((_OPEN[p] for p in (parent, *parent.parents) if p in _OPEN), None)
+    if not _OPEN:
+        return None
+    # where its links lead, else where it is written: the folder itself refuses to write elsewhere
+    for parent in (_resolved(path.parent), Path(os.path.abspath(path.parent))):
+        for place in (parent, *parent.parents):
+            for opened in list(_OPEN.values()):
+                if place in (opened.path, Path(os.path.abspath(opened.folder))):
+                    return opened
+    return None
 
 
-def remove_earlier(folder: Path, names: Iterable[str] | None = None) -> None:
+def remove_earlier(folder: Path, names: Iterable[str]) -> None:
     """Remove from an open folder what its command wrote there earlier, and not this time.
 
     To be called when all that a command writes is written: results of an earlier job beside those
@@ -230,7 +361,7 @@ def remove_earlier(folder: Path, names: Iterable[str] | None = None) -> None:
 
     Args:
         folder: That `results_folder` has opened.
-        names: Relative names and patterns of what may go; None: all.
+        names: Relative names and patterns of what may go.
     """
     opened = _OPEN.get(folder.resolve())
     if opened is not None:
@@ -254,7 +385,7 @@ def results_folder(folder: Path, command: str, names: Iterable[str] = ()) -> Ite
         BadInput: the folder cannot be written, another command is writing there, or a file that is
             there is not this command's to replace.
     """
-    path = folder.resolve()
+    path, names = folder.resolve(), tuple(names)
     known = _OPEN.get(path)
     if known is not None and known.thread == threading.get_ident():
         known.refuse_foreign(names)
@@ -264,7 +395,7 @@ def results_folder(folder: Path, command: str, names: Iterable[str] = ()) -> Ite
     try:
         with _locked(path, folder):
             opened = ResultsFolder(folder, command)
-            opened.remove_parts()
+            opened.remove_parts(names)
             opened.refuse_foreign(names)
             _OPEN[path] = opened
             try:
@@ -295,9 +426,15 @@ def _locked(path: Path, shown: Path) -> Iterator[None]:
 
     lock = FileLock(path / LOCK_NAME, blocking=False)
     try:
+        with suppress(FileNotFoundError):
+            _require_plain(path / LOCK_NAME)
         lock.acquire()
     except Timeout:
         raise _busy(shown) from None
+    except ValueError:
+        raise BadInput(
+            f"{shown / LOCK_NAME}: is there and no file, so it is kept; {ELSEWHERE}"
+        ) from None
     except OSError as error:
         raise BadInput(f"{shown}: cannot be written: {error.strerror}") from error
     try:

@@ -7,6 +7,7 @@ import os
 import platform
 import secrets
 import shutil
+import stat
 import tempfile
 import weakref
 from contextlib import suppress
@@ -99,9 +100,12 @@ def _remove_abandoned(place: Path) -> None:
     """Remove what processes of this machine left that are gone."""
     for owner in place.glob(f"{PREFIX}*/{OWNER_NAME}"):
         with suppress(OSError, Timeout):
-            if owner.parent.is_symlink() or owner.read_text("utf-8") != platform.node():
-                continue  # a lock may say nothing to other machines that share the folder
-            if hasattr(os, "getuid") and owner.stat().st_uid != os.getuid():
+            found = owner.lstat()
+            if owner.parent.is_symlink() or not stat.S_ISREG(found.st_mode):
+                continue  # a pipe of others would be waited for without end
+            if hasattr(os, "getuid") and found.st_uid != os.getuid():
                 continue
+            if owner.read_text("utf-8") != platform.node():
+                continue  # a lock may say nothing to other machines that share the folder
             with FileLock(owner, blocking=False):
                 shutil.rmtree(owner.parent, ignore_errors=True)

@@ -78,6 +78,11 @@ struct pair envelope_amplitudes(const struct envelope_solver *solver, double t)
     return slow_amplitudes(&solver->model, slow_at(solver, t), slow_linear(&solver->model, t));
 }
 
+double envelope_averaging_error(const struct envelope_solver *solver, double t, double eps)
+{
+    return slow_averaging_error(&solver->model, slow_at(solver, t), t, eps);
+}
+
 struct state envelope_state(const struct envelope_solver *solver, double t)
 {
     return slow_full_state(&solver->model, slow_at(solver, t), t);

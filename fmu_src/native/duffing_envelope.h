@@ -47,6 +47,8 @@ bool envelope_refuse_input(double b, struct report *report);
 bool envelope_advance(struct envelope_solver *solver, double t, struct report *report);
 /* Q at a time within the last step. */
 struct pair envelope_amplitudes(const struct envelope_solver *solver, double t);
+/* The bound of what averaging leaves out at a time, where the relative frequency shift is eps. */
+double envelope_averaging_error(const struct envelope_solver *solver, double t, double eps);
 struct state envelope_state(const struct envelope_solver *solver, double t);
 
 #endif

@@ -230,16 +230,16 @@ bool model_moving(struct slave *slave, double *outputs, struct report *report)
     const struct parameters *p = present_parameters(motion);
     const struct cubic cubic = present_cubic(motion);
     const double centre = frame_frequency(p);
-    double squares[2], shift, spread = 0.0;
+    double squares[2], shift;
     (void)report;
     squares_of(motion, slave->time, squares);
     shift = cubic_shift(&cubic, squares, centre);
-    if (p->A1 != 0.0 && p->A2 != 0.0)
-        spread = fabs(p->u1 - p->u2) / centre;
     displacement(motion, slave->time, outputs);
     physical_displacements(p, outputs, outputs + 2);
     outputs[4] = shift;
-    outputs[5] = motion->solver == ENVELOPE ? shift * (3.0 * shift + spread) : 0.0;
+    outputs[5] =
+        motion->solver == ENVELOPE ? envelope_averaging_error(&motion->envelope, slave->time, shift)
+                                   : 0.0;
     return true;
 }
 

@@ -54,34 +54,48 @@ static bool check_frame(const struct slow_model *model, struct report *report)
                   why.text, centre, p->eta_plus, p->eta_minus);
 }
 
-/* What the counter-rotating half of a force at a frequency does. */
-static struct pair mirrored(const struct slow_model *model, double omega)
+/* (i omega - conj(S))^-1: what the counter-rotating half of a force at a frequency meets. */
+static struct matrix mirror_of(const struct slow_model *model, double omega)
 {
-    const struct plane *plane = &model->plane;
-    const struct complex s11 = c_conjugate(plane->solvent.m11);
-    const struct complex s22 = c_conjugate(plane->solvent.m22);
+    const struct matrix s = matrix_conjugate(model->plane.solvent);
     const struct complex turn = complex_of(0.0, omega);
-    const struct pair found = {{
-        c_divide(complex_of(0.0, plane->gain[0]), c_subtract(turn, s11)),
-        c_divide(complex_of(0.0, plane->gain[3]), c_subtract(turn, s22)),
-    }};
+    const struct matrix apart = {c_subtract(turn, s.m11), c_scale(-1.0, s.m12),
+                                 c_scale(-1.0, s.m21), c_subtract(turn, s.m22)};
+    return matrix_inverse(apart);
+}
+
+/* What the counter-rotating half of a force at a frequency does. */
+static struct matrix mirrored(const struct slow_model *model, double omega)
+{
+    const struct matrix m = mirror_of(model, omega);
+    const struct pair unit[] = {{{{1.0, 0.0}, {0.0, 0.0}}}, {{{0.0, 0.0}, {1.0, 0.0}}}};
+    const struct pair first = matrix_times(&m, plane_turned_gain(&model->plane, unit[0]));
+    const struct pair second = matrix_times(&m, plane_turned_gain(&model->plane, unit[1]));
+    const struct matrix found = {first.z[0], second.z[0], first.z[1], second.z[1]};
     return found;
 }
 
-/* The responses of each mode to its cubic forces, to first order without the damping's coupling. */
+/* The responses to cubic forces away from the carrier, across the modes as well: a mode that only
+ * follows the other one through the damping has no cubic force to speak of, and what the other's
+ * does to it is of the order of its shift. */
 static void set_corrections(struct slow_model *model)
 {
     const struct parameters *p = &model->p;
     const double omega = TWO_PI * model->centre, eta[] = {p->eta_plus, p->eta_minus};
     const struct damping w = damping_of(p);
     const double width[] = {w.w11, w.w22};
+    const struct complex cross = complex_of(0.0, 3.0 * omega * TWO_PI * w.w12);
+    struct complex own[2];
     model->behind = mirrored(model, omega);
     model->behind3 = mirrored(model, 3.0 * omega);
     for (int i = 0; i < 2; ++i) {
         const double detuning = TWO_PI * (eta[i] - 3.0 * model->centre) * TWO_PI *
                                 (eta[i] + 3.0 * model->centre);
-        model->third.z[i] = c_divide(complex_of(1.0, 0.0),
-                                     complex_of(detuning, 3.0 * omega * TWO_PI * width[i]));
+        own[i] = complex_of(detuning, 3.0 * omega * TWO_PI * width[i]);
+    }
+    {
+        const struct matrix stiffness = {own[0], cross, cross, own[1]};
+        model->third = matrix_inverse(stiffness);
     }
 }
 
@@ -101,11 +115,7 @@ static bool prepare_tone(struct slow_model *model, double u, struct complex ampl
                          double offset, struct report *report)
 {
     const struct parameters *p = &model->p;
-    const struct matrix s = matrix_conjugate(model->plane.solvent);
-    const struct complex turn = complex_of(0.0, TWO_PI * u);
-    const struct matrix apart = {c_subtract(turn, s.m11), c_scale(-1.0, s.m12),
-                                 c_scale(-1.0, s.m21), c_subtract(turn, s.m22)};
-    const struct matrix answer = matrix_inverse(apart);
+    const struct matrix answer = mirror_of(model, TWO_PI * u);
     const struct pair gains = {{{p->g1, 0.0}, {p->g2, 0.0}}};
     struct slow_tone *tone = &model->tone[model->tones++];
     tone->detuning = frequency_of(u - model->centre, 0.0);
@@ -129,6 +139,8 @@ bool slow_prepare(struct slow_model *model, const struct parameters *p, const st
     model->cubic = *cubic;
     model->centre = frame_frequency(p);
     model->carrier = frequency_of(model->centre, 0.0);
+    if (p->A1 != 0.0 && p->A2 != 0.0)
+        model->spread = fabs(p->u1 - p->u2) / model->centre;
     if (any_cubic(cubic) && !check_frame(model, report))
         return false;
     if (!plane_of(p, model->centre, &model->plane, report))
@@ -191,32 +203,6 @@ static struct complex coupled_force(const struct complex q[2], const struct comp
     return c_add(c_add(c_add(own, back), third), other);
 }
 
-/* N, the cubic forces at the carrier, of both modes. */
-static struct pair forces(const struct slow_model *model, struct pair at)
-{
-    const double alpha[] = {model->cubic.alpha1, model->cubic.alpha2}, kappa = model->cubic.kappa;
-    const struct complex *q = at.z;
-    const struct complex square[] = {c_multiply(q[0], q[0]), c_multiply(q[1], q[1])};
-    struct complex r[2];
-    struct pair n;
-    for (int i = 0; i < 2; ++i) { /* the third harmonics, R = -X(3 c) N3 */
-        const struct complex cube =
-            c_add(c_scale(alpha[i], square[i]), c_scale(kappa, square[1 - i]));
-        r[i] = c_multiply(c_multiply(c_scale(-0.25, model->third.z[i]), q[i]), cube);
-    }
-    for (int i = 0; i < 2; ++i) {
-        const struct complex c = c_conjugate(q[i]);
-        const struct complex own = c_scale(c_multiply(q[i], c).re, q[i]);
-        n.z[i] = c_scale(0.75 * alpha[i], c_add(own, c_multiply(c_multiply(c, c), r[i])));
-    }
-    if (kappa != 0.0)
-        for (int i = 0; i < 2; ++i) {
-            const struct complex both[] = {q[i], q[1 - i]}, thirds[] = {r[i], r[1 - i]};
-            n.z[i] = c_add(n.z[i], c_scale(0.25 * kappa, coupled_force(both, thirds)));
-        }
-    return n;
-}
-
 /* N3, the cubic forces at three times the carrier, to first order. */
 static struct pair third_forces(const struct slow_model *model, struct pair q)
 {
@@ -231,23 +217,82 @@ static struct pair third_forces(const struct slow_model *model, struct pair q)
     return n;
 }
 
+/* N of both modes without what third harmonics do to it. */
+static struct pair leading_forces(const struct slow_model *model, struct pair q)
+{
+    const double alpha[] = {model->cubic.alpha1, model->cubic.alpha2}, kappa = model->cubic.kappa;
+    double m[2];
+    struct pair n;
+    for (int i = 0; i < 2; ++i) {
+        m[i] = q.z[i].re * q.z[i].re + q.z[i].im * q.z[i].im;
+        n.z[i] = c_scale(0.75 * alpha[i] * m[i], q.z[i]);
+    }
+    if (kappa != 0.0)
+        for (int i = 0; i < 2; ++i) {
+            const struct complex other = c_multiply(q.z[1 - i], q.z[1 - i]);
+            const struct complex back = c_multiply(c_conjugate(q.z[i]), other);
+            const struct complex both = c_add(c_scale(2.0 * m[1 - i], q.z[i]), back);
+            n.z[i] = c_add(n.z[i], c_scale(0.25 * kappa, both));
+        }
+    return n;
+}
+
+/* N, the cubic forces at the carrier, of both modes. */
+static struct pair forces(const struct slow_model *model, struct pair at)
+{
+    const double alpha[] = {model->cubic.alpha1, model->cubic.alpha2}, kappa = model->cubic.kappa;
+    const struct complex *q = at.z;
+    const struct pair third = matrix_times(&model->third, third_forces(model, at));
+    const struct complex r[] = {c_scale(-1.0, third.z[0]), c_scale(-1.0, third.z[1])};
+    struct pair n;
+    for (int i = 0; i < 2; ++i) {
+        const struct complex c = c_conjugate(q[i]);
+        const struct complex own = c_scale(c_multiply(q[i], c).re, q[i]);
+        n.z[i] = c_scale(0.75 * alpha[i], c_add(own, c_multiply(c_multiply(c, c), r[i])));
+    }
+    if (kappa != 0.0)
+        for (int i = 0; i < 2; ++i) {
+            const struct complex both[] = {q[i], q[1 - i]}, thirds[] = {r[i], r[1 - i]};
+            n.z[i] = c_add(n.z[i], c_scale(0.25 * kappa, coupled_force(both, thirds)));
+        }
+    return n;
+}
+
+static struct pair pair_sum(struct pair a, struct pair b)
+{
+    const struct pair sum = {{c_add(a.z[0], b.z[0]), c_add(a.z[1], b.z[1])}};
+    return sum;
+}
+
+static struct pair pair_difference(struct pair a, struct pair b)
+{
+    const struct pair left = {{c_subtract(a.z[0], b.z[0]), c_subtract(a.z[1], b.z[1])}};
+    return left;
+}
+
+/* B N: how far the counter-rotating half of the cubic forces moves both modes. */
+static struct pair moved(const struct slow_model *model, struct pair q)
+{
+    return matrix_times(&model->behind, forces(model, q));
+}
+
+static struct pair moved_once(const struct slow_model *model, struct pair q)
+{
+    return pair_difference(q, matrix_times(&model->behind, leading_forces(model, q)));
+}
+
+/* Q = Q0 - B N(Q), in two rounds: a mode far below the drive is moved by several times its relative
+ * frequency shift. */
 struct pair slow_amplitudes(const struct slow_model *model, struct pair w, struct pair linear)
 {
-    struct pair q = plane_amplitudes(&model->plane, w), n;
-    for (int i = 0; i < 2; ++i)
-        q.z[i] = c_add(linear.z[i], q.z[i]);
-    n = forces(model, q);
-    for (int i = 0; i < 2; ++i)
-        q.z[i] = c_subtract(q.z[i], c_multiply(model->behind.z[i], n.z[i]));
-    return q;
+    const struct pair first = pair_sum(linear, plane_amplitudes(&model->plane, w));
+    return pair_difference(first, moved(model, moved_once(model, first)));
 }
 
 struct pair slow_deviation(const struct slow_model *model, struct pair q, struct pair linear)
 {
-    const struct pair n = forces(model, q);
-    for (int i = 0; i < 2; ++i)
-        q.z[i] = c_subtract(c_add(q.z[i], c_multiply(model->behind.z[i], n.z[i])), linear.z[i]);
-    return plane_coordinates(&model->plane, q);
+    const struct pair beside = pair_sum(q, moved(model, q));
+    return plane_coordinates(&model->plane, pair_difference(beside, linear));
 }
 
 void slow_slope(const void *context, const struct pair *w, const struct pair *linear,
@@ -261,6 +306,86 @@ void slow_slope(const void *context, const struct pair *w, const struct pair *li
     n->z[1] = c_add(n->z[1], c_multiply(plane->cross[1], w->z[0]));
 }
 
+/* --- what averaging leaves out ------------------------------------------------------------------ */
+
+/* Q' over pi |u1 - u2| of both modes, which turns with two lines of a beat. */
+static struct pair pace_of(const struct slow_model *model, struct pair w, struct pair linear,
+                           double t)
+{
+    struct turns turns = slow_turns(model, t);
+    const double u[] = {model->p.u1, model->p.u2};
+    const double scale = 1.0 / (0.5 * TWO_PI * model->spread * model->centre);
+    struct pair n, q, found;
+    for (int k = 0; k < 2; ++k) {
+        const struct complex speed = complex_of(0.0, TWO_PI * (u[k] - model->centre));
+        turns.z[k] = c_multiply(speed, turns.z[k]);
+    }
+    slow_slope(model, &w, &linear, &n, &q);
+    for (int i = 0; i < 2; ++i)
+        w.z[i] = c_add(c_multiply(model->plane.rates[i], w.z[i]), n.z[i]);
+    found = pair_sum(slow_turned(model, &turns), plane_amplitudes(&model->plane, w));
+    for (int i = 0; i < 2; ++i)
+        found.z[i] = c_scale(scale, found.z[i]);
+    return found;
+}
+
+/* |Q|; of two tones the root of the sum of their lines' squares, which is steady. */
+static double size_of(const struct slow_model *model, struct complex q, struct complex pace)
+{
+    return model->spread == 0.0 ? c_abs(q) : hypot(c_abs(q), c_abs(pace)) * sqrt(0.5);
+}
+
+/* What each mode takes over of the other one through the damping, at the carrier. */
+static void follows(const struct slow_model *model, double eps, double found[2])
+{
+    const struct parameters *p = &model->p;
+    const struct damping w = damping_of(p);
+    const double omega = TWO_PI * model->centre, room = 6.0 * eps * omega * omega;
+    const double across = omega * TWO_PI * fabs(w.w12);
+    const double eta[] = {p->eta_plus, p->eta_minus}, width[] = {w.w11, w.w22};
+    for (int i = 0; i < 2; ++i) {
+        const double apart =
+            fabs(TWO_PI * (eta[i] - model->centre) * TWO_PI * (eta[i] + model->centre));
+        const double resists = hypot(fmax(apart - room, 0.0), omega * TWO_PI * width[i]);
+        found[i] = 0.0;
+        if (across != 0.0)
+            found[i] = across < 1e300 * resists ? across / resists : 1e300;
+    }
+}
+
+double slow_averaging_error(const struct slow_model *model, struct pair w, double t, double eps)
+{
+    const struct pair linear = slow_linear(model, t), nothing = {{{0.0, 0.0}, {0.0, 0.0}}};
+    const struct pair first = pair_sum(linear, plane_amplitudes(&model->plane, w));
+    const struct pair last = moved(model, moved_once(model, first));
+    const struct pair q = pair_difference(first, last);
+    const struct pair after = moved(model, q);
+    const struct pair pace = model->spread == 0.0 ? nothing : pace_of(model, w, linear, t);
+    const struct transformation r = transformation_of(model->p.theta, model->p.reflection);
+    const double sums[][2] = {{1.0, 0.0}, {0.0, 1.0}, {r.t11, r.t21}, {r.t12, r.t22}};
+    double lacks[2], follow[2], errors[2], found = 0.0;
+    if (eps == 0.0)
+        return 0.0;
+    for (int i = 0; i < 2; ++i) {
+        const double size = size_of(model, q.z[i], pace.z[i]);
+        lacks[i] = size * eps * 3.0 * eps +
+                   model->spread * fmax(eps * size, 1.5 * c_abs(after.z[i])) +
+                   2.0 * c_abs(c_subtract(after.z[i], last.z[i]));
+    }
+    follows(model, eps, follow);
+    for (int i = 0; i < 2; ++i)
+        errors[i] = fmax(lacks[i], follow[i] * lacks[1 - i]);
+    for (int k = 0; k < 4; ++k) {
+        const double *s = sums[k], error = fabs(s[0]) * errors[0] + fabs(s[1]) * errors[1];
+        const double size =
+            size_of(model, c_add(c_scale(s[0], q.z[0]), c_scale(s[1], q.z[1])),
+                    c_add(c_scale(s[0], pace.z[0]), c_scale(s[1], pace.z[1])));
+        if (error > 0.0)
+            found = fmax(found, error < size ? error / size : 1.0);
+    }
+    return found;
+}
+
 /* --- the full motion --------------------------------------------------------------------------- */
 
 static struct complex carrier_turn(const struct slow_model *model, double t)
@@ -272,10 +397,9 @@ void slow_displacement(const struct slow_model *model, struct pair q, double t, 
 {
     const struct complex turn = carrier_turn(model, t);
     const struct complex cube = c_multiply(c_multiply(turn, turn), turn);
-    const struct pair n = third_forces(model, q);
+    const struct pair r = matrix_times(&model->third, third_forces(model, q));
     for (int i = 0; i < 2; ++i)
-        found[i] = c_multiply(q.z[i], turn).re -
-                   c_multiply(c_multiply(model->third.z[i], n.z[i]), cube).re;
+        found[i] = c_multiply(q.z[i], turn).re - c_multiply(r.z[i], cube).re;
 }
 
 /* Z less y exp(i phi): the linear response and the parts away from the carrier. */
@@ -285,7 +409,9 @@ static struct pair beside(const struct slow_model *model, struct pair w, struct 
     const struct complex turn = carrier_turn(model, t);
     const struct complex cube = c_multiply(c_multiply(turn, turn), turn);
     const struct pair y = plane_amplitudes(&model->plane, w);
-    const struct pair q = slow_amplitudes(model, w, linear), third = third_forces(model, q);
+    const struct pair q = slow_amplitudes(model, w, linear), force3 = third_forces(model, q);
+    const struct pair third = matrix_times(&model->third, force3);
+    const struct pair mirror3 = matrix_times(&model->behind3, force3);
     struct pair ahead = {{{0.0, 0.0}, {0.0, 0.0}}}, mirror = ahead, total;
     for (int k = 0; k < model->tones; ++k) {
         const struct slow_tone *tone = &model->tone[k];
@@ -299,10 +425,8 @@ static struct pair beside(const struct slow_model *model, struct pair w, struct 
     for (int i = 0; i < 2; ++i) {
         const struct complex moved = c_subtract(c_subtract(q.z[i], linear.z[i]), y.z[i]);
         const struct complex behind = c_add(mirror.z[i], moved);
-        const struct complex behind3 =
-            c_multiply(c_scale(-1.0, model->behind3.z[i]), third.z[i]);
-        const struct complex ahead3 = c_subtract(
-            c_multiply(c_scale(-1.0, model->third.z[i]), third.z[i]), behind3);
+        const struct complex behind3 = c_scale(-1.0, mirror3.z[i]);
+        const struct complex ahead3 = c_subtract(c_scale(-1.0, third.z[i]), behind3);
         const struct complex front =
             c_add(c_multiply(ahead.z[i], turn), c_multiply(ahead3, cube));
         const struct complex back = c_add(c_multiply(behind, turn), c_multiply(behind3, cube));

@@ -29,7 +29,8 @@ struct slow_model {
     struct frequency carrier;
     struct plane plane;
     int32_t lone; /* the mode with the only cubic term, -1 where modes move each other */
-    struct pair behind, behind3, third; /* responses to cubic forces away from the carrier */
+    double spread; /* of two tones' frequencies, relative to the frame's */
+    struct matrix behind, behind3, third; /* responses to cubic forces away from the carrier */
 };
 
 /* The mean of the active tones' frequencies, or the mode nearest to u1, in Hz. */
@@ -48,6 +49,8 @@ struct pair slow_deviation(const struct slow_model *model, struct pair q, struct
 /* w' less the part with the plane's rates, and Q; a slope_function. */
 void slow_slope(const void *model, const struct pair *w, const struct pair *linear,
                 struct pair *n, struct pair *q);
+/* The bound of what averaging leaves out of a displacement's largest line, relative to it. */
+double slow_averaging_error(const struct slow_model *model, struct pair w, double t, double eps);
 void slow_displacement(const struct slow_model *model, struct pair q, double t, double found[2]);
 /* Displacements and velocities over 2 pi from w, and back. */
 struct state slow_full_state(const struct slow_model *model, struct pair w, double t);

@@ -1,6 +1,6 @@
 """Cost of one offset per experiment: a Jacobian over series of up to 1,000 drive pairs.
 
-    python tests/bench/bench_drift.py
+    python tests/bench/bench_drift.py [--pairs 5 50 200 1000]
 
 Prints simulation runs and seconds of one evaluation and of one Jacobian, with an offset for every
 experiment, beside the runs that a Jacobian would take if nothing were shared.
@@ -8,6 +8,7 @@ experiment, beside the runs that a Jacobian would take if nothing were shared.
 
 from __future__ import annotations
 
+import argparse
 import tempfile
 import time
 from dataclasses import replace
@@ -57,6 +58,9 @@ def longer(bound: BoundCampaign, count: int) -> BoundCampaign:
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--pairs", type=int, nargs="+", default=COUNTS)
+    args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         fmu = build_fmu.build("CoupledOscillator", Path(folder))
         bound = bind(read_campaign(CAMPAIGN), read_description(fmu).variables)
@@ -65,7 +69,7 @@ def main() -> None:
             f"{'unshared':>9}"
         )
         with FmuWorkers(fmu, workers=2) as workers:
-            for count in COUNTS:
+            for count in args.pairs:
                 _row(longer(bound, count), workers)
 
 

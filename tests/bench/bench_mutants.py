@@ -2,6 +2,7 @@
 
     python -m tests.bench.bench_mutants [--count 300] [--seed 1] [--workers 2]
         [--longest 150] [--most 0] [--journal mutants.jsonl] [--covered covered.json] [--only PATH]
+        [--tests FILE ...]
 
 Faults are put into `fmu_src` and the parts of `fitting` in `ROOMS`: an operator, a comparison,
 a constant (doubled, or one more), a sign, `min` for `max`, `and` for `or`. Which
@@ -129,6 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--journal", type=Path, default=Path("mutants.jsonl"))
     parser.add_argument("--covered", type=Path, help="which tests run a line: read, or kept there")
     parser.add_argument("--only", default="", help="faults of files whose path begins so")
+    parser.add_argument("--tests", nargs="+", metavar="FILE", help="these tests alone")
     parser.add_argument("--longest", type=float, default=Limits.longest_s, help="s of tests each")
     parser.add_argument("--most", type=int, default=Limits.most, help="tests each; 0: all")
     options = parser.parse_args(arguments)
@@ -140,7 +142,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rooms = {room for room in ROOMS for m in sample if m.path.startswith(room + "/")}
         todo = [mutant for mutant in sample if mutant.name not in done]
         if todo:
-            covered = _kept(options.covered, base, rooms, options.workers)
+            files = options.tests or _files_of(base, rooms)
+            covered = _kept(options.covered, base, files, options.workers)
             copies = [_copy(base, Path(folder) / f"copy{k}") for k in range(options.workers)]
             limits = Limits(options.longest, options.most)
             _run(todo, covered, limits, copies, options.journal)
@@ -179,25 +182,30 @@ def _journal(path: Path) -> dict[str, str]:
     return {row["mutant"]: row["verdict"] for row in rows}
 
 
-def _kept(path: Path | None, base: Path, rooms: Iterable[str], workers: int) -> Covered:
+def _kept(path: Path | None, base: Path, files: Sequence[str], workers: int) -> Covered:
     """What a file holds, or what is measured now and written there."""
     if path is not None and path.exists():
         stored = json.loads(path.read_text())
         lines = {(file, line): tuple(names) for file, line, names in stored["tests"]}
         return Covered(lines, stored["seconds"])
-    covered = _covered(base, rooms, workers)
+    covered = _covered(base, files, workers)
     if path is not None:
         rows = [[file, line, names] for (file, line), names in covered.tests.items()]
         path.write_text(json.dumps({"tests": rows, "seconds": covered.seconds}))
     return covered
 
 
-def _covered(base: Path, rooms: Iterable[str], workers: int) -> Covered:
-    """Run the tests of some rooms once, line by line, some files beside each other."""
+def _files_of(base: Path, rooms: Iterable[str]) -> list[str]:
+    """Files of the tests of some rooms, relative to the checkout."""
     folders = sorted({folder for room in rooms for folder in TESTS[room]})
-    files = sorted(
+    return sorted(
         str(path.relative_to(base)) for each in folders for path in (base / each).rglob("test_*.py")
     )
+
+
+def _covered(base: Path, files: Sequence[str], workers: int) -> Covered:
+    """Run some files of tests once, line by line, some beside each other."""
+    folders = sorted({Path(file).parent.as_posix() for file in files})
     print(f"measuring which tests run which line: {' '.join(folders)}", file=sys.stderr)
     parts = [files[k::workers] for k in range(workers) if files[k::workers]]
     with ThreadPoolExecutor(workers) as executor:

@@ -75,7 +75,7 @@ def test_a_report_that_goes_is_told(tmp_path: Path, capsys: pytest.CaptureFixtur
             (tmp_path / "figures").mkdir(exist_ok=True)
             for name in ("a", "b"):
                 write_whole(tmp_path / "figures" / f"{name}.png", "drawn")
-        remove_earlier(tmp_path)
+        remove_earlier(tmp_path, ("report.html", "values.csv", "figures/*.png"))
         return 0
 
     said = []

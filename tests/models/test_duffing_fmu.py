@@ -96,7 +96,7 @@ def test_the_documentation_tells_model_solvers_and_bound(duffing: Unpacked) -> N
 
 
 def test_the_bound_of_the_averaging_is_that_of_its_description(instance: Instance) -> None:
-    """eps (3 eps + |u1 - u2|/c), c between the tones; one tone has no other."""
+    """At least eps (3 eps + |u1 - u2|/c), c between the tones; one tone has no other."""
     for alone in (False, True):
         changes = {"A2": 0.0} if alone else {}
         instance.start(solver=ENVELOPE, **SCENE | changes)
@@ -104,7 +104,8 @@ def test_the_bound_of_the_averaging_is_that_of_its_description(instance: Instanc
         u1, u2 = SCENE["u1"], SCENE["u2"]
         spread = 0.0 if alone else abs(u1 - u2) / (0.5 * (u1 + u2))
         assert eps > 0.0
-        assert bound == pytest.approx(eps * (3.0 * eps + spread), rel=1e-3)
+        least = eps * (3.0 * eps + spread)
+        assert (1.0 - 1e-9) * least <= bound <= 3.0 * least  # nothing cancels in this scene
         instance.slave.reset()
 
 

@@ -23,6 +23,14 @@ SCENES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
     "softening": (ONE | ORBIT | {"alpha1": -1e32}, {"d1": 200.0}),
     "linear": (LINEAR | ORBIT, {"alpha1": 1e32}),
     "no drive": ({"A1": 0.0, "A2": 0.0}, {"A1": 0.1}),
+    "a mode that follows, far above": (
+        ONE | ORBIT | {"g2": 0.0, "eta_minus": 3e7, "A1": 0.3},
+        {},
+    ),
+    "driven far above a mode": (
+        ONE | ORBIT | {"eta_minus": 3e7, "u1": 3e7, "A1": 30.0, "kappa": 3e31},
+        {},
+    ),
     "exceptional point": (ONE | {"theta": 0.785398, "eta_minus": 6.9404e6, "d1": 150.0}, {}),
     "fine steps": (ONE | {"tolerance": 1e-11}, {}),
     "reflection": (ONE | {"reflection": True, "g2": -1.0}, {}),

@@ -202,7 +202,7 @@ def again(folder: Path, *patterns: str, **files: str) -> None:
     with results_folder(folder, "sweep"):
         for name, text in files.items():
             write_whole(folder / name, text)
-        remove_earlier(folder, patterns or None)
+        remove_earlier(folder, patterns or ("*", "figures/*"))
 
 
 def test_what_the_command_wrote_before_and_not_now_goes(tmp_path: Path) -> None:
