@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -284,7 +285,7 @@ def _joined(
     rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
     values = np.repeat(control.values, counts)
     quantity = channel_of(control.name, control.unit, values)
-    joined = {name: _column(roles, name) for name in _FIELDS}
+    joined: dict[str, Any] = {name: _column(roles, name) for name in _FIELDS}
     table = folder / LIST
     taken = [channel for channel in joined.values() if channel is not None]
     recording = Recording(
@@ -319,11 +320,12 @@ def _kinds(roles: Roles) -> list[tuple[str, str | None] | None]:
 
 def _column(roles: Sequence[Roles], name: str) -> Channel | None:
     """A column of all files, one below the other."""
-    columns: list[Channel] = [getattr(each, name) for each in roles]
-    if columns[0] is None:
+    columns: list[Channel | None] = [getattr(each, name) for each in roles]
+    found = [column for column in columns if column is not None]
+    if not found:
         return None
-    values = np.concatenate([column.read() for column in columns])
-    return replace(columns[0], read=lambda: values)
+    values = np.concatenate([column.read() for column in found])
+    return replace(found[0], read=lambda: values)
 
 
 def _as_in_file(channel: Channel, roles: Roles) -> Channel:

@@ -137,7 +137,7 @@ def above_zero(frequency_hz: FloatArray) -> BoolArray:
         frequency_hz: shape (n,), Hz; where all are zero all are kept, for complaints.
     """
     kept = frequency_hz != 0.0
-    return kept if np.any(kept) else ~kept
+    return np.asarray(kept if np.any(kept) else ~kept)
 
 
 def swapped(frequencies: FloatArray, sizes: FloatArray) -> bool:

@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from scipy.io import savemat
 
@@ -89,17 +90,18 @@ def trajectories(path: Path, *, turned: bool) -> None:
     info = np.array([[0, 1, 0, -1], [2, 2, 0, -1], [2, 3, 0, -1], [1, 2, 0, 0], [2, -3, 0, -1]])
     data_1, data_2 = np.array([[0.0, 0.3], [1.49, 0.3]]), np.stack([T, U, Y], axis=1)
 
-    def letters(texts: list[str]) -> FloatArray:
-        width = max(map(len, texts))
-        made = np.array([list(text.ljust(width)) for text in texts])
-        return made.T if turned else made
+    def letters(texts: list[str]) -> npt.NDArray[np.str_]:
+        whole = [text.ljust(max(map(len, texts))) for text in texts]
+        return np.array(
+            ["".join(column) for column in zip(*whole, strict=True)] if turned else whole
+        )
 
     kind = "binTrans" if turned else "binNormal"
     tables = {"dataInfo": info, "data_1": data_1, "data_2": data_2}
     savemat(
         path,
         {
-            "Aclass": np.array([list(x.ljust(11)) for x in ("Atrajectory", "1.1", "", kind)]),
+            "Aclass": np.array([x.ljust(11) for x in ("Atrajectory", "1.1", "", kind)]),
             "name": letters(names),
             "description": letters(about),
             **{key: table.T if turned else table for key, table in tables.items()},

@@ -15,7 +15,7 @@ from fitting.api.init import init
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.in_process import told
-from tests.support.lines import write_csv
+from tests.support.lines import mode, write_csv
 
 F0, WIDTH = 800.0, 16.0
 F = np.arange(0.0, 2000.0, 2.5)
@@ -66,7 +66,7 @@ def test_arrays_from_zero_on() -> None:
     found = ff.noise_line(F, density())
     assert found.width_hz == pytest.approx(WIDTH, rel=0.15)
     f = np.linspace(0.0, 2.0 * F0, 801)
-    line = ff.line(f, 1.0 / (1.0 + 2j * (f - F0) / WIDTH))
+    line = ff.line(f, mode(f, F0, WIDTH))
     assert line.width_hz == pytest.approx(WIDTH, rel=1e-3)
 
 
@@ -78,7 +78,8 @@ def test_a_frequency_below_zero_is_refused(tmp_path: Path) -> None:
 def test_campaigns_leave_it_out_as_well(noise: Path, tmp_path: Path) -> None:
     path, _ = init(sweep(tmp_path), out=tmp_path / "a")
     problem = ff.Problem.of(ff.read_campaign(path))
-    assert problem.residuals(np.array([p.start for p in problem.parameters])).size == 2 * 81
+    starts = np.array([p.start for p in problem.record.parameters])
+    assert problem.residuals(starts).size == 2 * 81
     path, _ = init(noise, out=tmp_path / "b")
     assert ff.read_campaign(path).measurements["noise_spectrum"] is not None
     f = np.concatenate([[0.0], np.linspace(700.0, 900.0, 81)])

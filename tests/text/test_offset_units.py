@@ -9,6 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.api.init import init
+from fitting.measurements.traces.traces import Traces
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
 from fitting.text.written import Written, in_unit
@@ -91,8 +92,7 @@ def test_standard_deviations_in_degrees_are_those_in_kelvin(tmp_path: Path) -> N
     text = CAMPAIGN.format(fmu=fmu.as_posix(), more=more, parameter=START)
     (tmp_path / "c.toml").write_text(text, "utf-8")
     problem = ff.Problem.of(ff.read_campaign(tmp_path / "c.toml"))
-    [bound] = problem.campaigns
-    [record] = bound.measurements["trace"].traces
-    assert record.sigma == 0.5
-    parameter = next(p for p in bound.parameters if p.name == "x_start")
+    traces = next(m for m in problem.record.measurements if isinstance(m, Traces))
+    assert traces.traces[0].sigma == 0.5
+    parameter = next(p for p in problem.record.parameters if p.name == "x_start")
     assert (parameter.start, parameter.scale, parameter.prior_sigma) == (293.15, 5.0, 0.5)

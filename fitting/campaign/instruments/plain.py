@@ -87,6 +87,8 @@ def _is_as_told(text: str) -> bool:
         return False
     if all(len(row) == len(head) and _has_number(row, delimiter) for row in rows):
         return True
+    if rows and len(rows[0]) != len(head) and not _has_number(rows[0], delimiter):
+        return False
     return heads_at(text, delimiter) in (None, 0)  # else settings of an instrument look alike
 
 
