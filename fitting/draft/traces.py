@@ -100,9 +100,9 @@ def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) ->
     if usual(table, FREQUENCY) is not None:
         return None
     times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
-    if len(times) == 1:
-        return times[0]
     named = usual(table, TIME)
+    if len(times) == 1 or (simulated and named in times):
+        return times[0] if len(times) == 1 else named
     if times or named is None or named.unit is not None or not (told or simulated):
         return None
     return with_unit(named, told or "s")

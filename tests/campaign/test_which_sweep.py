@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, cast
 
 import h5py
 import numpy as np
@@ -14,12 +15,13 @@ from scipy.io import savemat
 
 import fitting as ff
 from fitting.api.init import init
+from fitting.measurements.complex.table import ReadComplexSweeps
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
 #: Frequency and full width, Hz, of the two sweeps.
 LINES = {"cold": (1.000e6, 50.0), "warm": (0.990e6, 400.0)}
-UNITS = {"unit_frequency": "Hz", "unit_amplitude": "V"}
+UNITS: dict[str, Any] = {"unit_frequency": "Hz", "unit_amplitude": "V"}
 
 
 def sweep(name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -29,7 +31,7 @@ def sweep(name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     z = 1e-3 / (1.0 + 2j * (f - f0) / width)
     rng = np.random.default_rng(3)
     z = z + 1e-5 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
-    return f, z.real, z.imag
+    return f, np.array(z.real, dtype=float), np.array(z.imag, dtype=float)
 
 
 def hdf5_groups(path: Path) -> None:
@@ -72,7 +74,7 @@ def tdms(path: Path) -> None:
 
 Names = tuple[str, str, str]
 #: Files with two sweeps, what the columns of one are called, and what has to be told beside.
-FILES: dict[str, tuple[str, Callable[[Path], None], Names, dict[str, str]]] = {
+FILES: dict[str, tuple[str, Callable[[Path], None], Names, dict[str, Any]]] = {
     "groups": ("a.h5", hdf5_groups, ("{}/frequency", "{}/X", "{}/Y"), {}),
     "matrices": ("a.h5", hdf5_matrices, ("raw/{}/1 1", "raw/{}/1 2", "raw/{}/1 3"), UNITS),
     "part of the group": ("a.h5", hdf5_matrices, ("{}/1 1", "{}/1 2", "{}/1 3"), UNITS),
@@ -82,7 +84,7 @@ FILES: dict[str, tuple[str, Callable[[Path], None], Names, dict[str, str]]] = {
 }
 
 
-def columns(names: Names, group: str, told: dict[str, str]) -> ff.Columns:
+def columns(names: Names, group: str, told: dict[str, Any]) -> ff.Columns:
     frequency, real, imaginary = (name.format(group) for name in names)
     return ff.Columns(frequency=frequency, real=real, imaginary=imaginary, **told)
 
@@ -148,7 +150,7 @@ def test_a_drafted_campaign_reads_the_sweep_that_was_chosen(tmp_path: Path) -> N
     path, _ = init(tmp_path / "a.h5", out=tmp_path / "o", columns=columns(names, "warm", {}))
     [table] = tomllib.loads(path.read_text("utf-8"))["complex_sweep"]
     assert set(table["columns"].values()) == {name.format("warm") for name in names}
-    [curve] = ff.read_campaign(path).measurements["complex_sweep"].curves
+    [curve] = cast(ReadComplexSweeps, ff.read_campaign(path).measurements["complex_sweep"]).curves
     assert float(np.mean(curve.u_hz)) == pytest.approx(LINES["warm"][0], rel=1e-4)
 
 

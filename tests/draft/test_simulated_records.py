@@ -18,9 +18,9 @@ from fitting.text.errors import BadInput
 from tests.support.cfmu_build import build_lag_fmu
 from tests.support.in_process import told
 
-T = 0.01 * np.arange(150)
-U = np.where(T >= 0.1, 1.0, 0.0)
-Y = 2.0 * -np.expm1(-np.maximum(T - 0.1, 0.0) / 0.3)
+T: FloatArray = np.array(0.01 * np.arange(150), dtype=float)
+U: FloatArray = np.array(np.where(T >= 0.1, 1.0, 0.0))
+Y: FloatArray = 2.0 * -np.expm1(-np.maximum(T - 0.1, 0.0) / 0.3)
 
 
 def record(path: Path, head: str, *columns: FloatArray) -> Path:
@@ -58,7 +58,16 @@ def test_a_record_without_units_is_in_those_of_the_fmu(name: str, tmp_path: Path
     names = [each.strip('"').lower().rpartition(".")[2] for each in head.split(",")]
     columns = [by_name.get(each, T) for each in names]
     path = record(tmp_path / "r.csv", head, *columns)
-    words = ["init", path, "--fmu", fmu, "--out", tmp_path / "o", "--yes", *options]
+    words: list[str | Path] = [
+        "init",
+        path,
+        "--fmu",
+        fmu,
+        "--out",
+        tmp_path / "o",
+        "--yes",
+        *options,
+    ]
     ended = told(*words, "--fit", "tau", "gain")
     assert ended.code == 0, ended.err
     assert "unit" in ended.out  # what was assumed is printed

@@ -18,7 +18,7 @@ from tests.support.in_process import told
 from tests.support.lines import mode, write_csv
 
 F0, WIDTH = 800.0, 16.0
-F = np.arange(0.0, 2000.0, 2.5)
+F = np.arange(0.0, 1300.0, 2.5)
 
 
 def density() -> FloatArray:
@@ -35,8 +35,8 @@ def noise(tmp_path: Path) -> Path:
 
 
 def sweep(folder: Path, first: float = 0.0) -> Path:
-    f = np.concatenate([[first], np.linspace(700.0, 900.0, 81)])
-    z = 1.0 / (1.0 + 2j * (f - F0) / WIDTH)
+    f = np.concatenate([[first], np.linspace(700.0, 900.0, 41)])
+    z = mode(f, F0, WIDTH)
     return write_csv(folder / "rfft.csv", "f (Hz),X (V),Y (V)", f, z.real, z.imag)
 
 
@@ -75,15 +75,13 @@ def test_a_frequency_below_zero_is_refused(tmp_path: Path) -> None:
         ff.line(sweep(tmp_path, -5.0))
 
 
-def test_campaigns_leave_it_out_as_well(noise: Path, tmp_path: Path) -> None:
+def test_campaigns_leave_it_out_as_well(tmp_path: Path) -> None:
     path, _ = init(sweep(tmp_path), out=tmp_path / "a")
     problem = ff.Problem.of(ff.read_campaign(path))
     starts = np.array([p.start for p in problem.record.parameters])
-    assert problem.residuals(starts).size == 2 * 81
-    path, _ = init(noise, out=tmp_path / "b")
-    assert ff.read_campaign(path).measurements["noise_spectrum"] is not None
-    f = np.concatenate([[0.0], np.linspace(700.0, 900.0, 81)])
-    r = np.abs(1.0 / (1.0 + 2j * (f - F0) / WIDTH))
+    assert problem.residuals(starts).size == 2 * 41
+    f = np.concatenate([[0.0], np.linspace(700.0, 900.0, 41)])
+    r = np.abs(mode(f, F0, WIDTH))
     made = write_csv(tmp_path / "r.csv", "f (Hz),R (V)", f, r)
     path, _ = init(made, out=tmp_path / "c", told={"kind": "sweep"})
     found = ff.read_campaign(path).sweep

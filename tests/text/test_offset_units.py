@@ -10,6 +10,7 @@ import pytest
 import fitting as ff
 from fitting.api.init import init
 from fitting.measurements.traces.traces import Traces
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
 from fitting.text.written import Written, in_unit
@@ -53,7 +54,7 @@ upper = "1 s"
 
 
 def recorded(folder: Path, head: str) -> None:
-    t = 0.01 * np.arange(100)
+    t: FloatArray = np.array(0.01 * np.arange(100), dtype=float)
     write_csv(folder / "t.csv", head, t, np.ones(100), 20.0 + t)
 
 
