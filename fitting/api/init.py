@@ -5,21 +5,26 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
+from fitting.draft.checked import Draft
 from fitting.draft.demodulated import DemodulatedFile, demodulated_of
 from fitting.draft.draft import (
+    check_one_line,
     draft_of,
     model_for,
     model_for_recordings,
     trace_draft_of,
 )
-from fitting.draft.files import files_of, settled
+from fitting.draft.files import Files, files_of, settled
+from fitting.draft.model import ONE_MODE, TWO_MODES
+from fitting.draft.noise import NOISE
 from fitting.draft.questions import Answers, Ask, Question
+from fitting.draft.series import LIST, Series, series_of
 from fitting.draft.source import Source
-from fitting.draft.traces import recordings_of
+from fitting.draft.traces import INPUT, OUTPUT, recordings_of
 from fitting.resonance.reading import TIME_PAGE, Columns
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -29,7 +34,19 @@ __all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
 
 CAMPAIGN = "campaign.toml"
 #: What may be told beforehand, by name.
-KEYS = ("output", "tone", "input", "fit", "amplitudes", "kind", "demodulated-at", "interface")
+KEYS = (
+    "output",
+    "tone",
+    "input",
+    "fit",
+    "amplitudes",
+    "kind",
+    "demodulated-at",
+    "interface",
+    "control",
+)
+#: What is written beside it: of sweeps at values of a control the list of their files.
+FILES = (CAMPAIGN, LIST)
 
 
 def init(
@@ -57,7 +74,8 @@ def init(
         columns: What the files do not tell of their columns.
         told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
             ("peak" or "rms"), "kind" ("noise" or "sweep", of a spectrum of amplitudes), "interface"
-            ("co-simulation" or "model-exchange").
+            ("co-simulation" or "model-exchange"), "control" (of several sweeps, a file for each
+            value of it: its name, or with values in the order of the files, as "Vg=-6:6:1").
         ask: Asks a person what nobody told; None: the default is taken, and said.
 
     Returns:
@@ -107,15 +125,16 @@ def drafted(
     paths, fmu = told_apart(
         [Path(f) for f in ((files,) if isinstance(files, str | os.PathLike) else files)], fmu
     )
-    answers = Answers({k: _names(v) for k, v in (told or {}).items()}, ask)
+    answers = _answers(told or {}, ask)
     unknown = [key for key in answers.told if key not in KEYS]
     if unknown:
         raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
     [interface] = answers.told.get("interface", (None,))
-    with results_folder(Path(out), "init", (CAMPAIGN,)):
+    with results_folder(Path(out), "init", FILES):
         demodulated = _demodulated(paths, columns or Columns(), fmu)
-        recordings = demodulated or recordings_of(paths)
+        recordings = demodulated or recordings_of(paths, columns, simulated=fmu is not None)
         if recordings:
+            _refuse_parts(paths, columns or Columns())
             recorded = fmu or model_for_recordings(recordings)
             if recorded is None:
                 raise BadInput(
@@ -125,9 +144,7 @@ def drafted(
             with _source(recorded, interface) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))
         else:
-            looked_at = settled(files_of(paths, columns or Columns(), answers), answers)
-            with _source(fmu or model_for(looked_at), interface) as source:
-                draft = draft_of(looked_at, source, answers, Path(out))
+            draft = _of_sweeps(paths, columns or Columns(), answers, fmu, Path(out))
         path = Path(out) / CAMPAIGN
         write_whole(path, draft.text)
     return Drafted(path, draft.said, draft.undescribed)
@@ -156,6 +173,68 @@ def told_apart(
     return measured, fmu
 
 
+def _answers(told: Mapping[str, str | Sequence[str]], ask: Ask | None) -> Answers:
+    """What is told: variables of the FMU, and columns where they stand before them, as "u=F"."""
+    made = Answers({k: _names(v) for k, v in told.items()}, ask)
+    for key in (OUTPUT, INPUT):
+        for name in made.told.get(key, ())[:1]:
+            column, equals, variable = name.rpartition("=")
+            if equals:
+                made.told[key], made.columns[key] = (variable.strip(),), column.strip()
+    return made
+
+
+def _refuse_parts(paths: Sequence[Path], columns: Columns) -> None:
+    """Complain of a part of a recording that no campaign can tell."""
+    for key in columns.selection.parts:
+        raise BadInput(
+            f"--{key.replace('_', '-')}: a campaign of recordings cannot tell it; wanted what is "
+            f"meant of {paths[0]} in a file of its own"
+        )
+
+
+def _of_sweeps(
+    paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, out: Path
+) -> Draft:
+    """A draft of sweeps, spectra, a table of experiments or a map; or of an FMU alone."""
+    [interface] = answers.told.get("interface", (None,))
+    [control] = answers.told.get("control", (None,))
+    for key, column in answers.columns.items():
+        raise BadInput(
+            f"--{key}: found the column '{column}', which a recording over time has; wanted the "
+            f"FMU's {key} alone"
+        )
+    series = None
+    if control is not None or NOISE not in answers.told.get("kind", ()):
+        joint = fmu is not None and fmu != TWO_MODES
+        series = series_of(paths, columns, control, out, joint=joint)
+    if series is not None:
+        with _listed(series, out), _source(fmu or TWO_MODES, interface) as source:
+            draft = draft_of(Files(sweeps=(), map=series.map), source, answers, out)
+        return replace(draft, said=(series.control.words, *draft.said))
+    looked_at = settled(files_of(paths, columns, answers), answers)
+    if fmu in (None, ONE_MODE):
+        check_one_line(looked_at)
+    with _source(fmu or model_for(looked_at), interface) as source:
+        return draft_of(looked_at, source, answers, out)
+
+
+@contextmanager
+def _listed(series: Series, out: Path) -> Iterator[None]:
+    """The list of a map's files beside the campaign; as it was where no campaign comes of it."""
+    path = out / LIST
+    before = path.read_bytes() if path.is_file() else None
+    write_whole(path, series.text)
+    try:
+        yield
+    except BaseException:
+        if before is None:
+            path.unlink(missing_ok=True)
+        else:
+            path.write_bytes(before)
+        raise
+
+
 def _demodulated(
     paths: Sequence[Path], columns: Columns, fmu: str | Path | None
 ) -> tuple[DemodulatedFile, ...]:
@@ -166,7 +245,7 @@ def _demodulated(
     with Fmu(fmu, 1) as held:
         known = {name.lower() for name in held.workers.description.variables}
     seen = [name for key, name in files[0].columns.items() if key != "time"]
-    return () if all(name.lower() in known for name in seen) else files
+    return () if all(name.rpartition("/")[2].lower() in known for name in seen) else files
 
 
 @contextmanager

@@ -35,7 +35,7 @@ from fitting.signal.scale import SCALES
 from fitting.text.arrays import ComplexArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy, convert, parse_quantity, same_kind
-from fitting.text.written import Written, as_written, in_unit, written_values
+from fitting.text.written import Written, as_written, difference_in, in_unit, written_values
 
 SCOPES = ("campaign", "experiment")
 
@@ -85,7 +85,12 @@ class Parameter:
         numbers = self.numbers
         if len({written.unit is None for written in numbers.values()}) > 1:
             return  # plain numbers are in the FMU's unit, which is known beside it alone
-        found = {key: in_unit(written, self.unit) for key, written in numbers.items()}
+        found = {
+            key: (difference_in if key in bound_parameters.DIFFERENCES else in_unit)(
+                written, self.unit
+            )
+            for key, written in numbers.items()
+        }
         bound_parameters.Parameter(
             name=self.name,
             unit=self.unit or "",

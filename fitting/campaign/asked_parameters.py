@@ -9,12 +9,12 @@ from functools import partial
 from typing import Protocol
 
 from fitting.campaign.binder import Binder
-from fitting.campaign.parameters import Parameter
+from fitting.campaign.parameters import DIFFERENCES, Parameter
 from fitting.campaign.places import Places
 from fitting.fmu.variables import VariableLike
 from fitting.text.errors import BadInput, gathered
 from fitting.text.units import convert, dimension_of, parse_quantity
-from fitting.text.written import Written, in_unit
+from fitting.text.written import Written, difference_in, in_unit
 
 
 class AskedParameter(Protocol):
@@ -92,7 +92,11 @@ def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Param
 def _number(key: str, written: Written, variable: VariableLike, binder: Binder) -> float:
     if key in ("lower", "upper", "start"):
         return binder.number(variable, written)
-    return in_unit(written, variable.unit)  # the FMU's range binds no difference and no prior
+    return _read(key, written, variable.unit)  # the FMU's range binds no difference and no prior
+
+
+def _read(key: str, written: Written, unit: str | None) -> float:
+    return (difference_in if key in DIFFERENCES else in_unit)(written, unit)
 
 
 def _misfits(choice: AskedParameter, unit: str | None, where: str) -> Sequence[str]:
@@ -122,7 +126,7 @@ def _bind_coefficient(choice: AskedParameter, where: str) -> Parameter:
             f'{where}: a coefficient of laws has no unit, wanted unit = "Hz/V", for example; a '
             'plain number has the unit "1"'
         )
-    readers = (partial(in_unit, each, unit) for each in written.values())
+    readers = (partial(_read, key, each, unit) for key, each in written.items())
     numbers = dict(zip(written, gathered(readers), strict=True))
     return replace(_parameter(choice, unit, numbers, where), role="coefficient")
 

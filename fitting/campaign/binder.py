@@ -137,8 +137,16 @@ class Binder:
             f"The FMU declares no unit for '{variable.name}': values written with a unit "
             "were taken in SI base units."
         )
-        if note not in self.notes:
-            self.notes.append(note)
+        self.note(note)
+
+    def note(self, words: str) -> None:
+        """Note what was taken, once.
+
+        Args:
+            words: a sentence.
+        """
+        if words not in self.notes:
+            self.notes.append(words)
 
     def setting(self, name: str, written: Written) -> Scalar:
         """Check that a variable may be set, and convert the value; or that of a control quantity.

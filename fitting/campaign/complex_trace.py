@@ -27,6 +27,7 @@ from fitting.campaign.instruments.roles import (
     asked,
     frequency_of,
     parts_of,
+    without_zero,
 )
 from fitting.campaign.instruments.trace import check_axis
 from fitting.signal.complex_line import complex_line
@@ -71,6 +72,8 @@ class WrittenComplexColumns(Keys):
 class MeasuredComplex:
     """Complex values (n,) in ``unit`` at ``frequency_hz`` (n,), Hz, rising.
 
+    ``left_out`` says which rows of the file are not here, and why; empty: none.
+
     Raises:
         BadInput: shapes that differ, fewer than 8 points, frequencies that do not rise from above
             zero, values that are no numbers or all zero.
@@ -80,6 +83,7 @@ class MeasuredComplex:
     values: ComplexArray
     unit: str = "V"
     source: Path = Path("arrays")
+    left_out: str = ""
 
     def __post_init__(self) -> None:
         where = str(self.source)
@@ -114,6 +118,7 @@ def read_complex(
     *,
     trace: int = 1,
     chunk: int | None = None,
+    header_row: int | None = None,
 ) -> MeasuredComplex:
     """A complex trace of a file.
 
@@ -123,6 +128,7 @@ def read_complex(
         columns: names of columns, where they are not the usual ones.
         trace: (rohde-schwarz) which trace, from 1.
         chunk: (zurich) which sweep of the file.
+        header_row: (csv) row of the names of columns, from 1; None: it is found.
 
     Raises:
         BadInput: a column or unit is missing, a cell is no number, frequencies do not rise,
@@ -131,9 +137,14 @@ def read_complex(
     columns = columns or WrittenComplexColumns()
     selection = Selection(
         frequency=columns.frequency,
-        amplitude=columns.amplitude or columns.x,
+        amplitude=columns.amplitude,
+        phase=columns.phase,
+        x=columns.x,
+        y=columns.y,
+        further=(columns.drive,) if columns.drive else (),
         trace=trace,
         chunk=chunk,
+        header_row=header_row,
     )
     return complex_of(read_recording(path, layout, selection), columns)
 
@@ -148,8 +159,16 @@ def complex_of(recording: Recording, columns: WrittenComplexColumns) -> Measured
     Raises:
         BadInput: as `read_complex`.
     """
-    path = recording.path
     frequency = frequency_of(recording, columns.frequency)
+    recording, frequency, left_out = without_zero(recording, frequency)
+    found = _values_of(recording, frequency, columns)
+    return replace(found, left_out=left_out) if left_out else found
+
+
+def _values_of(
+    recording: Recording, frequency: Channel, columns: WrittenComplexColumns
+) -> MeasuredComplex:
+    path = recording.path
     drive = recording.column(columns.drive) if columns.drive else None
     x, y = asked(recording, columns.x, X), asked(recording, columns.y, Y)
     amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None

@@ -211,7 +211,7 @@ def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
         source=written.file,
         unit=how.amplitude.unit,
         notes=dict(raw.notes),
-        left_out=left_out,
+        left_out=" ".join(filter(None, (raw.left_out, left_out))),
     )
 
 

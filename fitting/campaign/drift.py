@@ -27,7 +27,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.fmu.variables import SETTABLE
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
-from fitting.text.written import Written, in_unit
+from fitting.text.written import Written, difference_in, in_unit
 
 #: An offset may leave the interpolated drift by this many standard deviations of its prior.
 REACH = 6.0
@@ -235,7 +235,7 @@ def prior_of_drift(
         )
     unit, written = units.pop(), campaign.file.drift.prior
     assert written is not None  # noqa: S101 - the file's own check asked for it
-    sigma = in_unit(written, None if unit == "1" else unit)
+    sigma = difference_in(written, None if unit == "1" else unit)
     if sigma <= 0.0:
         raise BadInput(f"{written.where}: found {written.value!r}, wanted more than zero")
     return Prior(variables=group, unit=unit, sigma=sigma, suffix=suffix)

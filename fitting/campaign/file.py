@@ -191,7 +191,7 @@ def layout_keys(layout: str | None) -> tuple[str, ...]:
     Args:
         layout: its name; None: told by the content.
     """
-    return ("trace", "chunk") if layout is None else LAYOUTS[layout].keys
+    return ("trace", "chunk", "header_row") if layout is None else LAYOUTS[layout].keys
 
 
 def check_layout_keys(told: Mapping[str, object], keys: Sequence[str], found: str) -> None:
@@ -238,11 +238,13 @@ class WrittenTrace(Keys):
     """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
     """(zurich only) which sweep of the file; without it the only one there is."""
+    header_row: Count | None = None
+    """(csv only) row of the names of columns, from 1; without it the one above the numbers."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
             declared_amplitude(self.amplitude, self.impedance, "")
-        told = {"trace": self.trace, "chunk": self.chunk}
+        told = {"trace": self.trace, "chunk": self.chunk, "header_row": self.header_row}
         check_layout_keys(told, self._layout_keys(), self._found())
 
     def _found(self) -> str:
@@ -266,6 +268,7 @@ class WrittenTrace(Keys):
                 phase=columns.phase,
                 trace=self.trace or 1,
                 chunk=self.chunk,
+                header_row=self.header_row,
             ),
         )
 

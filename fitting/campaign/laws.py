@@ -20,7 +20,7 @@ import numpy as np
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, did_you_mean, gathered
 from fitting.text.formula import Formula, alike
-from fitting.text.units import convert, dimension_of, parse_quantity
+from fitting.text.units import base_unit, convert, dimension_of, parse_quantity
 from fitting.text.written import Written, as_written
 
 #: Answers of laws that are kept.
@@ -63,8 +63,9 @@ def in_base(unit: str, where: str) -> InBase:
     Raises:
         BadInput: there is no such unit, or it is a logarithmic one.
     """
-    offset = convert(0.0, unit, None, where=where)
-    return InBase(convert(1.0, unit, None, where=where) - offset, offset)
+    base = base_unit(unit)
+    offset = convert(0.0, unit, base, where=where)
+    return InBase(convert(1.0, unit, base, where=where) - offset, offset)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ UNIFORM_WIDTH = math.sqrt(12.0)
 SLACK = 1e-6
 #: Ratio of the bounds of a positive parameter from which its box spans decades.
 DECADE = 10.0
+#: Numbers of a parameter that are differences of its values: 1 degC of them is 1 K.
+DIFFERENCES = ("scale", "period", "prior")
 #: Ratio of a box to the scale of its parameter, or the inverse, beyond which sums lose all digits.
 WIDEST = 1e12
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import layout_of, read_recording
+from fitting.campaign.instruments import layout_in, read_recording
 from fitting.campaign.instruments.recording import Channel, Numbers, Recording
 from fitting.campaign.instruments.roles import (
     AMPLITUDE,
@@ -18,6 +18,7 @@ from fitting.campaign.instruments.roles import (
     TIME,
     X,
     Y,
+    parts_by_name,
     plain_name,
     usual,
 )
@@ -114,8 +115,9 @@ def recognised(path: Path, selection: Selection | None = None) -> Recognised:
         BadInput: no such file, not readable, a kind without columns of numbers, or a table with a
             row that is none; says which kind it is, and what to do.
     """
-    layout = layout_of(path)
-    recording = read_recording(path, layout, selection or Selection())
+    selection = selection or Selection()
+    layout = layout_in(path, selection)
+    recording = read_recording(path, layout, selection)
     roles = _Roles(recording)
     roles.find()
     columns = tuple(
@@ -209,6 +211,12 @@ class _Roles:
         if x is not None and y is not None and usual(self.recording, AMPLITUDE) is None:
             self._give(x, "re")
             self._give(y, "im")
+            return
+        pair = parts_by_name(self.recording)
+        if pair is not None:
+            why = f"{pair[0].name} and {pair[1].name} are the two parts of one quantity"
+            self._give(pair[0], "re", why=why)
+            self._give(pair[1], "im", why=why)
             return
         for channel in self._free():
             other = _other_part(channel, self._free())

@@ -27,7 +27,7 @@ from fitting.signal.scale import half_power_width
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, gathered
 from fitting.text.units import convert, same_kind
-from fitting.text.written import Written, in_unit
+from fitting.text.written import Written, difference_in
 
 #: Label of a sweep that has values of its own.
 SWEEP = "sweep"
@@ -107,7 +107,7 @@ def bind_sigmas(asked: Mapping[str, Written], binder: Binder) -> dict[str, float
 
 
 def _sigma(name: str, written: Written, binder: Binder) -> float:
-    sigma = in_unit(written, binder.real(name, written.where, SETTABLE, "set").unit)
+    sigma = difference_in(written, binder.real(name, written.where, SETTABLE, "set").unit)
     if not sigma > 0.0:
         raise BadInput(f"{written.where}: found {written.value!r}, wanted more than zero")
     return sigma

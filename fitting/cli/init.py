@@ -9,10 +9,12 @@ import argparse
 import shlex
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fitting as ff
+from fitting.cli.running.progress import reading
 from fitting.cli.running.results import writes
 from fitting.cli.words.columns import add_columns, columns_of
 from fitting.cli.words.drive import add_interface
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 NAME = "init"
 EXAMPLE = "fmu-fit init afm_sensor/afm_sensor_sweep.dat --out afm --yes"
 CAMPAIGN = "campaign.toml"
+LIST = "spectra.csv"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="FILE",
         help="sweeps of any instrument, or noise spectra; or a table of experiments, its spectra, "
-        "and a sweep; or a map, spectra over a control quantity in one table; or ringdowns, or "
+        "and a sweep; or a map, spectra over a control quantity in one table or a file for each of "
+        "its values; or ringdowns, or "
         "with --fmu recordings over time, of an output and perhaps an input; one may be the FMU "
         "(.fmu), which alone gives a skeleton",
     )
@@ -57,17 +61,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help='of a demodulated ringdown: the frequency of the lock-in, as "1.2 MHz"',
     )
-    parser.add_argument("--output", metavar="NAME", help="output of the FMU that is seen")
+    parser.add_argument(
+        "--control",
+        metavar="NAME[=VALUES]",
+        help='of several sweeps, a file for each value of a quantity: its name, as "Vg", or with '
+        'values in the order of the files, as "Vg=-6:6:1 V" or "T=4,10,20 K" (found in the names '
+        "of the files or above their tables)",
+    )
+    parser.add_argument(
+        "--output",
+        metavar="[COLUMN=]NAME",
+        help="output of the FMU that is seen; of a recording over time its column, too, as y=x",
+    )
     add_interface(parser)
     parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")
-    parser.add_argument("--input", metavar="NAME", help="input of the FMU that is driven")
+    parser.add_argument(
+        "--input",
+        metavar="[COLUMN=]NAME",
+        help="input of the FMU that is driven; of a recording its column, too, as u=F",
+    )
     parser.add_argument(
         "--fit", nargs="+", metavar="NAME", action="extend", help="parameters that are fitted"
     )
-    add_columns(parser)
+    add_columns(parser, over_time=True)
 
 
-@writes(NAME, CAMPAIGN)
+@writes(NAME, CAMPAIGN, LIST)
 def run(args: argparse.Namespace) -> int:
     """Write the campaign and tell what was guessed; returns 0.
 
@@ -78,18 +97,21 @@ def run(args: argparse.Namespace) -> int:
     from fitting.api.init import drafted, told_apart
     from fitting.report.table import wrapped
 
-    same = ("output", "tone", "input", "fit", "kind", "interface")
+    same = ("output", "tone", "input", "fit", "kind", "interface", "control")
     told = {name: getattr(args, name) for name in same}
     told["demodulated-at"] = args.demodulated_at
     told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
-    made = drafted(
-        args.files,
-        args.fmu,
-        out=args.out,
-        columns=columns_of(args),
-        told={name: value for name, value in told.items() if value is not None},
-        ask=None if args.yes or not sys.stdin.isatty() else _ask,
-    )
+    ask = None if args.yes or not sys.stdin.isatty() else _ask
+    # questions and a line that lives on the terminal do not go together
+    with reading(NAME, args.files) if ask is None and args.files else nullcontext():
+        made = drafted(
+            args.files,
+            args.fmu,
+            out=args.out,
+            columns=columns_of(args),
+            told={name: value for name, value in told.items() if value is not None},
+            ask=ask,
+        )
     path = made.path
     for line in (*made.said, made.undescribed):
         print(*wrapped(line, indent=2), sep="\n", end="\n" if line else "")

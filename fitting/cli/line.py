@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fitting as ff
 from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import reading
 from fitting.cli.running.results import writes
 from fitting.cli.words.columns import add_columns, columns_of
 from fitting.cli.words.values import positive_quantity
@@ -91,21 +92,24 @@ def run(args: argparse.Namespace) -> int:
 
     columns = columns_of(args)
     found: ff.Line | ff.Ringdown | ff.NoiseLine
-    over_time = is_over_time(args.file, columns)
-    _refuse_bare(args, columns, over_time=over_time)
-    if over_time:
-        found = _ringdown(args, columns)
-    elif args.kind == NOISE or (args.kind is None and is_noise_spectrum(args.file, columns)):
-        found = _noise_line(args, columns)
-    else:
-        found = _line(args, columns)
+    with reading(NAME, [args.file]):
+        over_time = is_over_time(args.file, columns)
+        _refuse_bare(args, columns, over_time=over_time)
+        if over_time:
+            found, tell = _ringdown(args, columns)
+        elif args.kind == NOISE or (args.kind is None and is_noise_spectrum(args.file, columns)):
+            found, tell = _noise_line(args, columns)
+        else:
+            found, tell = _line(args, columns)
+    hand_over(args, found)
+    tell()
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")
     return 0
 
 
-def _line(args: argparse.Namespace, columns: Columns) -> ff.Line:
-    """The line of a sweep, told."""
+def _line(args: argparse.Namespace, columns: Columns) -> tuple[ff.Line, Callable[[], None]]:
+    """The line of a sweep, and what tells it."""
     from fitting.report.words.line import answer, forms_table, sentences
 
     if args.demodulated_at is not None:
@@ -115,13 +119,11 @@ def _line(args: argparse.Namespace, columns: Columns) -> ff.Line:
     found = ff.line(
         args.file, within_hz=_range(args, "Hz"), wiring=args.wiring or "", columns=columns
     )
-    hand_over(args, found)
-    _tell(answer(found), sentences(found), forms_table(found))
-    return found
+    return found, lambda: _tell(answer(found), sentences(found), forms_table(found))
 
 
-def _ringdown(args: argparse.Namespace, columns: Columns) -> ff.Ringdown:
-    """The line of a ringdown, told."""
+def _ringdown(args: argparse.Namespace, columns: Columns) -> tuple[ff.Ringdown, Callable[[], None]]:
+    """The line of a ringdown, and what tells it."""
     from fitting.report.words.ringdown import answer, forms_table, sentences
 
     if args.wiring is not None or args.kind is not None:
@@ -138,13 +140,13 @@ def _ringdown(args: argparse.Namespace, columns: Columns) -> ff.Ringdown:
         else positive_quantity(at, "Hz", where="--demodulated-at"),
         columns=columns,
     )
-    hand_over(args, found)
-    _tell(answer(found), sentences(found), forms_table(found))
-    return found
+    return found, lambda: _tell(answer(found), sentences(found), forms_table(found))
 
 
-def _noise_line(args: argparse.Namespace, columns: Columns) -> ff.NoiseLine:
-    """The line of a noise spectrum, told."""
+def _noise_line(
+    args: argparse.Namespace, columns: Columns
+) -> tuple[ff.NoiseLine, Callable[[], None]]:
+    """The line of a noise spectrum, and what tells it."""
     from fitting.report.words.noise_line import answer, sentences
 
     for option, told in (("--demodulated-at", args.demodulated_at), ("--wiring", args.wiring)):
@@ -154,9 +156,7 @@ def _noise_line(args: argparse.Namespace, columns: Columns) -> ff.NoiseLine:
                 "--kind sweep"
             )
     found = ff.noise_line(args.file, within_hz=_range(args, "Hz"), columns=columns)
-    hand_over(args, found)
-    _tell(answer(found), sentences(found))
-    return found
+    return found, lambda: _tell(answer(found), sentences(found))
 
 
 def _tell(answer: Sequence[str], sentences: Sequence[str], forms: Table | None = None) -> None:

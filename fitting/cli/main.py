@@ -11,6 +11,7 @@ import shlex
 import sys
 import tempfile
 import traceback
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -57,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     # without a home it tells, in its own words, that it makes do with a folder that it removes
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    if arguments is None and not sys.warnoptions:  # of libraries, about numbers: no user's concern
+        warnings.filterwarnings("ignore", category=RuntimeWarning)
     with outlets() as output, interruptible():
         code = _run(given)
         output.flush()

@@ -29,7 +29,7 @@ from fitting.text.keys import Keys, Missing
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import convert, same_kind
-from fitting.text.written import Written, as_written, in_unit, positive_in
+from fitting.text.written import Written, as_written, difference_in, in_unit, positive_in
 
 #: Drive levels and numbers of averaged spectra that are tried where nothing is said.
 LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)
@@ -462,7 +462,7 @@ def _setting_sigmas(
     binder = Binder(variables)
     for name, written in said.setting_sigma.items():
         variable = binder.real(name, written.where, SETTABLE, "set")
-        value = in_unit(written, variable.unit)
+        value = difference_in(written, variable.unit)
         if value < 0.0:
             raise BadInput(f"{written.where}: found {written.value!r}, wanted zero or more")
         found[name] = value

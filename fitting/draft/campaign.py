@@ -9,6 +9,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
+from fitting.campaign.instruments import Channel
 from fitting.draft.files import Files, SweepFile, TableFile
 from fitting.draft.model import Offer
 from fitting.draft.source import Source, relative_path
@@ -18,6 +19,7 @@ from fitting.resonance.form import FANO, SLOPED
 from fitting.resonance.reading import Roles
 from fitting.signal.peaks import OFFSET, SLOPE
 from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 from fitting.text.toml import Tables, put, rewritten, toml_text
 from fitting.text.units import same_kind
@@ -349,6 +351,7 @@ def _noise(
 ) -> dict[str, Any]:
     """A spectrum of what nobody drove: level and floor are solved for."""
     at, roles, look = ("noise_spectrum", k), sweep.roles, sweep.noise
+    of_whole_file(roles, "noise_spectrum")
     own = sweep.has_own_forces
     made: dict[str, Any] = {"file": relative_path(sweep.path, folder)}
     remarks[(*at, "file")] = "averages = N tells how many periodograms were averaged"
@@ -363,14 +366,14 @@ def _noise(
         remarks[(*at, "holds")] = "the unit does not tell it"
     if count > 1:
         made["label"] = sweep.path.stem
-    density = "" if roles.sizes is None else roles.sizes.name
-    made["columns"] = {"frequency": roles.frequency.name, "density": density}
+    density = "" if roles.sizes is None else in_file(roles.sizes)
+    made["columns"] = {"frequency": in_file(roles.frequency), "density": density}
     remarks[(*at, "columns")] = "as they were recognised"
     return made
 
 
 def columns_of(roles: Roles, remarks: Remarks, at: tuple[str | int, ...]) -> dict[str, Any]:
-    """Names of the columns, with units where the file tells none.
+    """Names of the columns, with units where the file tells none, and which part of it is meant.
 
     Args:
         roles: of a file.
@@ -386,15 +389,42 @@ def columns_of(roles: Roles, remarks: Remarks, at: tuple[str | int, ...]) -> dic
         if roles.phase is not None:
             named |= {"phase": roles.phase}
     remarks[(*at, "columns")] = "as they were recognised"
-    return {"columns": {key: _told(channel, roles) for key, channel in named.items()}}
+    columns = {key: _told(channel, roles) for key, channel in named.items()}
+    return {**roles.part, "columns": columns}
+
+
+def of_whole_file(roles: Roles, table: str) -> None:
+    """Complain of a part of a file that a campaign's table has no key for.
+
+    Args:
+        roles: of the file.
+        table: of the campaign, as "noise_spectrum".
+
+    Raises:
+        BadInput: a trace, a chunk or a row of names is told.
+    """
+    for key in roles.part:
+        raise BadInput(
+            f"--{key.replace('_', '-')}: [[{table}]] of a campaign cannot tell it; wanted what is "
+            f"meant of {roles.recording.path} in a file of its own"
+        )
 
 
 def _told(channel: Any, roles: Any) -> str:
     """A column's name, with its unit where only the user knows it, and 1 where it has none."""
-    own = roles.recording.column(channel.name).unit
+    own, name = roles.recording.column(channel.name).unit, in_file(channel)
     if own is not None and own == channel.unit:
-        return str(channel.name)
-    return f"{channel.name} ({channel.unit or 1})"
+        return name
+    return f"{name} ({channel.unit or 1})"
+
+
+def in_file(channel: Channel) -> str:
+    """The name by which a file that holds several sweeps has a column.
+
+    Args:
+        channel: of the file.
+    """
+    return channel.whole or channel.name
 
 
 def parameter_table(box: Box, k: int, remarks: Remarks) -> dict[str, Any]:

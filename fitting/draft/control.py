@@ -16,6 +16,7 @@ from fitting.draft.campaign import (
     accuracy,
     columns_of,
     meaning,
+    of_whole_file,
     parameter_table,
     put_remarks,
 )
@@ -28,6 +29,7 @@ from fitting.draft.source import Source, relative_path
 from fitting.draft.values import Box
 from fitting.resonance.control_map import PAGE, TABLES
 from fitting.resonance.reading import POWERS, hertz_in, lead, values_in
+from fitting.signal.roughness import roughness
 from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, listed, number
@@ -35,7 +37,10 @@ from fitting.text.toml import rewritten, toml_text
 from fitting.text.units import same_kind
 
 #: Parameters of an FMU of two modes in their own coordinates, in Hz, and what keeps mode 2 still.
+SHARES, READOUT = ("g2", "readout2"), "readout"
 PAIR, STILL, OUTPUTS = ("f1", "f2", "lambda12", "d1", "d2"), ("g2", "A2"), ("q1", "readout")
+#: Residuals over the noise from which both modes may be driven and read, and shares at most.
+BEYOND, MOST_SHARE = 1.5, 10.0
 #: Spectra that tell a law, at least.
 LEAST_SPECTRA = 3
 #: How far boxes reach: factors on slopes, couplings and widths, shares of the frequencies' range.
@@ -106,8 +111,14 @@ def map_draft_of(
     if not crossing.is_seen:
         raise file.refused("it shows one line, and none that it meets")
     laws = _laws(crossing, spectra, control)
+    free = _exceeds_noise(crossing, spectra) and READOUT in outputs
+    if free and "output" not in answers.told:
+        output = READOUT
     boxes = _boxes(crossing, spectra, laws)
+    if free and output == READOUT:
+        boxes += [_share(name, offer) for name in SHARES]
     made = _Written(
+        shared=free and output == READOUT,
         file=file,
         source=source,
         steady=offer.steady,
@@ -272,6 +283,7 @@ class _Written:
     control: _Control
     kind: str
     phases: tuple[bool, bool]
+    shared: bool
 
     @property
     def table(self) -> str:
@@ -283,7 +295,11 @@ class _Written:
         tables: dict[str, Any] = {"title": self.file.path.stem}
         tables["fmu"] = self._fmu(folder, remarks)
         tables["observe"] = {"output": self.output, "steady_start": True}
-        remarks["observe", "output"] = "what the detector sees: mode 1"
+        remarks["observe", "output"] = (
+            "what the detector reads: both modes"
+            if self.shared
+            else "what the detector sees: mode 1"
+        )
         remarks["observe", "steady_start"] = "nothing to settle"
         tables["drive"] = {
             "kind": "tones",
@@ -314,16 +330,19 @@ class _Written:
 
     def _fmu(self, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
         made: dict[str, Any] = dict(self.source.table(folder))
-        made["taken"] = ["g2"]
-        made["start"] = {self.steady: True, "A2": 0.0, "g2": 0.0}
-        remarks["fmu", "taken"] = "nobody measured it: leave it out where you know it to be so"
+        made["start"] = {self.steady: True, "A2": 0.0}
         remarks["fmu", "start", self.steady] = "the FMU begins on its periodic orbit"
         remarks["fmu", "start", "A2"] = "one tone drives"
-        remarks["fmu", "start", "g2"] = "it drives mode 1 alone, a guess"
+        if not self.shared:
+            made["taken"] = ["g2"]
+            remarks["fmu", "taken"] = "nobody measured it: leave it out where you know it to be so"
+            made["start"]["g2"] = 0.0
+            remarks["fmu", "start", "g2"] = "it drives mode 1 alone, a guess"
         return made
 
     def _measured(self, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
         at, roles = self.table, self.file.roles
+        of_whole_file(roles, at)
         made: dict[str, Any] = {
             "file": relative_path(self.file.path, folder),
             "controls": [self.control.name],
@@ -369,6 +388,33 @@ def _said(made: _Written) -> list[str]:
         f"spectrum, root mean square. {made.control.name} moves {who}.",
     ]
     return said + ["Beside them, found by comparing: the delay of a cable."] * made.phases[1]
+
+
+def _exceeds_noise(crossing: Crossing, spectra: Spectra) -> bool:
+    """Whether two modes of which one is driven and read leave more of a map than its noise.
+
+    The noise is how points scatter about a smooth curve; spectra of few points do not tell it.
+    """
+    sizes = [a / float(np.max(a)) for a in spectra.amplitude]
+    noise = [roughness(a) for a in sizes]
+    if not all(noise):
+        return False
+    counts = np.array([a.size for a in sizes])
+    expected = float(np.sqrt(np.sum(counts * np.square(noise)) / np.sum(counts)))
+    return crossing.left > BEYOND * expected
+
+
+def _share(name: str, offer: Offer) -> Box:
+    """A box of the share of mode 2 in the drive or in the detector, over that of mode 1."""
+    return Box(
+        name=name,
+        unit=offer.unit(name),
+        lower=-MOST_SHARE,
+        upper=MOST_SHARE,
+        start=0.0,
+        scale=1.0,
+        why="free: with mode 1 alone driven and read the misfit exceeds the noise",
+    )
 
 
 def _starts(boxes: Sequence[Box]) -> list[str]:

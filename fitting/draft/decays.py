@@ -12,7 +12,15 @@ from fitting.draft.model import COUPLING, TWO_MODES, UNCOUPLED, Offer, is_of_sol
 from fitting.draft.questions import Answers, Question
 from fitting.draft.ringdown import DecayingLine, line_boxes, lines_for, ringdown_of, silenced
 from fitting.draft.source import Source
-from fitting.draft.trace_draft import OWN, Recording, TraceDraft, TraceFile, said_of, start_box
+from fitting.draft.trace_draft import (
+    OWN,
+    Recording,
+    TraceDraft,
+    TraceFile,
+    in_unit_of,
+    said_of,
+    start_box,
+)
 from fitting.draft.values import Box
 from fitting.fmu import Run
 from fitting.measurements.traces.record import TraceRecord
@@ -74,7 +82,9 @@ def decays_of(
     decay = Decay(source, offer, shown, lines, boxes)
     output = decay.output(answers, recordings[0])
     names = decay.fitted(answers)
-    files = tuple(TraceFile(each, each.others[0], None, LINEAR) for each in recordings)
+    seen = [in_unit_of(each.others[0], offer.unit(output)) for each in recordings]
+    pairs = zip(recordings, seen, strict=True)
+    files = tuple(TraceFile(each, column, None, LINEAR) for each, column in pairs)
     late = any(_is_late(file) for file in files)
     return TraceDraft(
         source=source,
@@ -83,7 +93,7 @@ def decays_of(
         files=files,
         boxes=decay.boxes_of(names),
         seen=(
-            *(said_of(file, output, "") for file in files),
+            *(words for file in files for words in said_of(file, output, "")),
             *([LATE] if late else []),
             *decay.said("A ringdown: no column drives, and "),
         ),

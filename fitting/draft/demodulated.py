@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.instruments import Channel
-from fitting.draft.campaign import Remarks
+from fitting.draft.campaign import Remarks, in_file
 from fitting.draft.decays import Decay
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
@@ -83,7 +83,7 @@ def demodulated_of(paths: Sequence[Path], columns: Columns) -> tuple[Demodulated
             "amplitude": roles.sizes,
             "phase": roles.phase,
         }
-        names = {key: channel.name for key, channel in named.items() if channel is not None}
+        names = {key: in_file(channel) for key, channel in named.items() if channel is not None}
         found.append(DemodulatedFile(path, names, record))
     return tuple(found)
 

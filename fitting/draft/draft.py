@@ -60,6 +60,8 @@ THROUGH_COUPLING: dict[str, tuple[float, str]] = {
 }
 #: Values of the FMU that are taken, where they are not fitted.
 TAKEN_VALUES = (STRENGTH, "readout2", COUPLING)
+#: Widths by which lines of several sweeps differ that are not of one mode.
+APART = 3.0
 #: Parameters that a line determines: where it is and how wide.
 PER_LINE = 2
 #: What is said of two lines that no model of two modes describes.
@@ -172,6 +174,27 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
         said=(*said, *answers.said, *_boxes(choices.boxes), *tail),
         undescribed=undescribed,
     )
+
+
+def check_one_line(files: Files) -> None:
+    """Complain of sweeps that one mode cannot all have: their lines are further apart than wide.
+
+    Args:
+        files: of the measurements, as they were looked at.
+
+    Raises:
+        BadInput: two of them show single lines that are not the same.
+    """
+    shown = [(sweep.path, sweep.line) for sweep in files.sweeps if sweep.line is not None]
+    for path, line in shown[1:]:
+        first_path, first = shown[0]
+        apart = abs(line.frequency_hz - first.frequency_hz)
+        if apart > APART * (line.width_hz + first.width_hz):
+            raise BadInput(
+                f"{path}: shows a line at {hertz(line.frequency_hz, digits=7)}, {first_path} one "
+                f"at {hertz(first.frequency_hz, digits=7)}; wanted sweeps of one line, or "
+                "--control, the quantity that moves it, as --control Vg=-6:6:1, or --fmu"
+            )
 
 
 def _taken(files: Files, source: Source) -> tuple[str, ...]:

@@ -50,11 +50,13 @@ class Answers:
         told: answers by flags, by the question's key.
         ask: asks a person; None: nobody is there.
         said: what was taken and why, in sentences.
+        columns: names of columns of a recording that hold what is told, as "input" or "output".
     """
 
     told: dict[str, tuple[str, ...]] = field(default_factory=dict)
     ask: Ask | None = None
     said: list[str] = field(default_factory=list)
+    columns: dict[str, str] = field(default_factory=dict)
 
     def of(self, question: Question) -> tuple[str, ...]:
         """The answer to a question.

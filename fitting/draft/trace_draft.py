@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from fitting.draft.campaign import (
     CONTINUATION,
     TAKEN_REMARK,
     Remarks,
+    in_file,
     parameter_table,
     put_remarks,
 )
@@ -23,6 +24,7 @@ from fitting.draft.values import Box
 from fitting.measurements.traces.record import FIT, FOUND, STATES_OF_ONE, UNKNOWN
 from fitting.measurements.traces.waveform import HELD
 from fitting.text.errors import BadInput
+from fitting.text.notation import listed
 from fitting.text.toml import rewritten, toml_text
 from fitting.text.units import same_kind
 
@@ -44,7 +46,7 @@ class Recording:
     @property
     def others(self) -> tuple[Channel, ...]:
         """All columns but that of times."""
-        return tuple(c for c in self.table.channels if c is not self.time)
+        return tuple(c for c in self.table.channels if c.name != self.time.name)
 
     def called(self, name: str) -> Channel | None:
         """The column that is called like a variable, capitals apart; None where none is.
@@ -52,7 +54,29 @@ class Recording:
         Args:
             name: of the variable; brackets in it are those of an array, and no unit.
         """
-        return next((c for c in self.others if c.name.lower() == name.lower()), None)
+        found = [c for c in self.others if called(c, name)]
+        exact = [c for c in found if c.name.lower() == name.lower()]
+        return exact[0] if exact else found[0] if len(found) == 1 else None
+
+
+def called(channel: Channel, name: str) -> bool:
+    """Whether a column is called like a variable, alone or within a model, as "model.fmu.y".
+
+    Args:
+        channel: of a recording.
+        name: of the variable.
+    """
+    return f".{channel.name.lower()}".endswith(f".{name.lower()}")
+
+
+def in_unit_of(channel: Channel, unit: str) -> Channel:
+    """A column in the unit of the FMU's variable where it tells none.
+
+    Args:
+        channel: of a recording.
+        unit: of the variable.
+    """
+    return channel if channel.unit is not None else replace(channel, unit=unit)
 
 
 @dataclass(frozen=True)
@@ -72,6 +96,25 @@ class TraceFile:
     def path(self) -> Path:
         """Of the file."""
         return self.recording.table.path
+
+    def name(self, column: Channel) -> str:
+        """Name of a column as a campaign tells it, with its unit where the file does not.
+
+        Args:
+            column: of the recording.
+        """
+        return in_file(column) + (f" ({column.unit})" if self._is_silent(column) else "")
+
+    @property
+    def assumed(self) -> str:
+        """Which columns tell no unit, and the one that is taken; empty: all tell theirs."""
+        columns = [self.recording.time, self.seen, *([self.driven] if self.driven else [])]
+        taken = [f"'{c.name}' in {c.unit}" for c in (*columns, *self.further) if self._is_silent(c)]
+        return f"Without a unit in the file, taken in the FMU's: {listed(taken)}." if taken else ""
+
+    def _is_silent(self, column: Channel) -> bool:
+        own = next(c for c in self.recording.table.channels if c.name == column.name)
+        return own.unit is None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,16 +211,14 @@ class TraceDraft(TimeDraft):
         self, file: TraceFile, k: int, folder: Path | None, remarks: Remarks
     ) -> dict[str, Any]:
         made: dict[str, Any] = {"file": relative_path(file.path, folder)}
-        columns = {}
-        if file.recording.time.name != "time":
-            columns["time"] = file.recording.time.name
-        if file.seen.name != self.output:
-            columns["output"] = file.seen.name
+        own = {"time": (file.recording.time, "time"), "output": (file.seen, self.output)}
+        if file.driven is not None:
+            own["input"] = file.driven, self.input
+        names = {key: (file.name(column), usual) for key, (column, usual) in own.items()}
+        columns = {key: name for key, (name, usual) in names.items() if name != usual}
         if file.driven is not None:
             made |= {"input": self.input, "interpolation": file.interpolation}
             remarks["trace", k, "interpolation"] = _how(file.interpolation)
-            if file.driven.name != self.input:
-                columns["input"] = file.driven.name
         if self.modes:
             made |= {"input": self.input, "start": UNKNOWN}
             if self.modes > 1:
@@ -209,7 +250,7 @@ def _how(interpolation: str) -> str:
     return 'a guess: it moves from sample to sample; or "held" from each to the next'
 
 
-def said_of(file: TraceFile, output: str, driven: str) -> str:
+def said_of(file: TraceFile, output: str, driven: str) -> tuple[str, ...]:
     """What a file was taken for.
 
     Args:
@@ -220,10 +261,11 @@ def said_of(file: TraceFile, output: str, driven: str) -> str:
     count = len(file.recording.table.places)
     under = "" if file.driven is None else f", under '{driven}' as '{file.driven.name}'"
     under += "".join(f" and '{column.name}'" for column in file.further)
-    return (
+    found = (
         f"{file.path.name}: {file.recording.table.words}, {count} samples over time of '{output}' "
         f"as '{file.seen.name}'{under}."
     )
+    return (found, file.assumed) if file.assumed else (found,)
 
 
 def start_box(offer: Offer, name: str, closer: float | None = None) -> Box:

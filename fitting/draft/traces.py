@@ -17,22 +17,35 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.campaign import instruments
 from fitting.campaign.instruments import Channel, read_recording
+from fitting.campaign.instruments.roles import FREQUENCY, TIME, usual
 from fitting.draft.closer_start import Record, closer_starts
 from fitting.draft.decays import decays_of
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
-from fitting.draft.trace_draft import OWN, Recording, TraceDraft, TraceFile, said_of, start_box
+from fitting.draft.trace_draft import (
+    OWN,
+    Recording,
+    TraceDraft,
+    TraceFile,
+    called,
+    in_unit_of,
+    said_of,
+    start_box,
+)
 from fitting.fmu import Run
 from fitting.measurements.traces.record import TraceRecord
 from fitting.measurements.traces.waveform import HELD, LINEAR
-from fitting.resonance.reading import TIME_PAGE
+from fitting.resonance.reading import TIME_PAGE, Columns, with_unit
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import listed
 from fitting.text.units import convert, same_kind
 
+#: Columns that may be told, by what of the FMU they hold.
+OUTPUT, INPUT = "output", "input"
 #: Samples of a record that are looked at.
 LOOKED_AT = 4000
 #: Change of a logarithm, and shares of a change below which a parameter is not seen.
@@ -46,25 +59,57 @@ UNDRIVEN = (
 )
 
 
-def recordings_of(paths: Sequence[Path]) -> tuple[Recording, ...]:
+def recordings_of(
+    paths: Sequence[Path], columns: Columns | None = None, *, simulated: bool = False
+) -> tuple[Recording, ...]:
     """The files as recordings over time; none where one of them is something else.
 
     Args:
         paths: of the files.
+        columns: what is told of them.
+        simulated: whether an FMU is told whose variables they hold: programs that run FMUs write no
+            units, and FMI counts time in seconds.
+
+    Raises:
+        BadInput: no column of the name that is told for the times.
     """
-    found = []
+    columns, found = columns or Columns(), []
     for path in paths:
         try:
-            table = read_recording(path)
+            table = read_recording(path, selection=columns.selection)
         except BadInput:
             return ()  # its reader complains, if it is none either
+        time = _time(table, columns, simulated=simulated)
         units = [c.unit for c in table.channels if c.unit]
-        times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
-        none = any(same_kind(u, "Hz") for u in units) or any(c.is_complex for c in table.channels)
-        if len(times) != 1 or len(table.channels) < 2 or none:
+        other = any(same_kind(u, "Hz") for u in units) and not (columns.time or simulated)
+        none = other or any(c.is_complex for c in table.channels)
+        if time is None or len(table.channels) < 2 or none:
             return ()
-        found.append(Recording(table, times[0]))
+        found.append(Recording(table, time))
     return tuple(found)
+
+
+def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) -> Channel | None:
+    """The column of times, in a unit that it tells, is told, or that FMI has; None: there is none.
+
+    A response over frequency is no recording, unless its column of times is told.
+    """
+    told = columns.unit_time
+    if columns.time:
+        return with_unit(table.column(columns.time), told or _untold(table.column(columns.time)))
+    if usual(table, FREQUENCY) is not None:
+        return None
+    times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
+    named = usual(table, TIME)
+    if len(times) == 1 or (simulated and named in times):
+        return times[0] if len(times) == 1 else named
+    if times or named is None or named.unit is not None or not (told or simulated):
+        return None
+    return with_unit(named, told or "s")
+
+
+def _untold(channel: Channel) -> str:
+    return "" if channel.unit else "s"
 
 
 def traces_of(
@@ -82,12 +127,15 @@ def traces_of(
         BadInput: no output, columns that suit no variable, an answer that is none.
         FmuFailure: the FMU failed with its own start values.
     """
+    recordings = [_told_columns(each, answers.columns, offer) for each in recordings]
     decaying = decays_of(recordings, source, offer, answers)
     if decaying is not None:
         return decaying
     output = _output(recordings, offer, answers)
     driven = _input(recordings, offer, answers)
-    files = tuple(_file(r, output, driven, offer) for r in recordings)
+    files = tuple(_file(r, output, driven, offer, answers.columns) for r in recordings)
+    if all(file.driven is None for file in files):
+        driven = ""
     default, why, alike = _fitted(files[0], source, offer, output, driven)
     names = answers.of(
         Question(
@@ -110,7 +158,7 @@ def traces_of(
         start=taken,
         taken=tuple(taken),
         seen=(
-            *(said_of(file, output, driven) for file in files),
+            *(words for file in files for words in said_of(file, output, driven)),
             *([UNDRIVEN] if not driven and offer.inputs else []),
         ),
     )
@@ -157,30 +205,68 @@ def _input(recordings: Sequence[Recording], offer: Offer, answers: Answers) -> s
     return driven
 
 
-def _file(recording: Recording, output: str, driven: str, offer: Offer) -> TraceFile:
-    """Which columns are which: by their names, else the input stands before the output."""
+def _told_columns(recording: Recording, columns: Mapping[str, str], offer: Offer) -> Recording:
+    """Of a recording whose output is told the columns that are told, and those of FMU inputs."""
+    if OUTPUT not in columns:
+        return recording
+    table = recording.table
+    told = {table.column(name).name for name in columns.values()}
+    told |= {c.name for c in recording.others if any(called(c, name) for name in offer.inputs)}
+    kept = tuple(c for c in table.channels if c.name in {*told, recording.time.name})
+    return replace(recording, table=replace(table, channels=kept))
+
+
+def _file(
+    recording: Recording, output: str, driven: str, offer: Offer, columns: Mapping[str, str]
+) -> TraceFile:
+    """Which columns are which: as told, by their names, else the input stands before the output."""
+    table = recording.table
     inputs = [name for name in offer.inputs if name != driven]
     further = tuple(c for c in recording.others if driven and c.name in inputs)
     others = [c for c in recording.others if c not in further]
-    seen = recording.called(output)
+    seen = table.column(columns[OUTPUT]) if OUTPUT in columns else recording.called(output)
     source = recording.called(driven) if driven else None
-    left = [c for c in others if c not in (seen, source)]
-    if seen is None:
-        if (len(left) > 1 and source is not None) or not left:
-            names = listed(f"'{c.name}'" for c in others)
-            raise BadInput(
-                f"{recording.table.path}: no column '{output}' among {names}; wanted one that is "
-                "called like the FMU's output"
-            )
-        seen = left.pop()
+    if driven and INPUT in columns:
+        source = table.column(columns[INPUT])
+    left = _left(others, (seen, source), offer)
+    if (seen is None and not 1 <= len(left) <= 1 + (driven != "" and source is None)) or (
+        seen is not None and driven and source is None and len(left) > 1
+    ):
+        raise _unmatched(recording, output if seen is None else driven, others, offer)
+    seen = left.pop() if seen is None else seen
     if driven and source is None and left:
         source = left[0]
+    seen = in_unit_of(seen, offer.unit(output))
     if source is None:
         return TraceFile(recording, seen, None, LINEAR)
-    u = recording.table.numbers(source)
+    source = in_unit_of(source, offer.unit(driven))
+    u = table.numbers(source)
     changes = np.count_nonzero(np.diff(u)) / max(1, u.size - 1)
     how = HELD if changes <= CHANGES else LINEAR
+    further = tuple(in_unit_of(c, offer.unit(c.name)) for c in further)
     return TraceFile(recording, seen, source, how, further)
+
+
+def _left(
+    others: Sequence[Channel], taken: Sequence[Channel | None], offer: Offer
+) -> list[Channel]:
+    """Columns that no name tells apart: those of the FMU's other variables are what they say."""
+    names = {c.name for c in taken if c is not None}
+    free = [c for c in others if c.name not in names]
+    return [c for c in free if not any(called(c, name) for name in offer.description.variables)]
+
+
+def _unmatched(
+    recording: Recording, wanted: str, others: Sequence[Channel], offer: Offer
+) -> BadInput:
+    """The complaint of a column that is not found, with how to name it."""
+    key = OUTPUT if wanted in offer.outputs else INPUT
+    names = listed(f"'{c.name}'" for c in others) or "none"
+    column = others[-1].name if others else "y"
+    return BadInput(
+        f"{recording.table.path}: no column '{wanted}' among {names}; wanted one that is called "
+        f"like the FMU's {key}, or its name by --{key} {column}={wanted}"
+    )
 
 
 def _fitted(
@@ -227,7 +313,7 @@ def _closer(
     unit, seen = known[output].unit, file.seen.unit
     is_scaled = bool(unit and seen) and not same_kind(seen or "", unit or "")
     values = trace.y
-    if unit and seen and not is_scaled:
+    if seen and not is_scaled:  # as the campaign reads it: to base units where the FMU has none
         zero, one = (convert(x, seen, unit, where=str(file.path)) for x in (0.0, 1.0))
         values = zero + (one - zero) * values
 
@@ -245,7 +331,7 @@ def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:
 
     def driving(column: Channel, name: str) -> tuple[FloatArray, FloatArray]:
         u, wanted = table.numbers(column)[:LOOKED_AT], offer.description.variables[name].unit
-        if column.unit is not None and wanted is not None:
+        if column.unit is not None:
             ends = (convert(x, column.unit, wanted, where=str(table.path)) for x in (0.0, 1.0))
             zero, one = ends
             u = zero + (one - zero) * u

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import digamma, gammainc, gammaincc, ndtri
 
-from fitting.resonance.trace import within
+from fitting.resonance.trace import AT_ZERO, above_zero, within
 from fitting.signal.noise_lines import NoiseLines, noise_lines
 from fitting.signal.residual_tests import STRUCTURED, residual_structure
 from fitting.signal.student import ROOT_68, ratio95, reach
@@ -97,6 +97,9 @@ def noise_record_of(
     f, y = np.asarray(frequency_hz, dtype=float), np.asarray(density, dtype=float)
     if f.ndim != 1 or f.shape != y.shape:
         raise BadInput(f"{source}: frequencies {f.shape} and densities {y.shape}; wanted (n,)")
+    kept = above_zero(f)
+    f, y = f[kept], y[kept]
+    said = () if np.all(kept) else (AT_ZERO,)
     if f.size < LEAST_POINTS:
         raise BadInput(f"{source}: {f.size} points, wanted at least {LEAST_POINTS}")
     for i in np.flatnonzero(~(np.isfinite(f) & np.isfinite(y)))[:1]:
@@ -110,7 +113,7 @@ def noise_record_of(
     order = np.argsort(f)
     if np.any(np.diff(f[order]) == 0.0):
         raise BadInput(f"{source}: has a frequency twice, wanted each once")
-    return NoiseRecord(source=source, frequency_hz=f[order], density=y[order], unit=unit)
+    return NoiseRecord(source=source, frequency_hz=f[order], density=y[order], unit=unit, said=said)
 
 
 @dataclass(frozen=True, kw_only=True)

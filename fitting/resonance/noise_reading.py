@@ -98,4 +98,7 @@ def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
     made = noise_record_of(hertz_in(roles), density.numbers, unit, str(path))
     what = "root of the density" if density.is_root else "density"
     read = columns_words({"frequency": roles.frequency, what: roles.sizes})
-    return replace(made, said=(f"{path.name}: {roles.recognised.words}.", f"Read: {read}."))
+    beside = (roles.left_out,) if roles.left_out else ()
+    return replace(
+        made, said=(f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *beside)
+    )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from fitting.campaign.instruments import Channel, Recording, Selection, read_recording
+from fitting.campaign.instruments.roles import without_zero
 from fitting.campaign.recognised import Recognised, recognised
 from fitting.resonance.control_map import ControlMap, map_of
 from fitting.resonance.trace import Trace, swapped, trace_of
@@ -49,6 +50,7 @@ class Columns:
         unit_time: unit of times.
         trace: which of the file's traces, from 1.
         chunk: which of the file's sweeps, as LabOne counts them.
+        header_row: row of the names of columns, from 1, where it is not the one that is found.
     """
 
     frequency: str = ""
@@ -63,11 +65,22 @@ class Columns:
     unit_time: str = ""
     trace: int = 1
     chunk: int | None = None
+    header_row: int | None = None
 
     @property
     def selection(self) -> Selection:
-        """Which part of the file."""
-        return Selection(amplitude=self.amplitude, trace=self.trace, chunk=self.chunk)
+        """Which part of the file, and the names of columns: a file may hold several sweeps."""
+        return Selection(
+            frequency=self.frequency,
+            amplitude=self.amplitude,
+            phase=self.phase,
+            x=self.real,
+            y=self.imaginary,
+            time=self.time,
+            trace=self.trace,
+            chunk=self.chunk,
+            header_row=self.header_row,
+        )
 
     def checked(self) -> Columns:
         """The same columns, if their names do not contradict each other.
@@ -88,7 +101,9 @@ class Columns:
 class ValueRoles:
     """The columns of a file's values by what they are; None where there is none.
 
-    ``sizes`` holds amplitudes, or complex values; ``recognised`` what the file was found to be.
+    ``sizes`` holds amplitudes, or complex values; ``recognised`` what the file was found to be;
+    ``left_out`` says which of its rows are not here, ``part`` where in it they are, by the keys of
+    a campaign.
     """
 
     recognised: Recognised
@@ -97,6 +112,8 @@ class ValueRoles:
     phase: Channel | None = None
     real: Channel | None = None
     imaginary: Channel | None = None
+    left_out: str = ""
+    part: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def is_complex(self) -> bool:
@@ -154,6 +171,8 @@ def roles_of(path: Path, columns: Columns) -> Roles:
         phase=found.phase,
         real=found.real,
         imaginary=found.imaginary,
+        left_out=found.left_out,
+        part=found.part,
     )
 
 
@@ -187,8 +206,10 @@ def _looked_at(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
         raise BadInput(
             f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency{way}"
         )
+    recording, frequency, left_out = without_zero(recording, frequency)
     frequency = with_unit(frequency, columns.unit_frequency)
-    return frequency, value_roles_of(known, recording, columns, frequency)
+    found = value_roles_of(known, recording, columns, frequency)
+    return frequency, replace(found, left_out=left_out)
 
 
 def column_of(known: Recognised, recording: Recording, told: str, *roles: str) -> Channel | None:
@@ -247,6 +268,7 @@ def value_roles_of(
         phase=_with_unit_or_none(phase, columns.unit_phase),
         real=_with_unit_or_none(real, unit),
         imaginary=_with_unit_or_none(imaginary, unit),
+        part=columns.selection.parts,
     )
     if found.sizes is None and (found.real is None or found.imaginary is None):
         _complain_of_cells(recording, (axis, *found.values))
@@ -369,14 +391,15 @@ def map_in(roles: Roles) -> ControlMap | None:
     return map_of(roles.recording, frequencies, [channel.name for channel in roles.all])
 
 
-def lead(roles: Roles) -> tuple[str, str]:
+def lead(roles: Roles) -> tuple[str, ...]:
     """What a file is, and as what its columns were read, in sentences.
 
     Args:
         roles: of its columns.
     """
     name = roles.recording.path.name
-    return f"{name}: {roles.recognised.words}.", f"Read: {_columns_words(roles)}."
+    beside = (roles.left_out,) if roles.left_out else ()
+    return f"{name}: {roles.recognised.words}.", f"Read: {_columns_words(roles)}.", *beside
 
 
 def values_in(roles: ValueRoles) -> tuple[FloatArray | ComplexArray, str, list[str]]:

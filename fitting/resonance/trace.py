@@ -15,6 +15,8 @@ from fitting.text.notation import hertz, how_many
 
 #: Steps that are equal but for the last digit of a file: by which share they may differ.
 UNEVEN = 0.2
+#: What is said of a point that is left out.
+AT_ZERO = "A point at 0 Hz was left out: it is the mean of a record and no response."
 #: Frequencies beyond which no point lies, Hz.
 FAR = (-np.inf, np.inf)
 
@@ -128,6 +130,16 @@ class Trace:
         )
 
 
+def above_zero(frequency_hz: FloatArray) -> BoolArray:
+    """Which points are not at 0 Hz, where a Fourier transform has the mean of a record; (n,).
+
+    Args:
+        frequency_hz: shape (n,), Hz; where all are zero all are kept, for complaints.
+    """
+    kept = frequency_hz != 0.0
+    return np.asarray(kept if np.any(kept) else ~kept)
+
+
 def swapped(frequencies: FloatArray, sizes: FloatArray) -> bool:
     """Whether two columns have changed places: the frequencies in no order, the sizes a grid.
 
@@ -183,8 +195,9 @@ def trace_of(
             f"{source}: the frequencies run neither up nor down, but the amplitudes run evenly: "
             "they look swapped; wanted frequencies, then amplitudes"
         )
-    order = np.argsort(f, kind="stable")
     named = tuple(places) or tuple(f"point {k + 1}" for k in range(f.size))
+    kept = above_zero(f)
+    order = np.flatnonzero(kept)[np.argsort(f[kept], kind="stable")]
     f, y = f[order], y[order]
     if f.size and f[0] <= 0.0:
         raise BadInput(f"{source}: found the frequency {f[0]:g} Hz, wanted frequencies above zero")
@@ -202,4 +215,5 @@ def trace_of(
     if not np.any(np.abs(y) > 0.0):
         raise BadInput(f"{source}: holds nothing but zeros, wanted a resonance")
     where = tuple(named[k] for k in order)
-    return Trace(source=source, frequency_hz=f, values=y, unit=unit, places=where)
+    said = () if np.all(kept) else (AT_ZERO,)
+    return Trace(source=source, frequency_hz=f, values=y, unit=unit, places=where, said=said)

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.text.errors import BadInput, shown
 from fitting.text.notation import how_many
-from fitting.text.tables import Column, Table, named_column, split_line
+from fitting.text.tables import Column, Table, named_column, named_columns, split_line
 
 #: What a line begins with that is no row.
 COMMENTS = ("#", "%", "!", "//")
@@ -22,10 +22,25 @@ COMMENTS = ("#", "%", "!", "//")
 ENDS = ("end", "[end]", "end of data", "[/data]")
 #: Rows of numbers one after another that are a table and not a preamble.
 SURE_ROWS = 3
+#: Lines above a table among which its names are looked for.
+MOST_ABOVE = 500
+#: Names of axes by which a row of names is known, in small letters.
+AXES = ("frequency", "freq", "f", "time", "t")
+#: The column of remarks of LabVIEW, in small letters.
+REMARKS = "comment"
 BLANKS = " "
 
 _REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 _COMPLEX = re.compile(r"\(?[+-]?[\d.][\d.eE+-]*[ij]?[ +-]*[\d.eE+-]*[ij]?\)?")
+#: What a number begins with.
+_BEGINS = frozenset("0123456789+-.(")
+_NONE = ("nan", "inf")
+AXIS_WORDS = {"horizontal": "x", "vertical": "y"}
+_AXIS_UNITS = re.compile(
+    r"(?P<axis>x|y|horizontal|vertical)[ -]*(axis)?[ -]*"
+    r"(units?([ -]*labels?)?|(?P<dimension>dimension))",
+    re.IGNORECASE,
+)
 _WORD = re.compile(r"\S*\([^)]*\)|\S*\[[^\]]*\]|\S+")
 
 _PLAIN_UNITS = (
@@ -76,35 +91,58 @@ def suffixed_unit(name: str) -> tuple[str, str | None]:
     match = _SUFFIX.fullmatch(name) if len(name) <= 100 else None
     if match is None or match["unit"].lower() not in UNITS:
         return name, None
-    if len(match["unit"]) == 1 and not match["mark"].strip(" ").strip("_") and match["mark"] != "_":
+    said = match["name"].removesuffix(" in")
+    blank = not match["mark"].strip() and said == match["name"]
+    if blank and len(match["unit"]) == 1 and match["unit"].isalpha():
         return name, None  # "channel A" is a name
-    return match["name"], UNITS[match["unit"].lower()]
+    return said.rstrip(), UNITS[match["unit"].lower()]
 
 
-def find_table(path: Path, text: str) -> LooseTable | None:
+def named_unit(name: str) -> str | None:
+    """The unit that a column is called by, as "GHz" or "deg"; None: its name is no unit.
+
+    A single letter is a name.
+
+    Args:
+        name: of the column, as it stands in the head.
+    """
+    return UNITS.get(name.strip(" .").lower()) if len(name) > 1 else None
+
+
+def find_table(path: Path, text: str, header_row: int | None = None) -> LooseTable | None:
     """The table of numbers that a text holds, or None if there is none of two columns.
+
+    It is the longest run of rows of numbers; the last row of names above it heads it, whatever
+    stands between and above.
 
     Args:
         path: of the file.
         text: of the file.
+        header_row: row of the names, from one, below which the rows are; None: it is found.
 
     Raises:
         BadInput: a row that is no row of numbers below others that are, or with another number of
-            cells.
+            cells; a row of names with another number of cells.
     """
     whole = [(n, line.strip("\r\n")) for n, line in enumerate(text.splitlines(), start=1)]
     kept = [(n, t) for n, t in whole if t.strip() and not t.lstrip().startswith(COMMENTS)]
+    if header_row is not None:
+        kept = [(n, t) for n, t in kept if n > header_row]
     found = _start(kept)
     if found is None:
         return None
     start, delimiter = found
     rows, lines = _rows(path, kept[start:], delimiter)
     count = len(rows[0])
-    above = [(n, t) for n, t in whole if n < lines[0] and t.strip()]
-    columns, head = _head(path, above, delimiter, count)
+    above = [(n, t) for n, t in whole[: lines[0] - 1] if t.strip()]
+    if header_row is not None:
+        above = [(n, t) for n, t in above if n >= header_row]
+        columns, head = _told_head(path, above, delimiter, count, header_row)
+    else:
+        columns, head = _head(path, above, delimiter, count)
     table = Table(
         path=path,
-        columns=columns,
+        columns=with_told_units(columns, told_units([t for _, t in above], delimiter)),
         cells=tuple(rows),
         lines=tuple(lines),
         decimal_comma=delimiter != ",",
@@ -124,19 +162,70 @@ def words_of(delimiter: str, head: int) -> str:
     return f"columns of text, {between} between them, {named}"
 
 
+@dataclass(frozen=True)
+class _Run:
+    """Rows of numbers one below the other: the first, how many, cells of each and between them."""
+
+    first: int
+    rows: int
+    count: int
+    delimiter: str
+
+
 def _start(kept: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-    """Where rows of numbers begin, and what stands between their cells."""
-    for i in range(len(kept)):
-        sample = [text for _, text in kept[i : i + SURE_ROWS] if text.strip().lower() not in ENDS]
-        for delimiter in (";", "\t", ",", BLANKS):
-            rows = [cells_of(text, delimiter) for text in sample]
-            if (
-                rows
-                and len({len(r) for r in rows}) == 1
-                and all(_numeric(r, delimiter) for r in rows)
-            ):
-                return i, delimiter
+    """Where the longest run of rows of numbers begins, and what stands between their cells.
+
+    A run that something interrupts is one: it begins where the first rows like it do.
+    """
+    runs: list[_Run] = []
+    i = 0
+    while i < len(kept):
+        run = _run_at(kept, i)
+        if run is not None:
+            runs.append(run)
+        i += 1 if run is None else run.rows
+    if not runs:
+        return None
+    longest = max(runs, key=lambda run: run.rows)
+    kind = longest.count, longest.delimiter
+    first = next(run for run in runs if (run.count, run.delimiter) == kind)
+    return first.first, first.delimiter
+
+
+def _run_at(kept: Sequence[tuple[int, str]], i: int) -> _Run | None:
+    sample = [text for _, text in kept[i : i + SURE_ROWS] if text.strip().lower() not in ENDS]
+    for delimiter in (";", "\t", ",", BLANKS):
+        rows = [cells_of(text, delimiter) for text in sample]
+        if rows and len({len(r) for r in rows}) == 1 and all(_numeric(r, delimiter) for r in rows):
+            end = i + len(rows)
+            while end < len(kept) and _goes_on(kept[end][1], delimiter, len(rows[0])):
+                end += 1
+            return _Run(i, end - i, len(rows[0]), delimiter)
     return None
+
+
+def _goes_on(text: str, delimiter: str, count: int) -> bool:
+    """Whether a line may be a further row of numbers: as many cells, and the first looks so."""
+    cells = cells_of(text, delimiter)
+    return len(cells) == count and any(c[:1] in _BEGINS or c.lower() in _NONE for c in cells)
+
+
+def heads_at(text: str, delimiter: str) -> int | None:
+    """The line, from 0, of the names of a text's table among those that are no remarks.
+
+    None where there is no table, or where it has no names there.
+
+    Args:
+        text: of the file.
+        delimiter: between the cells of its first line.
+    """
+    whole = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
+    found = _start(list(enumerate(whole)))
+    if found is None or found[1] != delimiter:
+        return None
+    count = len(cells_of(whole[found[0]], delimiter))
+    above = [(n, t) for n, t in enumerate(whole[: found[0]])]
+    return _names_above(above, delimiter, count)
 
 
 def cells_of(text: str, delimiter: str) -> tuple[str, ...]:
@@ -200,6 +289,7 @@ def _head(
     path: Path, above: Sequence[tuple[int, str]], delimiter: str, count: int
 ) -> tuple[tuple[Column, ...], int]:
     """Columns by the lines above them, and the row of their names (0: there is none)."""
+    above = [(n, t) for n, t in above if _axis_units(t, delimiter) is None]
     last = _split(above[-1][1], delimiter, count) if above else None
     before = _split(above[-2][1], delimiter, count) if len(above) > 1 else None
     if last is not None and any(is_number(c, decimal_comma=delimiter != ",") for c in last):
@@ -207,28 +297,145 @@ def _head(
             bad = next(c for c in last if not is_number(c))
             raise BadInput(f"{path}: row {above[-1][0]}: found {shown(bad)}, wanted a number")
         last = None
-    if last is None:
+    if last is not None:
+        if are_units(last):
+            return _columns(before or last, last), above[-2 if before else -1][0]
+        return _columns(last), above[-1][0]
+    at = _names_above(above, delimiter, count)
+    if at is None:
         return tuple(Column(f"column {i + 1}", None, i) for i in range(count)), 0
-    units = [c.strip("()[] ").lower() for c in last]
-    if before is not None and all(u in UNITS or u in _NO_UNIT for u in units) and any(units):
-        names = zip(_distinct(before), units, strict=True)
-        return tuple(Column(n, UNITS.get(u), i) for i, (n, u) in enumerate(names)), above[-2][0]
-    named = [named_column(text, i) for i, text in enumerate(last)]
-    pairs = zip(_distinct([c.name for c in named]), named, strict=True)
-    return tuple(Column(name, c.unit, c.index) for name, c in pairs), above[-1][0]
+    cells = _cells_of_names(dict(above)[at], delimiter, count)
+    return _columns(cells or ()), at
+
+
+def _told_head(
+    path: Path, above: Sequence[tuple[int, str]], delimiter: str, count: int, row: int
+) -> tuple[tuple[Column, ...], int]:
+    """Columns by the row of names that is told, and perhaps one of units below it."""
+    text = next((t for n, t in above if n == row), "")
+    names = _split(text, delimiter, count)
+    if names is None:
+        raise BadInput(
+            f"{path}: row {row} holds no {how_many(count, 'name')} for the columns below it: found "
+            f"{shown(text)}"
+        )
+    units = _split(above[1][1], delimiter, count) if len(above) > 1 else None
+    return _columns(names, units if units is not None and are_units(units) else None), row
+
+
+def _columns(names: Sequence[str], units: Sequence[str] | None = None) -> tuple[Column, ...]:
+    """Columns of names, with the units that stand in a row of their own, or with the names."""
+    if units is not None:
+        plain = [c.strip("()[] ").lower() for c in units]
+        pairs = zip(_distinct(names), plain, strict=True)
+        return tuple(Column(n, UNITS.get(u), i) for i, (n, u) in enumerate(pairs))
+    named = named_columns(names)
+    both = zip(_distinct([c.name for c in named]), named, strict=True)
+    return tuple(Column(name, c.unit, c.index) for name, c in both)
+
+
+def are_units(cells: Sequence[str]) -> bool:
+    """Whether a row holds units and nothing else.
+
+    Args:
+        cells: of the row.
+    """
+    units = [c.strip("()[] ").lower() for c in cells]
+    return all(u in UNITS or u in _NO_UNIT for u in units) and any(units)
+
+
+def _names_above(above: Sequence[tuple[int, str]], delimiter: str, count: int) -> int | None:
+    """The number of the last line above that heads columns, by a unit or the name of an axis."""
+    for n, text in reversed(above[-MOST_ABOVE:]):
+        cells = _cells_of_names(text, delimiter, count)
+        if cells is not None and any(map(_heads, cells)) and not any(map(is_number, cells)):
+            return n
+    return None
+
+
+def _cells_of_names(text: str, delimiter: str, count: int) -> tuple[str, ...] | None:
+    """Cells of a row of names; LabVIEW writes one for remarks, which few rows have."""
+    plain = text.strip()
+    for mark in COMMENTS:
+        plain = plain.removeprefix(mark).lstrip(mark[0]).strip()
+    cells = cells_of(plain, delimiter)
+    if len(cells) == count + 1 and cells[-1].lower() == REMARKS:
+        cells = cells[:-1]
+    return cells if len(cells) == count else None
+
+
+def _heads(cell: str) -> bool:
+    """Whether a cell heads a column: it tells a unit, or is the name of an axis."""
+    column = named_column(cell, 0)
+    unit = column.unit or suffixed_unit(column.name)[1] or named_unit(column.name)
+    return unit is not None or column.name.strip(" .").lower() in AXES
+
+
+def told_units(above: Sequence[str], delimiter: str) -> tuple[str | None, tuple[str, ...]]:
+    """Units of the first column, and of the others, in settings above a table; None, (): none.
+
+    As "X Axis Units,Hz" and "Y Axis Units,dBm", or "Y_Unit_Label", a unit for each column.
+
+    Args:
+        above: lines above the table.
+        delimiter: between their cells.
+    """
+    x: str | None = None
+    y: tuple[str, ...] = ()
+    for text in above:
+        found = _axis_units(text, delimiter)
+        if found is not None and found[0] == "x":
+            x = found[1][0]
+        elif found is not None:
+            y = found[1]
+    return x, y
+
+
+def _axis_units(text: str, delimiter: str) -> tuple[str, tuple[str, ...]] | None:
+    """The axis, "x" or "y", whose units a line of settings tells, and these."""
+    if "unit" not in text.lower() and "dimension" not in text.lower():
+        return None
+    plain = text.strip().lstrip("".join(COMMENTS)).strip()
+    ways = (cells_of(plain, d) for d in (delimiter, ";", "\t", ",") if d != BLANKS)
+    key, *values = next((cells for cells in ways if len(cells) > 1), ("",))
+    match = _AXIS_UNITS.fullmatch(key.replace("_", " ").strip(" :"))
+    told = tuple(UNITS.get(value.lower(), value) for value in values if value)
+    if match is None or not told:
+        return None
+    if match["dimension"]:
+        told = ("s",) if told[0].lower() == "time" else ()
+    axis = match["axis"].lower()
+    return (AXIS_WORDS.get(axis, axis), told) if told else None
+
+
+def with_told_units(
+    columns: Sequence[Column], told: tuple[str | None, tuple[str, ...]]
+) -> tuple[Column, ...]:
+    """Columns without a unit of their own in those that settings above them tell.
+
+    Args:
+        columns: of a table.
+        told: see `told_units`.
+    """
+    x, y = told
+    units = [x, *(y * (len(columns) - 1) if len(y) == 1 else y)]
+    units += [None] * len(columns)
+    pairs = zip(columns, units, strict=False)
+    return tuple(c if c.unit is not None or u is None else replace(c, unit=u) for c, u in pairs)
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
     """The names, numbered where they are empty or there twice."""
     made: list[str] = []
+    taken: set[str] = set()
     for i, name in enumerate(names):
         first = name or f"column {i + 1}"
-        taken = {m.lower() for m in made}
         k = 2
         distinct = first
         while distinct.lower() in taken:
             distinct, k = f"{first} {k}", k + 1
         made.append(distinct)
+        taken.add(distinct.lower())
     return made
 
 

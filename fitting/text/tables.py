@@ -6,6 +6,7 @@ import codecs
 import csv
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ MORE_NAMED = 3
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 #: Name and unit in brackets, which may hold brackets of their own: "noise (V/sqrt(Hz))".
 _HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>(?:[^()\[\]]|\([^()\[\]]*\))*?)\s*[)\]]\s*")
+#: An element of an array, as "x[2]" or "der(T[1,2])".
+_ELEMENT = re.compile(r"(?P<name>[^\[\]]*[^\s\[\]])\[\d+(?:,\s*\d+)*\](?P<rest>\)?)")
 #: Bytes that tell UTF-16 without a mark: every second one is zero in European languages.
 _SAMPLE = 8
 #: Characters of a column's name and unit; the pattern takes its time over longer ones.
@@ -185,7 +188,7 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
                 f"{path}: row {line} has {how_many(len(row), 'cell')}, the header {len(header)} "
                 f"(delimiter {delimiter!r}; a decimal comma needs ';' or tab between cells)"
             )
-    columns = tuple(named_column(text, i) for i, text in enumerate(header))
+    columns = named_columns(header)
     seen: set[str] = set()
     for column in columns:
         if column.name.lower() in seen:
@@ -277,6 +280,22 @@ def _finite(text: str, decimal_comma: bool) -> float | None:
     plain = text.replace(",", ".") if decimal_comma and "." not in text else text
     value = float(plain) if _NUMBER.fullmatch(plain) else math.nan
     return value if math.isfinite(value) else None
+
+
+def named_columns(header: Sequence[str]) -> tuple[Column, ...]:
+    """Columns of a header: names, and units in brackets; of arrays, as x[1] and x[2], indices.
+
+    Args:
+        header: its cells.
+    """
+    found = [_ELEMENT.fullmatch(text) if len(text) <= LONGEST_HEADER else None for text in header]
+    arrays = Counter(match["name"].lower() for match in found if match is not None)
+    return tuple(
+        Column(text, None, i)
+        if match is not None and arrays[match["name"].lower()] > 1
+        else named_column(text, i)
+        for i, (text, match) in enumerate(zip(header, found, strict=True))
+    )
 
 
 def named_column(text: str, index: int) -> Column:

@@ -8,9 +8,9 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from decimal import Decimal
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 from fitting.text.errors import BadInput, shown
@@ -101,7 +101,8 @@ def parse_quantity(text: str, *, where: str, wanted: str | None = None) -> tuple
 def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float:
     """``value`` from ``unit`` to ``wanted``, rounded once; ``wanted`` None means SI base units.
 
-    Cycles and angles are not mixed: Hz to rad/s is refused instead of being taken for 1:1.
+    Cycles and angles are not mixed: Hz to rad/s is refused instead of being taken for 1:1. A unit
+    with a zero of its own, as degC, is not taken to base units unless somebody wants these.
     Raises BadInput, beginning with ``where``, if a unit is unknown or the two do not fit.
     """
     if unit == wanted:  # also a private unit name of the FMU, used as the FMU writes it
@@ -115,8 +116,39 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
         raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} or one convertible to it")
     if source == target or not math.isfinite(value):
         return value
+    if wanted is None and _has_offset(source, target):
+        raise BadInput(
+            f"{where}: found unit {unit!r}, which has a zero of its own, for a variable without a "
+            f"unit; wanted {base_unit(unit)!r}, or '1' for numbers that are taken as they are"
+        )
+    return _finite(value, unit, wanted, partial(_converted, source=source, target=target), where)
+
+
+def convert_difference(value: float, unit: str, wanted: str | None, *, where: str) -> float:
+    """A difference of two values from ``unit`` to ``wanted``: 1 degC is 1 K, rounded once.
+
+    Args:
+        value: in ``unit``, as a standard deviation.
+        unit: as it was written.
+        wanted: unit; None means SI base units.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: as `convert`.
+    """
+    source, target = _pair(unit, wanted)
+    if source is None or target is None or not _has_offset(source, target):
+        return convert(value, unit, wanted, where=where)
+    zero = _by_pint(Decimal(0), source, target)
+    return _finite(value, unit, wanted, lambda x: _by_pint(x, source, target) - zero, where)
+
+
+def _finite(
+    value: float, unit: str, wanted: str | None, made: Callable[[Decimal], Decimal], where: str
+) -> float:
+    """What is made of a number of a unit, rounded once."""
     try:
-        converted = float(_converted(Decimal(repr(float(value))), source, target))
+        converted = float(made(Decimal(repr(float(value)))))
     except TypeError as error:  # logarithmic units (dBm) have no decimal arithmetic
         raise BadInput(f"{where}: {unit!r} to {wanted!r} is not a linear conversion") from error
     except ArithmeticError:  # powers beyond all exponents
@@ -124,6 +156,15 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if not math.isfinite(converted):
         raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
     return converted
+
+
+@cache
+def _has_offset(source: pint.Unit, target: pint.Unit) -> bool:
+    """Whether zero of the one is not zero of the other, as with degrees Celsius."""
+    try:
+        return source != target and _fit(source, target) and _factor(source, target) is None
+    except TypeError:  # logarithmic
+        return False
 
 
 @cache

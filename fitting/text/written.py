@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, shown
-from fitting.text.units import convert, parse_quantity
+from fitting.text.units import convert, convert_difference, parse_quantity
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,10 @@ def in_unit(written: Written, unit: str | None) -> float:
     Raises:
         BadInput: not a number, or a unit of another dimension.
     """
+    return _in(written, unit, convert)
+
+
+def _in(written: Written, unit: str | None, conversion: Callable[..., float]) -> float:
     value, found = written.value, written.unit
     if isinstance(value, bool):
         raise BadInput(f"{written.where}: found {value!r}, wanted a number")
@@ -74,7 +78,33 @@ def in_unit(written: Written, unit: str | None) -> float:
         value, found = parse_quantity(value, where=written.where, wanted=unit)
     if found is None:
         return float(value)
-    return convert(float(value), found, unit, where=written.where)
+    return conversion(float(value), found, unit, where=written.where)
+
+
+def difference_in(written: Written, unit: str | None) -> float:
+    """The number of a written difference in ``unit``, as of a standard deviation: 1 degC is 1 K.
+
+    Args:
+        written: number or quantity as the file has it.
+        unit: of the values; None: a written unit is taken to SI base units.
+
+    Raises:
+        BadInput: as `in_unit`.
+    """
+    return _in(written, unit, convert_difference)
+
+
+def sigma_in(written: Written | None, unit: str | None) -> float:
+    """The standard deviation that is written, in ``unit``; zero where nothing is written.
+
+    Args:
+        written: number or quantity as the file has it, None where it has none.
+        unit: of the values.
+
+    Raises:
+        BadInput: not a number, a unit of another dimension, zero or less.
+    """
+    return _positive(written, unit, difference_in)
 
 
 def above_zero(written: Written | None, unit: str | None) -> float:
@@ -87,9 +117,15 @@ def above_zero(written: Written | None, unit: str | None) -> float:
     Raises:
         BadInput: not a number, a unit of another dimension, zero or less.
     """
+    return _positive(written, unit, in_unit)
+
+
+def _positive(
+    written: Written | None, unit: str | None, read: Callable[[Written, str | None], float]
+) -> float:
     if written is None:
         return 0.0
-    value = in_unit(written, unit)
+    value = read(written, unit)
     if not value > 0.0:
         raise BadInput(f"{written.where}: found {value:g}, wanted more than zero")
     return value

@@ -47,6 +47,7 @@ __all__ = [
     "foreign_kind",
     "found_layouts",
     "head_of",
+    "layout_in",
     "layout_of",
     "own_estimates",
     "read_recording",
@@ -92,6 +93,22 @@ def layout_of(path: Path) -> str:
     return PLAIN
 
 
+def layout_in(path: Path, selection: Selection) -> str:
+    """The name of the layout that a file is read in: columns of text, if their head is told.
+
+    Args:
+        path: of the file.
+        selection: what is taken from it.
+
+    Raises:
+        BadInput: as `layout_of`.
+    """
+    if selection.header_row is None:
+        return layout_of(path)
+    refuse_foreign(head_of(path))
+    return PLAIN
+
+
 def read_recording(
     path: Path, layout: str | None = None, selection: Selection | None = None
 ) -> Recording:
@@ -110,9 +127,9 @@ def read_recording(
         raise BadInput(f"{path}: unknown layout '{layout}'{did_you_mean(layout, list(LAYOUTS))}")
     if layout == PLAIN:
         refuse_foreign(head_of(path))
-    name = layout or layout_of(path)
-    for key, is_told in (("trace", selection.trace != 1), ("chunk", selection.chunk is not None)):
-        if is_told and key not in LAYOUTS[name].keys:
+    name = layout or layout_in(path, selection)
+    for key in selection.parts:
+        if key not in LAYOUTS[name].keys:
             raise BadInput(f"{path}: is read as layout '{name}'; '{key}' has no meaning with it")
     return LAYOUTS[name].read(path, selection)
 

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from fitting.campaign.instruments.arrays import columns_of, flattened, recording_of
 from fitting.campaign.instruments.library import understood
-from fitting.campaign.instruments.recording import Recording
+from fitting.campaign.instruments.recording import Recording, channel_of
 from fitting.campaign.instruments.trace import Head, Layout, Selection
+from fitting.text.units import same_kind
 
 KIND = "a MATLAB file"
 LONGEST_NAME = 64
+#: Names in a file of trajectories, and what it is, in words.
+TRAJECTORIES = {"Aclass", "name", "description", "dataInfo", "data_1", "data_2"}
+RESULTS = "results of a simulation, as Dymola and OpenModelica write them"
+_IN_BRACKETS = re.compile(r"\[(?P<unit>[^\[\]|#:]+)[^\[\]]*\]\s*$")
 #: Version 4 tells order of bytes, precision and type of matrix by a number of four digits.
 MOST_KIND = 4100
 
@@ -23,8 +31,46 @@ def _read_matlab(path: Path, selection: Selection) -> Recording:
         from scipy.io import loadmat
 
         values = loadmat(path, simplify_cells=True)
+        if set(values) >= TRAJECTORIES:
+            return _trajectories(path, loadmat(path, chars_as_strings=False))
         arrays = [column for name, a in flattened(values) for column in columns_of(name, a)]
     return recording_of(path, arrays, "MATLAB", selection)
+
+
+def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
+    """Results of a simulation as Dymola, OpenModelica and OMSimulator write them.
+
+    ``dataInfo`` tells for every name the table, 1 or 2, and with its sign the row that holds it;
+    the first table has two times for what is constant. Units stand in the descriptions, as "[m/s]".
+    """
+    turned = "".join(values["Aclass"][-1]).strip().lower() == "bintrans"
+    tables = {k: _rows(values, f"data_{k}", turned=turned) for k in (1, 2)}
+    info = _rows(values, "dataInfo", turned=turned).T.astype(int)
+    names, about = (_texts(values, key, turned=turned) for key in ("name", "description"))
+    times = tables[2][0]
+    channels = [channel_of(names[0], _unit(about[0]) or "s", times)]
+    for name, words, (table, row, *_) in list(zip(names, about, info, strict=False))[1:]:
+        column = np.sign(row) * tables[int(table) or 2][abs(row) - 1]
+        held = column if column.size == times.size else np.full(times.size, column[0])
+        channels.append(channel_of(name, _unit(words), held))
+    places = tuple(f"point {k + 1}" for k in range(times.size))
+    return Recording(path=path, channels=tuple(channels), places=places, words=RESULTS)
+
+
+def _rows(values: Mapping[str, np.ndarray], key: str, *, turned: bool) -> np.ndarray:
+    """A matrix with a row for each variable."""
+    table = np.atleast_2d(np.asarray(values[key], dtype=float))
+    return table if turned else table.T
+
+
+def _texts(values: Mapping[str, np.ndarray], key: str, *, turned: bool) -> list[str]:
+    letters = np.atleast_2d(values[key])
+    return ["".join(row).strip("\0 ") for row in (letters.T if turned else letters)]
+
+
+def _unit(words: str) -> str | None:
+    match = _IN_BRACKETS.search(words)
+    return match["unit"] if match is not None and same_kind(match["unit"], match["unit"]) else None
 
 
 def _recognises(head: Head) -> bool:

@@ -22,12 +22,24 @@ class Channel:
     """A column of a recording: its name, its unit as the file tells it (None: it does not).
 
     ``read`` gives its values (n,), checked then and not before: nobody may want this column.
+    ``whole`` is its name with the groups of the file that it is in, as "warm/X"; empty: in none.
     """
 
     name: str
     unit: str | None
     read: Callable[[], Numbers]
     is_complex: bool = False
+    whole: str = ""
+
+    def is_called(self, name: str) -> bool:
+        """Whether it has this name, capitals apart, alone or with groups that it is in.
+
+        Args:
+            name: as "X", "warm/X" or "raw/warm/X".
+        """
+        wanted = name.lower()
+        in_group = "/" in wanted and f"/{self.whole.lower()}".endswith(f"/{wanted}")
+        return self.name.lower() == wanted or in_group
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,8 +70,7 @@ class Recording:
         if exact is not None:
             return exact
         asked = named_column(name, 0)
-        wanted = {asked.name.lower(), asked.name.lower().rpartition("/")[2]}
-        found = next((c for c in self.channels if c.name.lower() in wanted), None)
+        found = next((c for c in self.channels if c.is_called(asked.name)), None)
         if found is None or asked.unit is None:
             return found
         if found.unit not in (None, asked.unit):
@@ -67,9 +78,7 @@ class Recording:
                 f"{self.path}: column '{found.name}' is in {found.unit}; the campaign says "
                 f"{asked.unit}"
             )
-        return Channel(
-            name=found.name, unit=asked.unit, read=found.read, is_complex=found.is_complex
-        )
+        return replace(found, unit=asked.unit)
 
     def column(self, name: str) -> Channel:
         """The column of that name; raises BadInput with the nearest name if there is none.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from fitting.campaign.instruments.trace import RawTrace, Selection
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.loose_tables import suffixed_unit
-from fitting.text.units import convert
+from fitting.text.notation import how_many
+from fitting.text.units import convert, same_kind
 
 #: Usual names of columns, small letters; the first that is there is taken.
 FREQUENCY = ("frequency", "freq", "f", "frequencies", "frequency axis", "grid")
@@ -25,6 +27,10 @@ PHASE = ("phase", "theta", "angle")
 X = ("x", "re", "real", "in-phase", "i")
 Y = ("y", "im", "imag", "imaginary", "quadrature", "q")
 TIME = ("time", "t", "seconds", "elapsed time", "x-axis")
+
+
+#: Real and imaginary part as quantities name them: admittance, impedance, a modulus.
+PARTS = (("g", "b"), ("r", "x"), ("z'", "z''"), ("z'", 'z"'), ("g'", "g''"), ("y'", "y''"))
 
 
 def plain_name(channel: Channel) -> str:
@@ -44,6 +50,25 @@ def usual(recording: Recording, names: Sequence[str]) -> Channel | None:
     for channel in recording.channels:
         by_name.setdefault(plain_name(channel), channel)
     return next((by_name[name] for name in names if name in by_name), None)
+
+
+def parts_by_name(recording: Recording) -> tuple[Channel, Channel] | None:
+    """Columns that are the two parts of one quantity, as conductance and susceptance; else None.
+
+    They are in units of one kind, and no phase stands beside them: R beside one is an amplitude.
+
+    Args:
+        recording: what was read.
+    """
+    for names in PARTS:
+        real, imaginary = (usual(recording, (name,)) for name in names)
+        if real is None or imaginary is None or real.is_complex or imaginary.is_complex:
+            continue
+        polar = usual(recording, PHASE) is not None or usual(recording, Y) is not None
+        alike = real.unit == imaginary.unit or same_kind(real.unit or "1", imaginary.unit or "1")
+        if alike and not (polar and names[0] == "r"):
+            return real, imaginary
+    return None
 
 
 def asked(recording: Recording, wanted: str, names: Sequence[str]) -> Channel | None:
@@ -89,6 +114,33 @@ def frequency_of(recording: Recording, wanted: str) -> Channel:
     return recording.column(FREQUENCY[0])
 
 
+def without_zero(recording: Recording, frequency: Channel) -> tuple[Recording, Channel, str]:
+    """A recording without its rows at 0 Hz, its column of frequencies, and words about what is out.
+
+    A Fourier transform begins with the mean of the record, which is no response; other frequencies
+    that are not above zero are left for complaints.
+
+    Args:
+        recording: what was read.
+        frequency: the column of frequencies.
+    """
+    if frequency.is_complex:
+        return recording, frequency, ""
+    try:
+        at_zero = recording.numbers(frequency) == 0.0
+    except BadInput:  # told with the other columns, where all are read
+        return recording, frequency, ""
+    count = int(np.sum(at_zero))
+    if count in (0, at_zero.size):
+        return recording, frequency, ""
+    part = recording.part(np.flatnonzero(~at_zero))
+    kept = next(c for c in part.channels if c.name == frequency.name)
+    first = recording.places[int(np.argmax(at_zero))]
+    more = f" and {how_many(count - 1, 'more row')}" if count > 1 else ""
+    words = f"{recording.path}: {first}{more}, at a frequency of zero, left out: not a response."
+    return part, replace(kept, unit=frequency.unit), words
+
+
 def amplitude_of(recording: Recording, wanted: str) -> Channel | None:
     """The column of amplitudes, or the one of complex values; None where there is neither.
 
@@ -124,6 +176,7 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
         BadInput: a column or a unit is missing, a value is no finite number.
     """
     frequency = frequency_of(recording, selection.frequency)
+    recording, frequency, left_out = without_zero(recording, frequency)
     amplitude = amplitude_of(recording, selection.amplitude)
     x, y = asked(recording, selection.x, X), asked(recording, selection.y, Y)
     if selection.x or (amplitude is None and x is not None and y is not None):
@@ -145,6 +198,7 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
         phase_unit=phase_unit,
         places=recording.places,
         notes=recording.notes,
+        left_out=left_out,
     )
 
 

@@ -31,7 +31,7 @@ class RawTrace:
 
     ``frequency``, ``amplitude`` and ``phase`` (n,) (phase may be None), each with its unit as
     written; ``places`` says for every point where it stands in the file; ``notes`` holds header
-    entries worth repeating.
+    entries worth repeating, ``left_out`` says which rows are not here, and why.
     """
 
     path: Path
@@ -43,6 +43,7 @@ class RawTrace:
     phase: FloatArray | None = None
     phase_unit: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
+    left_out: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +51,10 @@ class Selection:
     """What to take from a file that holds more: column names, trace number, chunk.
 
     Empty names mean the usual ones, and a name may say the unit that the file does not, as
-    "column 2 (mV)"; ``trace`` counts from 1 (rohde-schwarz, keysight); ``chunk`` is the sweep's
-    number as LabOne writes it (None: the file must hold one only).
+    "column 2 (mV)"; ``time`` is of a recording over time, ``further`` of other columns that are
+    wanted; ``trace`` counts from 1 (rohde-schwarz, keysight); ``chunk`` is the sweep's number as
+    LabOne writes it (None: the file must hold one only); ``header_row`` is the row of the names of
+    columns of text, from 1 (None: it is found).
     """
 
     frequency: str = ""
@@ -59,8 +62,30 @@ class Selection:
     phase: str = ""
     x: str = ""
     y: str = ""
+    time: str = ""
+    further: tuple[str, ...] = ()
     trace: int = 1
     chunk: int | None = None
+    header_row: int | None = None
+
+    @property
+    def parts(self) -> dict[str, int]:
+        """What is told of where in the file it is, by the keys of a campaign."""
+        told = {"trace": self.trace if self.trace != 1 else None, "chunk": self.chunk}
+        told["header_row"] = self.header_row
+        return {key: value for key, value in told.items() if value is not None}
+
+    @property
+    def axis(self) -> str:
+        """Name of the column over which the others stand; empty: the usual one."""
+        return self.time or self.frequency
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """Names of all other columns that are told."""
+        beside = self.frequency if self.time else ""
+        told = (self.amplitude, self.phase, self.x, self.y, beside, *self.further)
+        return tuple(name for name in told if name)
 
 
 @dataclass(frozen=True)
@@ -107,7 +132,8 @@ class Layout:
 
     ``recognises`` says of a file's beginning whether it is written so; ``read`` gives the columns
     that the file holds (or those of the one trace that is selected) and raises BadInput naming
-    file and row; ``keys`` are those of ``trace`` and ``chunk`` that have a meaning with it.
+    file and row; ``keys`` are those of ``trace``, ``chunk`` and ``header_row`` that have a
+    meaning with it.
     """
 
     name: str

@@ -5,13 +5,17 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
+from pathlib import Path
 
 TICK_S = 1.0  # on a terminal, where the seconds are seen to run
 #: In a pipe: silence before the first line, part of the time so far between lines, and most of it.
 FIRST_S, PART, MOST_S = 10.0, 0.1, 60.0
+#: Files that are large together, and the silence before the first line about them.
+LARGE_BYTES, SOON_S = 10_000_000, 2.0
 _HIDDEN: ContextVar[bool] = ContextVar("hidden", default=False)
 
 
@@ -38,7 +42,7 @@ def above_status(line: str) -> None:
 
 @contextmanager
 def status_line(
-    label: str, counted: Callable[[], str] = lambda: ""
+    label: str, counted: Callable[[], str] = lambda: "", *, first_s: float | None = None
 ) -> Iterator[Callable[[str], None]]:
     """What is under way and for how long, on stderr.
 
@@ -49,12 +53,13 @@ def status_line(
     Args:
         label: that goes before the text.
         counted: what is going on inside, as "120 runs"; asked whenever the line is shown.
+        first_s: silence before the first line in a pipe, s; None: the usual one.
     """
     said = [""]
     if _HIDDEN.get():
         yield lambda text: said.__setitem__(0, text)
         return
-    show = _terminal if sys.stderr.isatty() else _pipe
+    show = _terminal if sys.stderr.isatty() else partial(_pipe, first_s=first_s)
     ended = threading.Event()
     shower = threading.Thread(
         target=show, args=(label, lambda: listed_words(said[0], counted()), ended), daemon=True
@@ -65,6 +70,22 @@ def status_line(
     finally:
         ended.set()
         shower.join()
+
+
+@contextmanager
+def reading(label: str, files: Sequence[Path]) -> Iterator[None]:
+    """Files are read and looked at; of large ones that is shown soon in a pipe, too.
+
+    Args:
+        label: that goes before the text.
+        files: that are read, which need not be there.
+    """
+    sizes = [file.stat().st_size for file in files if file.is_file()]
+    large = sum(sizes) > LARGE_BYTES
+    name = files[0].name if len(files) == 1 else f"{len(files)} files"
+    with status_line(label, first_s=SOON_S if large else None) as tell:
+        tell(f"reads {name}" + (f", {sum(sizes) / 1e6:.0f} MB" if large else ""))
+        yield
 
 
 def listed_words(*texts: str) -> str:
@@ -84,11 +105,13 @@ def _terminal(label: str, text: Callable[[], str], ended: threading.Event) -> No
             bar.set_postfix_str(text())
 
 
-def _pipe(label: str, text: Callable[[], str], ended: threading.Event) -> None:
-    begun = time.monotonic()
+def _pipe(
+    label: str, text: Callable[[], str], ended: threading.Event, *, first_s: float | None = None
+) -> None:
+    begun, wait_s = time.monotonic(), FIRST_S if first_s is None else first_s
     while True:
-        passed_s = time.monotonic() - begun
-        if ended.wait(min(max(FIRST_S, PART * passed_s), MOST_S)):
+        if ended.wait(wait_s):
             return
+        wait_s = min(max(FIRST_S, PART * (time.monotonic() - begun)), MOST_S)
         after = f"{time.monotonic() - begun:.0f} s"
         print(f"{label}: {listed_words(text(), after)}", file=sys.stderr, flush=True)

@@ -48,6 +48,12 @@ def add_columns(parser: argparse.ArgumentParser, *, over_time: bool = False) -> 
     group.add_argument(
         "--chunk", type=whole_number(0), help="which of the file's sweeps, as LabOne numbers them"
     )
+    group.add_argument(
+        "--header-row",
+        type=whole_number(1),
+        metavar="N",
+        help="row of a text file that holds the names of its columns (the last one above them)",
+    )
 
 
 def columns_of(args: argparse.Namespace) -> Columns:
@@ -64,7 +70,12 @@ def columns_of(args: argparse.Namespace) -> Columns:
     wanted = {**COLUMNS, **TIME_COLUMNS, **UNITS, **TIME_UNITS}
     values = {
         name: getattr(args, name, None)
-        for name in (*(option.replace("-", "_") for option in wanted), "trace", "chunk")
+        for name in (
+            *(option.replace("-", "_") for option in wanted),
+            "trace",
+            "chunk",
+            "header_row",
+        )
     }
     for name, value in values.items():
         if isinstance(value, str) and not value.strip():

@@ -43,6 +43,8 @@ class ComplexSweepTable(MeasurementTable, ComplexKeys):
     """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
     """(zurich only) which sweep of the file; without it the only one there is."""
+    header_row: Count | None = None
+    """(csv only) row of the names of columns, from 1; without it the one above the numbers."""
     label: Text = ""
     """Name of the sweep, for values of its own; without it "1", "2" where there are several."""
     set: Mapping[str, Value] = field(default_factory=dict)
@@ -52,7 +54,7 @@ class ComplexSweepTable(MeasurementTable, ComplexKeys):
 
     def __post_init__(self) -> None:
         self.check()
-        told = {"trace": self.trace, "chunk": self.chunk}
+        told = {"trace": self.trace, "chunk": self.chunk, "header_row": self.header_row}
         check_layout_keys(told, layout_keys(self.layout), f'layout = "{self.layout}"')
 
     def curve(self, label: str) -> ComplexCurve:
@@ -62,7 +64,12 @@ class ComplexSweepTable(MeasurementTable, ComplexKeys):
             label: of the sweep.
         """
         measured = read_complex(
-            self.file, self.layout, self.columns, trace=self.trace or 1, chunk=self.chunk
+            self.file,
+            self.layout,
+            self.columns,
+            trace=self.trace or 1,
+            chunk=self.chunk,
+            header_row=self.header_row,
         )
         return self.curve_of(measured, label)
 

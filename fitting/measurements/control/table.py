@@ -42,7 +42,7 @@ from fitting.text.keys import (
     Value,
     refusing,
 )
-from fitting.text.written import above_zero
+from fitting.text.written import sigma_in
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +144,7 @@ class ReadControlSweep:
         table, where = self.table, f"{setup.source}: [control_sweep]"
         unit = self.format.trace.amplitude.unit
         gathered(self._names(binder, f"{where} output", unit))
-        sigma = above_zero(table.sigma, unit)
+        sigma = sigma_in(table.sigma, unit)
         return ControlSweep(
             setup=setup,
             spectra=tuple(
@@ -180,7 +180,7 @@ class ReadControlSweep:
         """What looks at each name and value by itself."""
         if self.table.output:
             yield partial(binder.real, self.table.output, where, READABLE, "observed")
-        yield partial(above_zero, self.table.sigma, unit)
+        yield partial(sigma_in, self.table.sigma, unit)
         for spectrum in self.spectra[:1]:  # one column: what is wrong with it is told once
             yield partial(binder.settings, spectrum.controls)
 

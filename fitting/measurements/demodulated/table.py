@@ -12,7 +12,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import Recording, read_recording, unit_of
+from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE
@@ -25,7 +25,7 @@ from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import Count, FileName, Keys, Missing, OneOf, Refused, Switch, Text, Value
 from fitting.text.units import convert
-from fitting.text.written import above_zero, in_unit
+from fitting.text.written import in_unit, sigma_in
 
 #: Amplitudes in these are levels, 20 to a factor of ten, of a reference that a decay does not need.
 LEVELS = ("dB", "dBm", "dBV", "dBuV", "dBu", "dBc", "dBFS")
@@ -101,7 +101,11 @@ class DemodulatedTable(MeasurementTable):
         Raises:
             BadInput: a column or unit that is missing, times that are not an even grid.
         """
-        table, names = read_recording(self.file), self.columns
+        names = self.columns
+        told = Selection(
+            time=names.time, amplitude=names.amplitude, phase=names.phase, x=names.X, y=names.Y
+        )
+        table = read_recording(self.file, selection=told)
         column = table.column(names.time or "time")
         where = f"{self.file}: column '{column.name}'"
         factor = convert(1.0, unit_of(table, column, "time (s)"), "s", where=where)
@@ -177,7 +181,7 @@ class ReadDemodulated:
             modes=table.modes,
             offset=table.offset,
             floor=table.floor,
-            sigma=above_zero(table.sigma, self.unit),
+            sigma=sigma_in(table.sigma, self.unit),
             begin=table.begin,
             settings=binder.settings(table.set),
             setting_sigma=bind_sigmas(table.set_sigma, binder),
@@ -192,7 +196,7 @@ class ReadDemodulated:
         seen = table.output or setup.output
         yield partial(binder.real, seen, f"{where} output", READABLE, "observed")
         yield partial(binder.real, table.input, f"{where} input", ("input",), "driven")
-        yield partial(above_zero, table.sigma, self.unit)
+        yield partial(sigma_in, table.sigma, self.unit)
         yield partial(in_unit, table.frequency, "Hz")
         yield partial(binder.settings, table.set)
         yield partial(bind_sigmas, table.set_sigma, binder)

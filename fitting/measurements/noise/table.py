@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import Channel, Recording, read_recording, unit_of
+from fitting.campaign.instruments import Channel, Recording, Selection, read_recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.labels import labels_of
@@ -122,7 +122,13 @@ class NoiseSpectrumTable(MeasurementTable):
         Raises:
             BadInput: a column or unit that is missing, or no unit of a power spectral density.
         """
-        table, names = read_recording(self.file), self.columns
+        names = self.columns
+        told = Selection(
+            frequency=names.frequency,
+            amplitude=names.density,
+            further=(names.force,) if names.force else (),
+        )
+        table = read_recording(self.file, selection=told)
         frequency = self._column(table, names.frequency, "frequency")
         density = self._column(table, names.density, "density")
         hertz = unit_of(table, frequency, "frequency (Hz)")

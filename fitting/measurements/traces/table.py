@@ -12,7 +12,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import Recording, read_recording, unit_of
+from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE, VariableLike
@@ -48,7 +48,7 @@ from fitting.text.keys import (
     Value,
 )
 from fitting.text.units import convert
-from fitting.text.written import Written, above_zero, in_unit
+from fitting.text.written import Written, in_unit, sigma_in
 
 STEP, PULSE, CHIRP = SIGNALS = ("step", "pulse", "chirp")
 #: States that decay after an unknown start, where nothing is written: one mode.
@@ -195,7 +195,9 @@ class TraceTable(MeasurementTable):
         Raises:
             BadInput: a column or unit that is missing, times that are not an even grid.
         """
-        table, names = read_recording(self.file), self.columns
+        names = self.columns
+        named = tuple(filter(None, (names.output, names.input)))
+        table = read_recording(self.file, selection=Selection(time=names.time, further=named))
         seen = names.output or self.output or output
         there = map(table.find, (names.time or "time", seen, *self.further_inputs))
         table.check(channel for channel in there if channel is not None)
@@ -208,7 +210,7 @@ class TraceTable(MeasurementTable):
             if known and self.begin == FIRST:
                 driven = self._column(table, wanted, f"{wanted} (V)")
         values = self._column(table, seen, f"{seen} (V)")
-        further = {n: self._column(table, n, f"{n} (V)") for n in self.further_inputs}
+        further = {n: self._further(table, n) for n in self.further_inputs}
         return ReadTrace(self, time, values, driven, further)
 
     def _column(
@@ -218,6 +220,12 @@ class TraceTable(MeasurementTable):
         own = unit_of(table, column, example)
         read = ReadColumn(table.numbers(column), own, f"{self.file}: column '{column.name}'")
         return read if unit is None else read.into(unit)
+
+    def _further(self, table: Recording, name: str) -> ReadColumn:
+        """A column that is called like an input: in that one's unit where it tells none."""
+        column = table.column(name)
+        where = f"{self.file}: column '{column.name}'"
+        return ReadColumn(table.numbers(column), column.unit or "", where)
 
     def names(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What looks at each name and value by itself.
@@ -256,7 +264,7 @@ class ReadColumn:
         Args:
             unit: wanted; None: SI base units.
         """
-        if unit == self.unit:
+        if unit == self.unit or not self.unit:
             return self
         zero, one = (convert(x, self.unit, unit, where=self.where) for x in (0.0, 1.0))
         if zero != 0.0:  # a temperature
@@ -306,7 +314,7 @@ class ReadTrace:
             output=table.output or "",
             gain=table.gain,
             offset=table.offset,
-            sigma=above_zero(table.sigma, values.unit),
+            sigma=sigma_in(table.sigma, values.unit),
             lead_s=_in(table.lead, "s"),
             start=table.start,
             states=table.states or ONE_MODE,
@@ -339,7 +347,12 @@ class ReadTrace:
         self, binder: Binder, driver: VariableLike, column: ReadColumn
     ) -> tuple[FloatArray, FloatArray]:
         """Times, and values of a column in the unit of its input."""
-        if driver.unit is None:
+        if not column.unit:
+            binder.note(
+                f"{column.where} tells no unit: its numbers are taken in that of '{driver.name}', "
+                f"{driver.unit or '1'}."
+            )
+        elif driver.unit is None:
             binder.note_missing_unit(driver)
         try:
             return np.array(self.time.values), column.into(driver.unit).values
