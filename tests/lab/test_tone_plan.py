@@ -103,8 +103,8 @@ def test_noise_falls_with_the_spectra_that_are_averaged(
         averaged=str([1, 4] * times),
     )
     table = plan.with_name("experiments.csv")
-    *heads, first, second = table.read_text().splitlines()
-    rows = [row.replace("next", f"{k}_") for k in range(times) for row in (first, second)]
+    *heads, one, other = table.read_text().splitlines()
+    rows = [row.replace("next", f"{k}_") for k in range(times) for row in (one, other)]
     table.write_text("\n".join([*heads, *rows]) + "\n")
     for seed in range(10):
         made = ff.synthesize("crossing", plan=plan, seed=seed)
