@@ -147,6 +147,7 @@ def test_module_is_the_command(tmp_path: Path) -> None:
     assert told.stdout == f"fmu-fit {fitting.__version__}\n"
 
 
+@pytest.mark.nightly
 def test_output_into_a_closed_pipe_is_no_traceback(swift_fmu: Path) -> None:
     script = f"'{sys.executable}' -m fitting check '{swift_fmu}' | head -n 1"
     told = subprocess.run(
