@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -215,11 +216,7 @@ def test_a_generated_input_of_a_foreign_fmu(tmp_path: Path, texts: dict[str, str
     assert campaign.experiments[0].settings == {}
     assert campaign.sweep is None
     assert campaign.parameters[0].reference == 1.5
-    assert campaign.notes == tuple(
-        f"The FMU declares no unit for '{name}': values written with a unit were taken in SI base "
-        "units."
-        for name in ("x", "k")
-    )
+    assert [re.findall(r"'(\w+)'", note) for note in campaign.notes] == [["x"], ["k"]]
     assert (
         read_campaign(tmp_path / "campaign.toml").file.fmu.file == tmp_path / "x/CoupledOscillator"
     )
@@ -504,7 +501,7 @@ def test_the_start_value_of_a_state_may_be_fitted() -> None:
     for v in states:
         assert binder.real(v.name, "here", ("parameter",), "fitted") is v
     for v in others:
-        with pytest.raises(BadInput, match="which cannot be fitted; wanted parameter"):
+        with pytest.raises(BadInput, match=rf"here.*'{v.name}'"):
             binder.real(v.name, "here", ("parameter",), "fitted")
 
 
@@ -512,7 +509,7 @@ def test_nothing_to_fit_is_refused(tmp_path: Path, texts: dict[str, str]) -> Non
     toml = texts["campaign.toml"]
     start, end = toml.index("[experiments]"), toml.index("[sweep]")
     path = lay(tmp_path, {**texts, "campaign.toml": toml[:start] + toml[end:]})
-    with pytest.raises(BadInput, match="nothing to fit"):
+    with pytest.raises(BadInput, match=r"campaign\.toml: .*\[experiments\]"):
         read_campaign(path)
 
 
@@ -522,7 +519,7 @@ def test_without_a_sweep_the_settling_must_be_told(tmp_path: Path, texts: dict[s
     short = toml[:start] + toml[end:]
     assert bound(lay(tmp_path, {**texts, "campaign.toml": short})).sweep is None
     path = lay(tmp_path, {**texts, "campaign.toml": short.replace("steady_start = true", "")})
-    with pytest.raises(BadInput, match=r"observe: wanted line_width"):
+    with pytest.raises(BadInput, match=r"observe.*line_width"):
         read_campaign(path)
     told = short.replace("steady_start = true", 'line_width = "0.1 kHz"')
     assert bound(lay(tmp_path, {**texts, "campaign.toml": told})).setup.line_width_hz == 100.0
@@ -534,9 +531,7 @@ def test_sweep_and_peaks_must_share_a_unit(tmp_path: Path, texts: dict[str, str]
     changed = toml[:at] + toml[at:].replace('"V peak"', '"m peak"')
     sweep = texts["sweep.csv"].replace("(uV)", "(nm)")
     path = lay(tmp_path, {**texts, "campaign.toml": changed, "sweep.csv": sweep})
-    with pytest.raises(
-        BadInput, match=r"\[sweep\] amplitude is declared in m, \[experiments\] in V"
-    ):
+    with pytest.raises(BadInput, match=r"\[sweep\] amplitude .* m, \[experiments\] .* V"):
         read_campaign(path)
 
 
@@ -576,8 +571,9 @@ def test_without_a_scale_amplitudes_are_in_the_unit_of_the_output(
     if campaign.sweep is not None and volts.sweep is not None:
         assert campaign.sweep.unit == unit
         assert campaign.sweep.amplitude_v == pytest.approx(per_volt * volts.sweep.amplitude_v)
-    said = "There is no scale: amplitudes were converted from nm to m, the unit of 'q1_hybrid'."
-    assert campaign.notes == (() if scale == "maximum" else (said,))
+    assert len(campaign.notes) == (scale != "maximum")
+    for note in campaign.notes:
+        assert re.search(r" nm .* m, .*'q1_hybrid'", note)
 
 
 @pytest.mark.parametrize(("scale", "section"), [("none", "sweep"), ("no sweep", "experiments")])
@@ -587,9 +583,8 @@ def test_without_a_scale_the_units_must_be_of_one_kind(
     campaign = read_campaign(lay(tmp_path, in_nanometres(texts, scale=scale)))
     with pytest.raises(BadInput) as caught:
         bind(campaign, metres("V"))
-    words = f"[{section}] amplitude: found unit 'nm', wanted 'V' or one convertible to it"
-    assert words in str(caught.value)
-    assert "'q1_hybrid'" in str(caught.value)
+    for token in (f"[{section}] amplitude: ", "'nm'", "'V'", "'q1_hybrid'"):
+        assert token in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -598,7 +593,7 @@ def test_without_scale_and_unit_amplitudes_are_taken_in_si(
 ) -> None:
     campaign = bound(lay(tmp_path, in_nanometres(texts, scale="none")), metres(None))
     assert campaign.amplitude_unit == "m"
-    assert any("declares no unit for 'q1_hybrid'" in note for note in campaign.notes)
+    assert any("'q1_hybrid'" in note for note in campaign.notes)
 
 
 def test_an_fmu_in_other_units_gets_them(tmp_path: Path, texts: dict[str, str]) -> None:

@@ -5,6 +5,7 @@ Truth: `fitting.lab.string`, which shares no code with the FMU, and sums done by
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -82,11 +83,21 @@ def true_offsets(series: Series) -> np.ndarray:
     return eta - np.linspace(eta[0], eta[-1], eta.size)
 
 
-def test_offsets_take_up_a_drift_that_is_not_linear(swift_fmu: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "drifts",
+    [
+        ((3, 40.0),),
+        pytest.param(((1, -20.0), (2, 30.0), (3, 40.0)), marks=pytest.mark.nightly),
+    ],
+    ids=["one", "three"],
+)
+def test_offsets_take_up_a_drift_that_is_not_linear(
+    drifts: Sequence[tuple[int, float]], swift_fmu: Path, tmp_path: Path
+) -> None:
     """At half the bench's noise, where its peaks give the line width to 0.4 % (one sigma)."""
     away, widths = [], []
-    with FmuWorkers(swift_fmu, workers=2) as workers:
-        for seed, curvature in ((1, -20.0), (2, 30.0), (3, 40.0)):
+    with FmuWorkers(swift_fmu, workers=1) as workers:
+        for seed, curvature in drifts:
             series = series_of(curvature, seed)
             path = written(tmp_path / str(seed), campaign_files(series, "test"))
             if seed == 3:
@@ -118,7 +129,7 @@ def test_a_walk_is_reported_as_offsets(swift_fmu: Path, tmp_path: Path) -> None:
     bound = bound_to(swift_fmu, path)
     assert [p.name for p in bound.parameters[3:]] == [f"step[pair{m}]" for m in range(1, 6)]
     assert bound.parameters[4].experiments == ("pair2", "pair3", "pair4", "pair5")
-    with FmuWorkers(swift_fmu, workers=2) as workers:
+    with FmuWorkers(swift_fmu, workers=1) as workers:
         result = fitted(workers, bound)
     assert [o.experiments for o in result.offsets] == [(f"pair{m}",) for m in range(1, 6)]
     for o, truth in zip(result.offsets, true_offsets(series), strict=True):
@@ -191,12 +202,12 @@ def test_experiments_of_one_time_share_their_offset(swift_fmu: Path, tmp_path: P
     ("drift", "found"),
     [
         ('model = "offsets"', r"\[drift\] prior: is missing"),
-        ('model = "offset"', "wanted one of|did you mean"),
-        ('prior = "30 Hz"', "has no meaning with model"),
+        ('model = "offset"', "model: .*'offset'"),
+        ('prior = "30 Hz"', "prior: .*model"),
         ('model = "walk"\nprior = "30 s"', "prior"),
-        ('model = "walk"\nprior = "-3 Hz"', "wanted more than zero"),
-        ('time = "clock"', "no column 'clock'"),
-        ('before_time = "3 s"', "wanted only beside time"),
+        ('model = "walk"\nprior = "-3 Hz"', "prior: .*-3"),
+        ('time = "clock"', "'clock'"),
+        ('before_time = "3 s"', "before_time: .*time"),
         ('modle = "walk"', "modle"),
     ],
 )
@@ -215,8 +226,7 @@ def test_drift_beyond_the_line_width_is_told(swift_fmu: Path, tmp_path: Path) ->
     bound = bound_to(swift_fmu, path)
     assert drift_warnings(bound, (), 200.0) == []
     [said] = drift_warnings(bound, (), 94.0)
-    assert "eta_plus drifts by 100" in said
-    assert "line width of 94 Hz" in said
+    assert re.search(r"^eta_plus .*\b100 Hz.* 94 Hz", said)
 
 
 def test_a_smaller_drift_is_told_where_the_model_does_not_describe_the_data(
@@ -225,9 +235,9 @@ def test_a_smaller_drift_is_told_where_the_model_does_not_describe_the_data(
     path = written(tmp_path, campaign_files(series_of(5.0, 1), "test"))
     bound = bound_to(swift_fmu, path)
     [said] = drift_warnings(bound, (), 200.0, describes=False)
-    assert "eta_plus drifts by 100" in said
-    assert "a straight line is assumed between" in said
-    assert said.endswith('[drift] model = "offsets" or "walk" estimates it.')
+    assert re.search(r"^eta_plus .*\b100 Hz", said)
+    for token in ("[drift] model", '"offsets"', '"walk"'):
+        assert token in said
     assert drift_warnings(bound, (), 2000.0, describes=False) == []
 
 

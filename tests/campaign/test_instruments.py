@@ -120,9 +120,9 @@ def test_named_columns(tmp_path: Path) -> None:
     path = put(tmp_path, "X1 (kHz),ch2 (mV),amplitude (V)\n1,5,0\n2,6,0\n3,7,0\n")
     trace = read_trace(path, "csv", Selection(frequency="X1", amplitude="ch2"))
     np.testing.assert_array_equal(trace.amplitude, [5.0, 6.0, 7.0])
-    assert "no column 'ch3'; did you mean 'ch2'?" in complaint(
-        path, selection=Selection(frequency="X1", amplitude="ch3")
-    )
+    told = complaint(path, selection=Selection(frequency="X1", amplitude="ch3"))
+    assert "'ch3'" in told
+    assert "'ch2'" in told
 
 
 def test_rohde_schwarz_takes_the_larger_level_and_the_named_trace(tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_zurich_by_field_stops_at_the_padding(tmp_path: Path) -> None:
 def test_zurich_of_several_sweeps_wants_a_chunk(tmp_path: Path) -> None:
     second = ZURICH.split("\n", 1)[1].replace("0;1050", "1;2050").replace("1e-3", "7e-3")
     path = put(tmp_path, ZURICH + second)
-    assert "chunks) 0, 1; wanted one of them, as 'chunk = 1'" in complaint(path, "zurich")
+    assert re.search(r"\b0, 1; .*'chunk = 1'", complaint(path, "zurich"))
     assert read_trace(path, "zurich", Selection(chunk=1)).amplitude[0] == 7e-3
     assert read_trace(path, "zurich", Selection(chunk=0)).amplitude[0] == 1e-3
 
@@ -244,10 +244,12 @@ def test_bad_files_are_named_with_row_and_column(
 
 def test_missing_file_names_its_neighbour(tmp_path: Path) -> None:
     put(tmp_path, PLAIN, "pair1.csv")
-    assert complaint(tmp_path / "pari1.csv") == "no such file; did you mean 'pair1.csv'?"
-    assert complaint(tmp_path / "nowhere" / "x.csv") == "no such file"
-    assert complaint(tmp_path) == "is a folder, wanted a file"
-    assert "unknown layout 'cvs'; did you mean 'csv'?" in complaint(tmp_path / "a", "cvs")
+    assert "'pair1.csv'" in complaint(tmp_path / "pari1.csv")
+    assert "'" not in complaint(tmp_path / "nowhere" / "x.csv")
+    assert "folder" in complaint(tmp_path)
+    told = complaint(tmp_path / "a", "cvs")
+    assert "'cvs'" in told
+    assert "'csv'" in told
 
 
 NUMBERS = st.lists(
@@ -300,7 +302,7 @@ def test_any_text_is_a_number_or_a_complaint(text: str) -> None:
     if looks and math.isfinite(float(text)):
         assert parse_number(text, "file: row 1") == float(text)
         return
-    with pytest.raises(BadInput, match=r"^file: row 1: found ") as caught:
+    with pytest.raises(BadInput, match=r"^file: row 1: ") as caught:
         parse_number(text, "file: row 1")
     assert "\n" not in str(caught.value)
 
@@ -321,18 +323,19 @@ def test_amplitude_declarations() -> None:
 @pytest.mark.parametrize(
     ("text", "impedance", "words"),
     [
-        ("V", None, 'found "V", wanted "V peak", "V rms" or "dBm"'),
+        ("V", None, 'found "V", .*"V peak", "V rms" or "dBm"'),
         ("peak", None, 'found "peak"'),
         ("V pk", None, 'found "V pk"'),
-        ("dBm", None, 'wanted impedance = "50 ohm"'),
-        ("V peak", 50.0, 'an impedance has a meaning with "dBm" only'),
+        ("dBm", None, 'impedance = "50 ohm"'),
+        ("V peak", 50.0, 'impedance .*"dBm"'),
         ("Vlot peak", None, "Vlot"),
     ],
 )
 def test_bad_declarations(text: str, impedance: float | None, words: str) -> None:
+    where = "c.toml: [sweep] amplitude"
     with pytest.raises(BadInput, match=words) as caught:
-        declared_amplitude(text, impedance, "c.toml: [sweep] amplitude")
-    assert str(caught.value).startswith("c.toml: [sweep] amplitude")
+        declared_amplitude(text, impedance, where)
+    assert str(caught.value).startswith(where)
 
 
 @pytest.mark.parametrize(
@@ -399,7 +402,7 @@ def test_a_layout_is_added_by_one_file(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "layouts").mkdir()
     (tmp_path / "layouts" / "toy_of_a_test.py").write_text(TOY)
     path = put(tmp_path, "TOY 1 10 2 20 3 30")
-    with pytest.raises(BadInput, match="unknown layout 'toy'"):
+    with pytest.raises(BadInput, match="'toy'"):
         read_trace(path, "toy")
     monkeypatch.setattr(instruments, "__path__", [*instruments.__path__, str(tmp_path / "layouts")])
     found = found_layouts()
@@ -412,5 +415,5 @@ def test_a_layout_is_added_by_one_file(tmp_path: Path, monkeypatch: pytest.Monke
     trace = read_trace(path, how.layout, how.selection)
     assert trace.frequency.tolist() == [1.0, 2.0, 3.0]
     assert (trace.amplitude_unit, trace.places[2]) == ("mV", "pair 3")
-    with pytest.raises(BadInput, match=r'trace: has no meaning with layout = "toy", only'):
+    with pytest.raises(BadInput, match=r'trace: .*layout = "toy"'):
         read_record(WrittenSweep, table | {"trace": 1}, tmp_path / "campaign.toml", "sweep")

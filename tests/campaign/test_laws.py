@@ -22,6 +22,7 @@ ETA_HZ, SLOPE, BEND, WIDTH_HZ = 1000.0, 3.0, -0.4, 12.5
 VOLTS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
 AWAY_HZ = np.array([-6.0, 0.0, 4.0])
 
+LAW = "e0 + e1*bias + e2*bias**2/V0"
 CAMPAIGN = """
 title = "A mode over a voltage"
 synthetic = true
@@ -110,8 +111,8 @@ def written(folder: Path, fmu: Path, campaign: str = CAMPAIGN) -> Path:
     return path
 
 
-def test_coefficients_come_back_in_their_own_units(oscillator_fmu: Path, tmp_path: Path) -> None:
-    fit = ff.fit(ff.Problem.of(ff.read_campaign(written(tmp_path, oscillator_fmu))))
+def test_coefficients_come_back_in_their_own_units(swift_fmu: Path, tmp_path: Path) -> None:
+    fit = ff.fit(ff.Problem.of(ff.read_campaign(written(tmp_path, swift_fmu))))
     assert fit.success
     found = dict(zip(fit.problem.names, fit.x, strict=True))
     assert found == pytest.approx(
@@ -120,12 +121,12 @@ def test_coefficients_come_back_in_their_own_units(oscillator_fmu: Path, tmp_pat
     # the derived output is read where each voltage puts the eigenfrequency
     etas = np.repeat(ETA_HZ + SLOPE * VOLTS + BEND * VOLTS**2, AWAY_HZ.size)
     assert fit.result.derived["Q_plus"].values == pytest.approx(etas / WIDTH_HZ, rel=1e-6)
-    assert "'eta_plus' follows the law e0 + e1*bias + e2*bias**2/V0 with V0 = 1000 mV." in (
-        fit.problem.record.notes
-    )
+    [note] = [note for note in fit.problem.record.notes if note.startswith("'eta_plus' ")]
+    assert LAW in note
+    assert "V0 = 1000 mV" in note
 
 
-def test_a_program_says_the_same(oscillator_fmu: Path) -> None:
+def test_a_program_says_the_same(swift_fmu: Path) -> None:
     """Rows at the truth vanish: with coefficients, and with a fitted variable that a law names."""
     u = ETA_HZ + SLOPE * VOLTS[:, None] + AWAY_HZ[None, :]
     eta = np.broadcast_to((ETA_HZ + SLOPE * VOLTS)[:, None], u.shape)
@@ -143,7 +144,7 @@ def test_a_program_says_the_same(oscillator_fmu: Path) -> None:
         laws=ff.Laws({"eta_plus": "e0 + e1*bias", "d2": "2*d1"}),
     )
     problem = ff.Problem(
-        oscillator_fmu,
+        swift_fmu,
         [
             ff.Parameter("e0", "1 kHz", bounds=("980 Hz", "1020 Hz")),
             ff.Parameter("e1", 0.0, bounds=(-20.0, 20.0), unit="Hz/V"),
@@ -169,39 +170,38 @@ def test_a_variable_without_unit_takes_the_value_in_base_units_and_says_so() -> 
     known = Known(parameters={"k": "kN/m"}, variables={"mass": "g"}, controls={})
     [law] = Laws({"w2": "k/mass"}).with_units({"w2": ""}, known).bound
     assert law.value({"k": 2.0, "mass": 500.0}) == pytest.approx(2000.0 / 0.5)
-    assert law.words == (
-        "'w2' follows the law k/mass. The FMU declares no unit for 'w2', so that nobody can check "
-        "whether kN/g/m is right; its value is taken in SI base units."
-    )
+    for token in ("'w2'", " k/mass", " kN/g/m "):
+        assert token in law.words
     [plain] = Laws({"n": "k/k"}).with_units({"n": ""}, known).bound
-    assert plain.words == "'n' follows the law k/k."
+    assert plain.words.startswith("'n' ")
+    assert plain.words.endswith(" k/k.")
 
 
 FAULTS = [
-    ("e0 + e1*bias + e2*bias**2/V0", "980 + 3", "names nothing; wanted a parameter"),
-    ("e1*bias", "e1*baas", "'baas' is neither a parameter nor a constant.*did you mean 'bias'"),
-    ("e1*bias", "e1*bias**2", "adds kHz and kHz·mV; wanted one dimension"),
-    ("e0 + e1*bias", "e0/bias**1*V0 + e1*bias", "no finite value .*bias .mV. = 0.0, .*'0V-6'"),
-    ("eta_plus = ", "eta_plas = ", "no variable 'eta_plas'; did you mean 'eta_plus'"),
-    ("eta_plus = ", "Q_plus = ", "'Q_plus' is a variable of causality output, which cannot be set"),
-    ("eta_plus = ", "d1 = ", "'d1' is fitted and also set by .laws."),
-    ("eta_plus = ", "theta = ", "'theta' is given by a law and also set by .fmu.start."),
-    ('eta_plus = "e0', 'theta = "e0', "'theta' is given by a law"),
-    ('V0 = "1000 mV"', 'V0 = "1000 Hz"', "wanted one dimension"),
-    ('V0 = "1000 mV"', 'V0 = "1 V"\nV1 = 3', "the constant 'V1' is named by no law"),
-    ('V0 = "1000 mV"', "V0 = true", "found True, wanted a number"),
-    ('unit = "Hz/V"', "", "'e2'.: a coefficient of laws has no unit, wanted unit = "),
-    ('unit = "Hz/V"', 'unit = "Hz/Vv"', "no unit 'Hz/Vv'"),
+    (LAW, "980 + 3", "eta_plus: .*'980 \\+ 3'"),
+    ("e1*bias", "e1*baas", "'baas'.*'bias'"),
+    ("e1*bias", "e1*bias**2", "kHz and kHz·mV"),
+    ("e0 + e1*bias", "e0/bias**1*V0 + e1*bias", "no finite .*bias .mV. = 0.0, .*'0V-6'"),
+    ("eta_plus = ", "eta_plas = ", "'eta_plas'.*'eta_plus'"),
+    ("eta_plus = ", "Q_plus = ", "'Q_plus' .*causality output"),
+    ("eta_plus = ", "d1 = ", "'d1' .*.laws."),
+    ("eta_plus = ", "theta = ", "'theta' .*.fmu.start."),
+    ('eta_plus = "e0', 'theta = "e0', "'theta' "),
+    ('V0 = "1000 mV"', 'V0 = "1000 Hz"', "kHz and "),
+    ('V0 = "1000 mV"', 'V0 = "1 V"\nV1 = 3', "'V1'"),
+    ('V0 = "1000 mV"', "V0 = true", "V0: .*True"),
+    ('unit = "Hz/V"', "", "'e2'.: .*unit = "),
+    ('unit = "Hz/V"', 'unit = "Hz/Vv"', "'Hz/Vv'"),
     ('"e0 + e1', '"e0 + import(e1', "eta_plus: found"),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "wanted"), FAULTS)
-def test_what_is_wrong_with_a_law_is_told_in_a_sentence(
-    old: str, new: str, wanted: str, oscillator_fmu: Path, tmp_path: Path
+def test_what_is_wrong_with_a_law_is_told_by_its_place(
+    old: str, new: str, wanted: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
     assert old in CAMPAIGN
-    path = written(tmp_path, oscillator_fmu, CAMPAIGN.replace(old, new, 1))
+    path = written(tmp_path, swift_fmu, CAMPAIGN.replace(old, new, 1))
     with pytest.raises(BadInput, match=wanted) as told:
         ff.Problem.of(ff.read_campaign(path))
     assert len(told.value.args) == 1
@@ -211,21 +211,21 @@ def test_what_is_wrong_with_a_law_is_told_in_a_sentence(
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        (lambda text: text.replace("bias (mV)", "bias"), "row 2, column 'bias'.* has no unit"),
-        (lambda text: text.replace("bias (mV)", "bas (mV)"), "no variable 'bas'"),
+        (lambda text: text.replace("bias (mV)", "bias"), "row 2, column 'bias'.*unit"),
+        (lambda text: text.replace("bias (mV)", "bas (mV)"), "'bas'"),
         (
             lambda text: "\n".join(
                 ",".join([*line.split(",")[:2], "5.0", line.split(",")[3]]) if k else line
                 for k, line in enumerate(text.splitlines())
             ),
-            "the control quantity 'bias' is 5 mV everywhere; wanted two values or more",
+            "'bias' is 5 mV",
         ),
     ],
 )
 def test_what_is_wrong_with_the_control_column_is_told(
-    change: Callable[[str], str], wanted: str, oscillator_fmu: Path, tmp_path: Path
+    change: Callable[[str], str], wanted: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
-    path = written(tmp_path, oscillator_fmu)
+    path = written(tmp_path, swift_fmu)
     peaks = tmp_path / "peaks.csv"
     peaks.write_text(change(peaks.read_text()))
     with pytest.raises(BadInput, match=wanted):

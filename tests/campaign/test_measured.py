@@ -107,28 +107,28 @@ def test_sweeps_that_cannot_be_are_refused(changed: dict[str, Any], words: str) 
 
 
 def test_spectra_noise_and_drift_that_cannot_be_are_refused() -> None:
-    with pytest.raises(BadInput, match="2 points; wanted at least 3"):
+    with pytest.raises(BadInput, match=r"2 points; .* 3"):
         Spectrum(F[:2], A[:2])
-    with pytest.raises(BadInput, match=r"x\.csv: amplitudes: 3 of them, wanted 4"):
+    with pytest.raises(BadInput, match=r"x\.csv: amplitudes: 3 .* 4"):
         Spectrum(F[:4], A[:3], source=Path("x.csv"))
     for share in (-0.1, 1.0, np.nan):
-        with pytest.raises(BadInput, match="wanted a share from 0 to below 1"):
+        with pytest.raises(BadInput, match="share"):
             Noise(relative=share)
-    with pytest.raises(BadInput, match="noise: absolute -1, wanted zero or more"):
+    with pytest.raises(BadInput, match="noise: absolute -1"):
         Noise(absolute_v=-1.0)
-    with pytest.raises(BadInput, match="outliers 'drop', wanted one of keep, huber"):
+    with pytest.raises(BadInput, match=r"outliers 'drop', .*keep, huber"):
         Noise(outliers="drop")
-    with pytest.raises(BadInput, match="threshold 0, wanted more than zero"):
+    with pytest.raises(BadInput, match="threshold 0"):
         Noise(threshold=0.0)
-    with pytest.raises(BadInput, match="eta: from 1 to nan, wanted finite values"):
+    with pytest.raises(BadInput, match=r"eta: .* 1 to nan"):
         Drifting(ends={"eta": (1.0, np.nan)}, positions=(0.0, 1.0), parameters=())
-    with pytest.raises(BadInput, match="positions 0, 2 of the experiments, wanted them from 0 to"):
+    with pytest.raises(BadInput, match="positions 0, 2 "):
         Drifting(ends={"eta": (1.0, 2.0)}, positions=(0.0, 2.0), parameters=())
 
 
 def test_values_as_if_they_were_written() -> None:
     assert written_values({"a": 1, "b": "2 kHz"}, "here")["b"] == Written("2 kHz", None, "here: b")
-    with pytest.raises(BadInput, match="here: a: found nan, wanted a finite number"):
+    with pytest.raises(BadInput, match=r"here: a: .*nan"):
         written_values({"a": float("nan")}, "here")
     assert positive_in(as_written("2 kHz", "x"), "Hz") == 2000.0
     for value, words in ((2.0, "2.0 has no unit"), ("-2 Hz", "wanted more than zero")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,12 +63,10 @@ def row_by_row(evaluator: Evaluator, x: np.ndarray, sigma: np.ndarray) -> Linear
     )
 
 
-def test_declared_parts_add_in_quadrature_to_the_floor(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
-    plain = string_q1(oscillator_fmu, tmp_path / "plain", "")
+def test_declared_parts_add_in_quadrature_to_the_floor(swift_fmu: Path, tmp_path: Path) -> None:
+    plain = string_q1(swift_fmu, tmp_path / "plain", "")
     noise = 'relative = "1 %"\nabsolute = "0.4 uV"'
-    both = string_q1(oscillator_fmu, tmp_path / "both", noise)
+    both = string_q1(swift_fmu, tmp_path / "both", noise)
     peaks = np.concatenate([e.peaks_v for e in plain.experiments])
     floor = np.concatenate([e.sigmas_v for e in plain.experiments])
     sigmas, sentence = peak_sigmas(both)
@@ -95,10 +94,10 @@ def test_declared_parts_add_in_quadrature_to_the_floor(
     ],
 )
 def test_noise_that_makes_no_sense_is_refused(
-    oscillator_fmu: Path, tmp_path: Path, noise: str, found: str
+    swift_fmu: Path, tmp_path: Path, noise: str, found: str
 ) -> None:
     with pytest.raises(BadInput, match=r"\[noise\].*" + found):
-        string_q1(oscillator_fmu, tmp_path, noise)
+        string_q1(swift_fmu, tmp_path, noise)
 
 
 def test_rms_noise_is_a_peak_noise_of_root_two() -> None:
@@ -206,7 +205,7 @@ def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
         problem = problem_of([replace(bound, noise=Noise(outliers=outliers))])
         said = outlier_sentences(problem, [row_by_row(evaluator, x, sigma)])
         assert len(said) == 1
-        assert "pair2 at 6.94034 MHz" in said[0]
+        assert re.search(r"\bpair2 .*6\.94034 MHz", said[0])
         assert "pair1" not in said[0]
         assert ("count less" in said[0]) == (outliers == "huber")
     truth = 120.0 * np.cos(1.9498) ** 2 + 90.0 * np.sin(1.9498) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -26,8 +27,8 @@ PEAKS = [[1.2345e-6, 2.3456e-6], [3.4567e-6, 4.5678e-6]]
 
 
 @pytest.fixture(scope="module")
-def fmu(oscillator_fmu: Path) -> ff.Fmu:
-    return ff.Fmu(oscillator_fmu)
+def fmu(swift_fmu: Path) -> ff.Fmu:
+    return ff.Fmu(swift_fmu)
 
 
 def problem(fmu: ff.Fmu, *measurements: Any) -> ff.Problem:
@@ -48,17 +49,14 @@ def test_the_same_arrays_in_two_series(fmu: ff.Fmu) -> None:
     one = tones(PAIRS, PEAKS, series="a")
     two = tones(PAIRS[1:], PEAKS[1:], series="b", labels=["again"])
     said = refused(fmu, one, two)
-    assert said == (
-        "arrays/b: experiment 'again': are the data of arrays/a: experiment '2' again; wanted "
-        "every measurement once"
-    )
+    assert re.findall("arrays/(.): experiment '(.+?)'", said) == [("b", "again"), ("a", "2")]
     other = [[peak * 1.0001 for peak in PEAKS[1]]]
     problem(fmu, one, replace(two, peaks_v=other))
 
 
 def test_the_same_row_twice_in_one_measurement(fmu: ff.Fmu) -> None:
     said = refused(fmu, tones([PAIRS[0]] * 2, [PEAKS[0]] * 2, labels=["x", "y"]))
-    assert "experiment 'y': are the data of arrays: experiment 'x' again" in said
+    assert re.findall("experiment '(.)'", said) == ["y", "x"]
 
 
 @pytest.mark.parametrize("written", [1.0, np.sqrt(2.0)])
@@ -80,7 +78,7 @@ def test_the_same_drive_with_another_setting_is_another_measurement(fmu: ff.Fmu)
 
 def test_a_sweep_is_fitted_once_and_may_give_its_scale_twice(fmu: ff.Fmu) -> None:
     one, two = (ff.Sweep(SETUP, F, LINE, series=name) for name in "ab")
-    assert "arrays/b: sweep: are the data of arrays/a: sweep again" in refused(fmu, one, two)
+    assert re.findall("arrays/(.): sweep", refused(fmu, one, two)) == ["b", "a"]
     beside = tones(PAIRS, PEAKS, series="b", amplitude_unit="V")
     problem(fmu, one, replace(two, use="scale", scale="maximum"), beside)
     problem(fmu, one, replace(two, amplitude_v=3.0 * LINE))  # a linear sample driven harder
@@ -121,4 +119,4 @@ def test_a_campaign_under_another_path(fmu: ff.Fmu, tmp_path: Path, how: str) ->
     with pytest.raises(BadInput) as caught:
         ff.Problem.of([path, other], fmu)
     assert str(other) in str(caught.value)
-    assert how == "linked" or f"are the data of {path}: experiment" in str(caught.value)
+    assert how == "linked" or f" {path}: experiment" in str(caught.value)

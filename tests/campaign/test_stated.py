@@ -56,25 +56,23 @@ def of_sweep(bound: BoundCampaign) -> list[Parameter]:
 
 
 def test_a_sweep_that_is_fitted_has_the_offsets_of_the_drift(
-    oscillator_fmu: Path, tmp_path: Path
+    swift_fmu: Path, tmp_path: Path
 ) -> None:
-    assert of_sweep(bound_with(oscillator_fmu, tmp_path)) == []
-    own = of_sweep(bound_with(oscillator_fmu, tmp_path, FIT))
+    assert of_sweep(bound_with(swift_fmu, tmp_path)) == []
+    own = of_sweep(bound_with(swift_fmu, tmp_path, FIT))
     assert [p.name for p in own] == ["offset eta_plus[sweep]", "offset eta_minus[sweep]"]
     assert [p.adds_to for p in own] == [("eta_plus",), ("eta_minus",)]
     assert [(p.prior_sigma, p.reference, p.unit) for p in own] == [(30.0, 0.0, "Hz")] * 2
-    [both] = of_sweep(
-        bound_with(oscillator_fmu, tmp_path, FIT, (PRIOR[0], PRIOR[1].format("true")))
-    )
+    [both] = of_sweep(bound_with(swift_fmu, tmp_path, FIT, (PRIOR[0], PRIOR[1].format("true"))))
     assert (both.name, both.adds_to) == ("offset[sweep]", ("eta_plus", "eta_minus"))
 
 
 def test_of_a_straight_drift_it_is_as_wide_as_the_drift_or_the_line(
-    oscillator_fmu: Path, tmp_path: Path
+    swift_fmu: Path, tmp_path: Path
 ) -> None:
     """100 Hz of drift beside a line of 94 Hz; what is declared counts in its place."""
     linear = ('model = "offsets"\nprior = "30 Hz"\n', "")
-    bound = bound_with(oscillator_fmu, tmp_path, FIT, linear)
+    bound = bound_with(swift_fmu, tmp_path, FIT, linear)
     assert bound.sweep is not None
     width = half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
     drifts = [abs(after - before) for before, after in bound.drift.ends.values()]
@@ -82,7 +80,7 @@ def test_of_a_straight_drift_it_is_as_wide_as_the_drift_or_the_line(
     assert [p.prior_sigma for p in of_sweep(bound)] == pytest.approx(expected)
     assert bound.offsets == ()  # of the experiments: none
     told = ('use = "scale"', 'use = "fit"\nset_sigma = { eta_plus = "2e-6 MHz" }')
-    own = {p.name: p.prior_sigma for p in of_sweep(bound_with(oscillator_fmu, tmp_path, told))}
+    own = {p.name: p.prior_sigma for p in of_sweep(bound_with(swift_fmu, tmp_path, told))}
     assert own["offset eta_plus[sweep]"] == pytest.approx(2.0)
     assert own["offset eta_minus[sweep]"] == pytest.approx(30.0)
 
@@ -90,26 +88,26 @@ def test_of_a_straight_drift_it_is_as_wide_as_the_drift_or_the_line(
 @pytest.mark.parametrize(
     ("key", "found"),
     [
-        ('use = "scale"\nset_sigma = { eta_plus = "1 Hz" }', 'has a meaning with use = "fit" only'),
-        ('use = "fit"\nset_sigma = { eta_plus = "0 Hz" }', "wanted more than zero"),
+        ('use = "scale"\nset_sigma = { eta_plus = "1 Hz" }', 'set_sigma.*use = "fit"'),
+        ('use = "fit"\nset_sigma = { eta_plus = "0 Hz" }', "eta_plus: .*0"),
         ('use = "fit"\nset_sigma = { eta_plus = "1 s" }', "eta_plus"),
-        ('use = "fit"\nset_sigma = { g1 = 0.1 }', "of which no value is stated"),
-        ('use = "fit"\nset_sigma = { eta = "1 Hz" }', "no variable 'eta'"),
+        ('use = "fit"\nset_sigma = { g1 = 0.1 }', "g1"),
+        ('use = "fit"\nset_sigma = { eta = "1 Hz" }', "'eta'"),
     ],
 )
 def test_an_error_that_makes_no_sense_is_refused(
-    oscillator_fmu: Path, tmp_path: Path, key: str, found: str
+    swift_fmu: Path, tmp_path: Path, key: str, found: str
 ) -> None:
     with pytest.raises(BadInput, match=found) as caught:
-        bound_with(oscillator_fmu, tmp_path, ('use = "scale"', key))
+        bound_with(swift_fmu, tmp_path, ('use = "scale"', key))
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_exact_is_told(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_what_is_exact_is_told(swift_fmu: Path, tmp_path: Path) -> None:
     """Of a program, which has no drift: stated values are exact unless an error is declared."""
-    bound = bound_with(oscillator_fmu, tmp_path)
+    bound = bound_with(swift_fmu, tmp_path)
     assert bound.sweep is not None
-    variables = read_description(oscillator_fmu).variables
+    variables = read_description(swift_fmu).variables
 
     def made(**errors: float) -> BoundCampaign:
         assert bound.sweep is not None
@@ -121,23 +119,21 @@ def test_what_is_exact_is_told(oscillator_fmu: Path, tmp_path: Path) -> None:
             setting_sigma=errors,
         )
         d1 = ff.Parameter("d1", 94.0, bounds=(1.0, 1000.0))
-        fmu = ff.Fmu(oscillator_fmu, workers=1)
+        fmu = ff.Fmu(swift_fmu, workers=1)
         problem = ff.Problem(fmu, parameters=[d1], measurements=[sweep])
         return problem.record.campaigns[""]
 
     assert variables["eta_plus"].unit == "Hz"
     exact = made()
     assert of_sweep(exact) == []
-    assert any("eta_plus, eta_minus exactly as stated" in note for note in exact.notes)
+    assert any("eta_plus, eta_minus " in note for note in exact.notes)
     declared = made(eta_plus=0.5, eta_minus=3.0)
     assert [p.prior_sigma for p in of_sweep(declared)] == [0.5, 3.0]
-    assert not any("exactly as stated" in note for note in declared.notes)
+    assert not any("eta_plus" in note for note in declared.notes)
 
 
-def test_series_that_are_fitted_together_have_their_own(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
-    bounds = [bound_with(oscillator_fmu, tmp_path / name, FIT) for name in ("a", "b")]
+def test_series_that_are_fitted_together_have_their_own(swift_fmu: Path, tmp_path: Path) -> None:
+    bounds = [bound_with(swift_fmu, tmp_path / name, FIT) for name in ("a", "b")]
     apart = named_apart(bounds)
     assert [bound.sweep.label for _, bound in apart if bound.sweep is not None] == [
         "a/sweep",
@@ -150,8 +146,8 @@ def test_series_that_are_fitted_together_have_their_own(
     assert {"a/sweep", "b/sweep"} < set(places)
 
 
-def test_the_offset_moves_the_sweep_and_nothing_else(oscillator_fmu: Path, tmp_path: Path) -> None:
-    bound = bound_with(oscillator_fmu, tmp_path, FIT)
+def test_the_offset_moves_the_sweep_and_nothing_else(swift_fmu: Path, tmp_path: Path) -> None:
+    bound = bound_with(swift_fmu, tmp_path, FIT)
     assert bound.sweep is not None
     names = [p.name for p in bound.parameters]
     p = np.array([q.start for q in bound.parameters])
@@ -159,7 +155,7 @@ def test_the_offset_moves_the_sweep_and_nothing_else(oscillator_fmu: Path, tmp_p
     moved = p.copy()
     moved[names.index("offset eta_plus[sweep]")] = 20.0
     moved[names.index("offset eta_minus[sweep]")] = -7.0
-    with FmuWorkers(oscillator_fmu, workers=1) as workers:
+    with FmuWorkers(swift_fmu, workers=1) as workers:
         response = through(workers, bound, drafted(bound), {})
         before, after = response.evaluate_many([p, moved])
     assert after.predictions[0].values == pytest.approx(before.predictions[0].values, rel=1e-12)
@@ -182,10 +178,10 @@ def holds_the_damping(laboratory: Laboratory) -> bool:
 
 
 def test_a_place_that_is_stated_wrongly_makes_nothing_known_that_is_not(
-    oscillator_fmu: Path, tmp_path: Path
+    swift_fmu: Path, tmp_path: Path
 ) -> None:
     """3.2 Hz off, 2 Hz declared; believed, the same place excludes the damping that there is."""
-    variables = read_description(oscillator_fmu).variables
+    variables = read_description(swift_fmu).variables
     laboratory = stated_wrongly(40_011, variables, tmp_path, off_hz=2.0, declared=True)
     assert holds_the_damping(laboratory)
     bound = laboratory.bound
@@ -209,7 +205,7 @@ set = { eta_plus = "6.94021 MHz", eta_minus = "7.02755 MHz" }
     ],
 )
 def test_so_has_a_complex_sweep(
-    oscillator_fmu: Path, tmp_path: Path, keys: str, label: str, priors: list[float]
+    swift_fmu: Path, tmp_path: Path, keys: str, label: str, priors: list[float]
 ) -> None:
     f = np.linspace(6.9399e6, 6.9405e6, 41)
     h = 1e-5 / (1.0 + 2j * (f - 6.94021e6) / 94.0)
@@ -217,7 +213,7 @@ def test_so_has_a_complex_sweep(
         f"{a!r},{v.real!r},{v.imag!r}" for a, v in zip(f.tolist(), h.tolist(), strict=True)
     )
     (tmp_path / "complex.csv").write_text(f"frequency (Hz),x (V),y (V)\n{rows}\n")
-    bound = bound_with(oscillator_fmu, tmp_path, ("\n[derived]", f"{COMPLEX}{keys}\n[derived]"))
+    bound = bound_with(swift_fmu, tmp_path, ("\n[derived]", f"{COMPLEX}{keys}\n[derived]"))
     own = [p for p in bound.parameters if p.experiment == label]
     assert [p.prior_sigma for p in own] == priors
     assert {p.adds_to for p in own} == {("eta_plus",), ("eta_minus",)}

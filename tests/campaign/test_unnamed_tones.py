@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,11 @@ F = np.linspace(292.0, 352.0, 13)
 
 
 @pytest.fixture
-def campaign(tmp_path: Path, oscillator_fmu: Path) -> Path:
+def campaign(tmp_path: Path, swift_fmu: Path) -> Path:
     """One tone, u1, through an FMU that has two."""
     for name, text in texts().items():
         (tmp_path / name).write_text(text, "utf-8")
-    (tmp_path / FMU).write_bytes(oscillator_fmu.read_bytes())
+    (tmp_path / FMU).write_bytes(swift_fmu.read_bytes())
     return tmp_path / CAMPAIGN
 
 
@@ -40,12 +41,12 @@ def test_a_second_tone_that_drives_is_refused_by_name(
 ) -> None:
     changed(campaign, **start)
     out = campaign.parent / "out"
-    assert main(["reconstruct", str(campaign), "--out", str(out), "--quick"]) == 2
+    words = ["reconstruct", str(campaign), "--out", str(out), "--quick", "--no-report"]
+    assert main(words) == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1
-    assert f"{campaign}: [drive] names u1, but the FMU drives at u2 as well" in told
-    assert f"with A2 = {size}" in told
-    assert "wanted u2 and A2 named beside, or A2 = 0 in [fmu.start]" in told
+    for token in (f"{campaign}: [drive] ", "u1", "u2", f"A2 = {size}", "A2 = 0 in [fmu.start]"):
+        assert token in told
 
 
 def test_the_doctor_says_it_too(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,11 +54,11 @@ def test_the_doctor_says_it_too(campaign: Path, capsys: pytest.CaptureFixture[st
     assert main(["check", fmu, "--campaign", str(campaign)]) == 0
     changed(campaign)
     assert main(["check", fmu, "--campaign", str(campaign)]) == 2
-    assert "drives at u2 as well" in capsys.readouterr().err
+    assert re.search(r"\[drive\] .*\bu2\b", capsys.readouterr().err)
 
 
 def test_a_program_hears_the_same_and_may_say_it_of_every_measurement(
-    oscillator_fmu: Path,
+    swift_fmu: Path,
 ) -> None:
     def problem(fmu: ff.Fmu, settings: dict[str, float]) -> ff.Problem:
         setup = ff.Setup(
@@ -70,7 +71,7 @@ def test_a_program_hears_the_same_and_may_say_it_of_every_measurement(
         wanted = [ff.Parameter("d1", 30.0, bounds=(1.0, 100.0), unit="Hz")]
         return ff.Problem(fmu, wanted, [sweep])
 
-    with ff.Fmu(oscillator_fmu, 1) as fmu:
-        with pytest.raises(ff.BadInput, match="the setup's drive names u1, but the FMU drives at"):
+    with ff.Fmu(swift_fmu, 1) as fmu:
+        with pytest.raises(ff.BadInput, match=r"\bu1\b.*\bu2\b"):
             problem(fmu, {}).residuals([30.0])
         problem(fmu, {"A2": 0.0})

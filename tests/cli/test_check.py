@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from pathlib import Path
@@ -19,21 +20,23 @@ ROOT = Path(__file__).parents[2]
 
 def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -> None:
     campaign = ROOT / "data" / "string_q1" / "campaign.toml"
-    assert main(["check", str(oscillator_fmu), "--campaign", str(campaign)]) == 0
-    text = capsys.readouterr().out
-    assert not re.search("^(cosmetic|careful|fatal): ", text, re.MULTILINE)
-    assert re.search(r"outputs are the same to 1e-12 over \d+ steps of 1e-08 s", text)
-    assert "made for steps of 1e-08 s" in text
-    assert re.search(r"changed no output over \d+ steps of 1e-08 s: ", text)
-    assert "rk4_substep" in text  # the exact solver takes none
-    assert "eta_plus" in text
-    assert "suits this FMU" in text
-    assert "same bit for bit" in text
-    assert "no fault: something inside it, as a drive, goes by the time" in text
-    assert (
-        "needsExecutionTool: needs further software on the machine, here a libpython of "
-        "Python 3.8 to 3.13\n" in text
-    )
+    assert main(["check", str(oscillator_fmu), "--campaign", str(campaign), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["sound"], found["findings"], found["failure"]) == (True, [], None)
+    assert (found["model_name"], found["fmi_version"]) == ("CoupledOscillator", "2.0")
+    assert found["variables"]["d1"]["unit"] == "Hz"
+    assert found["suits"]["output"] == "q1_hybrid"
+    assert "q1_hybrid" in found["trial"]["numbers"]
+    repeats, resets = found["repeats"], found["resets"]
+    assert (repeats["step_s"], repeats["again"]) == (1e-8, 0.0)
+    assert repeats["halves"] <= 1e-12 < repeats["later"]  # the drive goes by the time
+    assert (resets["step_s"], resets["true"]) == (1e-8, True)
+    assert "rk4_substep" in resets["idle"]  # the exact solver takes none
+    assert "eta_plus" not in resets["idle"]
+    description = read_description(oscillator_fmu)
+    assert description.own_steps.usual_s == 1e-8
+    [needs] = [s for s in description_lines(description) if s.startswith("needsExecutionTool: ")]
+    assert re.findall(r"\d+\.\d+", needs) == ["3.8", "3.13"]  # of libpython
 
 
 def test_an_fmu_that_does_not_suit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,8 +49,10 @@ def test_an_fmu_that_does_not_suit(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_a_reset_that_lies_is_told(
     reset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["check", str(build_c_fmu(tmp_path, reset=reset))]) == 0
-    assert "every run has a new instance" in capsys.readouterr().out
+    assert main(["check", str(build_c_fmu(tmp_path, reset=reset)), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["resets"]["true"] is False
+    assert found["costs"]["anew"] is True
 
 
 @pytest.mark.parametrize(
@@ -69,7 +74,6 @@ def test_rules_broken_are_told_by_how_much_they_matter(
     told = capsys.readouterr()
     assert re.search(words, told.out)
     assert told.err == ""
-    assert "same bit for bit" in told.out
 
 
 def test_an_fmu_without_outputs_is_seen_by_its_local_variables(
@@ -79,8 +83,8 @@ def test_an_fmu_without_outputs_is_seen_by_its_local_variables(
     fmu = reworded(build_c_fmu(tmp_path), {'causality="output"': 'causality="local"'})
     assert main(["check", str(fmu)]) == 0
     text = capsys.readouterr().out
-    assert "4 local variables (it has no output) are numbers" in text
-    assert re.search("^displacement +local, continuous, Real m$", text, re.MULTILINE)
+    assert "4 local variables" in text
+    assert re.search("^displacement +local, .*Real m$", text, re.MULTILINE)
     drive = ["--input", "force", "--drive", "300 Hz", "--set", "damping=0.2", "--accuracy", "1e-3"]
     assert main(["simulate", str(fmu), *drive, "--out", str(tmp_path / "out")]) == 0
     told = re.search(r"^displacement: (\S+) m peak", capsys.readouterr().out, re.MULTILINE)
@@ -95,8 +99,8 @@ def test_a_crash_when_an_instance_is_freed_is_found(
     """One run goes well: a fit would die at the next one."""
     assert main(["check", str(build_c_fmu(tmp_path, marks={"CRASHES_WHEN_FREED": 1.0}))]) == 3
     told = capsys.readouterr()
-    assert "trial run: one step" in told.out
-    assert "crashed its process" in told.err
+    assert "trial run: " in told.out
+    assert "SIGSEGV" in told.err
 
 
 def test_what_an_fmu_says_does_not_steer_the_terminal(
@@ -119,10 +123,10 @@ def test_the_page_tells_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[s
     told = capsys.readouterr().out
     page = (out / "report.html").read_text("utf-8")
     [careful] = re.findall("^careful: (outputs repeat to .*)$", told, re.MULTILINE)
-    for words in (careful, "a step takes about", "DrivenOscillator", "stiffness"):
+    for words in (careful, "step takes", "DrivenOscillator", "stiffness"):
         assert words in told
         assert words in page
-    assert page.count("a step takes about") == 1
+    assert page.count("step takes") == 1
     assert "2412.07301" not in page  # no fit was made
     assert "data:image/svg+xml" in page
     assert (out / "figures" / "1_repeats.csv").exists()
@@ -132,7 +136,7 @@ def test_the_page_tells_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_no_binary_for_this_platform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(build_c_fmu(tmp_path, platform="plan9"))]) == 2
-    assert "no binary for this platform" in capsys.readouterr().err
+    assert "plan9" in capsys.readouterr().err
 
 
 def test_failing_fmu_is_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -155,8 +159,7 @@ def test_failing_fmu_is_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixtur
         == 3
     )
     told = capsys.readouterr()
-    assert "told to fail: misbehave = 5" in told.err
-    assert "misbehave = 5" in told.err
+    assert "told to fail: misbehave = 5" in told.err  # the FMU's own words
     assert told.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
@@ -164,27 +167,29 @@ def test_failing_fmu_is_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("option", "words"),
     [
-        ("--step=0", "--step: found '0', wanted a positive number"),
-        ("--step=nan", "--step: found 'nan', wanted a finite number"),
-        ("--step=1 mm", "--step: found unit 'mm', wanted 's'"),
-        ("--timeout=-1", "--timeout: found '-1', wanted a positive number"),
+        ("--step=0", "'0'"),
+        ("--step=nan", "'nan'"),
+        ("--step=1 mm", "'mm'"),
+        ("--timeout=-1", "'-1'"),
     ],
 )
 def test_impossible_times_are_refused_by_name(
     option: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["check", str(tmp_path / "any.fmu"), option]) == 2
-    assert words in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert f"{option.partition('=')[0]}: " in told
+    assert words in told
 
 
 def test_times_take_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fmu = build_c_fmu(tmp_path)
     assert main(["check", str(fmu), "--step", "2 ms", "--timeout", "0.5 min"]) == 0
     text = capsys.readouterr().out
-    assert "one step of 0.002 s" in text
+    assert "step of 0.002 s" in text
     assert "needsExecutionTool" not in text
     once = description_lines(read_description(build_c_fmu(tmp_path, once=True)))
-    assert "canBeInstantiatedOnlyOncePerProcess: one instance in a process" in once
+    assert any(line.startswith("canBeInstantiatedOnlyOncePerProcess: ") for line in once)
 
 
 def test_a_run_out_of_time_names_the_option(
@@ -194,7 +199,9 @@ def test_a_run_out_of_time_names_the_option(
     drive = ["--input", "force", "--drive", "300 Hz", "--set", "misbehave=1"]  # hangs
     arguments = [*drive, "--timeout", "300 ms", "--out", str(tmp_path / "out")]
     assert main(["simulate", str(fmu), *arguments]) == 3
-    assert "no answer within 0.3 s and was stopped; --timeout sets" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "0.3 s" in told
+    assert "--timeout" in told
 
 
 def test_what_the_fmu_says_comes_first(
@@ -203,8 +210,8 @@ def test_what_the_fmu_says_comes_first(
     arguments = ["--set", "d1=-1e6", "--out", str(tmp_path / "out")]
     assert main(["simulate", str(swift_fmu), *arguments]) == 3
     told = capsys.readouterr().err
-    assert f"{swift_fmu}: d1 = -1000000.0 Hz is negative" in told
-    assert re.search(r"may grow; the growing oscillation .*; stopped early at t = 0\.0 s", told)
+    assert f"{swift_fmu}: d1 = -1000000.0 Hz" in told
+    assert re.search(r" t = 0\.0 s", told)
 
 
 def test_a_hang_is_told_after_one_time_out(
@@ -216,7 +223,7 @@ def test_a_hang_is_told_after_one_time_out(
     clock.runs = hung.exists
     assert main(["check", str(fmu), "--timeout", "70 s"]) == 3
     told = capsys.readouterr()
-    assert "gave no answer within 70 s and was stopped; --timeout sets that limit" in told.err
-    assert "stiffness = 400" in told.err
-    assert "trial run: one step" in told.out
+    for token in ("70 s", "--timeout", "stiffness = 400"):
+        assert token in told.err
+    assert "trial run: " in told.out
     assert hung.read_text() == "hangs\n"

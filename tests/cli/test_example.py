@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -27,8 +28,9 @@ def test_without_a_name_every_example_has_a_line(
 ) -> None:
     assert main(["example"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == NAMES
-    assert ["string_q1", "String, q1 series (synthetic)"] in [re.split(" {2,}", x) for x in lines]
+    texts = {name: (DATA / name / "campaign.toml").read_text("utf-8") for name in NAMES}
+    titles = {name: tomllib.loads(text)["title"] for name, text in texts.items()}
+    assert dict(re.split(" {2,}", line, maxsplit=1) for line in lines) == titles
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -43,7 +45,7 @@ def test_an_example_is_written_whole(
     assert files(tmp_path / name) == files(DATA / name)
     assert read_campaign(tmp_path / name / "campaign.toml").file.fmu.model
     told = capsys.readouterr().out
-    assert f"go on with: fmu-fit reconstruct {name}/campaign.toml" in told
+    assert f"fmu-fit reconstruct {name}/campaign.toml" in told
     assert f"{name}/sweep.csv" in told or name in ("afm_sensor", "coupled_rlc")
     # into an empty folder, but never onto something
     (tmp_path / "empty").mkdir()
@@ -51,27 +53,28 @@ def test_an_example_is_written_whole(
     (tmp_path / name / "sweep.csv").write_text("mine")
     assert main(["example", name]) == 2
     assert (tmp_path / name / "sweep.csv").read_text() == "mine"
-    assert "is there already, wanted a new or an empty folder" in capsys.readouterr().err
+    assert capsys.readouterr().err.startswith(f"fmu-fit: {name}: ")
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["string_q3"], "found 'string_q3', wanted one of afm_sensor, coupled_rlc, duffing_string"),
-        (["..", "--out", "o"], "found '..', wanted one of"),
-        (["--out", "o"], "--out o: wanted a NAME as well, one of afm_sensor"),
+        (["string_q3"], ["'string_q3'", *NAMES]),
+        (["..", "--out", "o"], ["'..'", *NAMES]),
+        (["--out", "o"], ["--out o: ", "NAME", *NAMES]),
     ],
 )
 def test_what_is_no_example(
     arguments: list[str],
-    words: str,
+    words: list[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["example", *arguments]) == 2
-    assert words in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert all(word in told for word in words)
     assert not any(tmp_path.iterdir())
 
 
@@ -82,5 +85,5 @@ def test_an_installed_copy_comes_first(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(fitting, "__file__", str(package / "__init__.py"))
     assert shipped("data") == package / "shipped" / "data"
     assert shipped("build_fmu.py") == tmp_path / "build_fmu.py"
-    with pytest.raises(BadInput, match="fmu_src: No such file or directory; wanted a whole"):
+    with pytest.raises(BadInput, match="fmu_src: "):
         shipped("fmu_src")

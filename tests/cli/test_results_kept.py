@@ -36,10 +36,10 @@ def test_a_file_of_the_laboratory_is_kept(
     assert main([command, *words, "--out", str(tmp_path)]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err == (
-        f"fmu-fit: {path}: is there already, and fmu-fit {command} did not write it, so it is "
-        "kept; wanted another folder (--out)\n"
-    )
+    assert err.startswith(f"fmu-fit: {path}: ")
+    assert f"fmu-fit {command} " in err
+    assert "(--out)" in err
+    assert err.count("\n") == 1
     assert [p for p in tmp_path.rglob("*") if p.is_file()] == [path]
     assert path.read_text() == "measured"
 
@@ -56,10 +56,10 @@ def test_while_another_command_writes_there_it_is_refused(
         other.start()
         other.join()
     assert codes == [2]
-    assert capsys.readouterr().err == (
-        f"fmu-fit: {tmp_path}: another fmu-fit command is writing there; wanted another folder "
-        "(--out), or to wait until it has ended\n"
-    )
+    err = capsys.readouterr().err
+    assert err.startswith(f"fmu-fit: {tmp_path}: ")
+    assert "(--out)" in err
+    assert err.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
@@ -82,8 +82,8 @@ def test_a_report_that_goes_is_told(tmp_path: Path, capsys: pytest.CaptureFixtur
     for number, report in enumerate((False, True, True, False, False)):
         assert run(Namespace(out=tmp_path, number=number, report=report)) == 0
         said.append(capsys.readouterr().out)
-    assert said[3] == (
-        f"removed from {tmp_path}: report.html, values.csv and 2 files of figures, which went with "
-        "an earlier report\n"
-    )
+    assert str(tmp_path) in said[3]
+    assert "report.html, values.csv and 2 " in said[3]
+    assert "figures" in said[3]
+    assert said[3].count("\n") == 1
     assert said[:3] + said[4:] == [""] * 4

@@ -22,6 +22,19 @@ from fitting.simulate.planner import plan_drives
 from fitting.simulate.response import USUAL_ACCURACY, RemainderKind, Shown, respond
 from fitting.simulate.words import remainder_in_words
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
+from tests.support.undrawn import without_figures
+
+
+@pytest.fixture
+def drawn() -> None:
+    """Of tests that look at figures."""
+
+
+@pytest.fixture(autouse=True)
+def _undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "drawn" not in request.fixturenames:
+        without_figures(monkeypatch)
+
 
 PAIR = (6.94016e6, 6.94036e6)
 AT_REST = ["--forbid", "periodic start"]
@@ -56,7 +69,7 @@ def closed_form(
 
 
 def test_published_pair_has_the_closed_amplitudes(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], drawn: None
 ) -> None:
     out = tmp_path / "two-tone"
     arguments = [
@@ -95,9 +108,9 @@ def test_published_pair_has_the_closed_amplitudes(
     for name in ("trace", "spectrum"):
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         svg = "".join(ET.parse(out / f"{name}.svg").getroot().itertext())
-        assert "CoupledOscillator, driven at 6.94016 MHz and 6.94036 MHz" in svg
+        for token in ("CoupledOscillator", "6.94016 MHz", "6.94036 MHz"):
+            assert token in svg
     texts = set(ET.parse(out / "spectrum.svg").getroot().itertext())
-    assert {"all other frequencies", "rounding errors"} <= texts
     assert len([text for text in texts if re.fullmatch("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", text)]) > 4
     assert not {"0.1", "10", "100"} & texts  # powers and nothing else
     assert "time − 0 s (ms)" in "".join(ET.parse(out / "trace.svg").getroot().itertext())
@@ -120,9 +133,9 @@ def test_what_help_says_is_wanted_is_what_is_planned_for(
         assert float(said[1]) == usual
 
 
-def test_figures_and_tables_are_reproducible(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_figures_and_tables_are_reproducible(swift_fmu: Path, tmp_path: Path, drawn: None) -> None:
     for name in ("a", "b"):
-        arguments = ["simulate", str(oscillator_fmu), "--set", "periodic_start=true"]
+        arguments = ["simulate", str(swift_fmu), "--set", "periodic_start=true"]
         assert main([*arguments, "--out", str(tmp_path / name)]) == 0
     files = sorted(p.name for p in (tmp_path / "a").iterdir())
     assert len(files) == 9  # the list of them is one
@@ -130,10 +143,10 @@ def test_figures_and_tables_are_reproducible(oscillator_fmu: Path, tmp_path: Pat
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_tones_without_a_common_period_are_fitted(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_tones_without_a_common_period_are_fitted(swift_fmu: Path, tmp_path: Path) -> None:
     pair = (6940160.1234567, 6940360.7654321)
     tones = [f"--set=u{k + 1}={tone!r}" for k, tone in enumerate(pair)]
-    assert main(["simulate", str(oscillator_fmu), *tones, "--out", str(tmp_path)]) == 0
+    assert main(["simulate", str(swift_fmu), *tones, "--out", str(tmp_path)]) == 0
     _, peaks = read(tmp_path / "peaks.csv")
     truth = [closed_form(tone, 1.9498, 120.0, 90.0, (6.94026e6, 7.0276e6))[0] for tone in pair]
     np.testing.assert_allclose(peaks[:, 1], truth, rtol=1e-7)
@@ -162,65 +175,61 @@ def test_a_single_slow_tone_is_simulated(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--set", "u1"], "wanted NAME=VALUE"),
-        (["--set", "=3"], "wanted NAME=VALUE"),
-        (["--set", "U1=3 MHz"], "no variable 'U1' in this FMU; did you mean u1"),
-        (["--set", "thet=1"], "did you mean theta"),
-        (["--set", "d1=nan"], "--set d1: found 'nan', wanted a finite number"),
-        (["--set", "solver=envelope"], "found 'envelope', wanted a whole number"),
-        (["--set", "solver=nan"], "found 'nan', wanted a whole number"),
-        (
-            ["--set", "u1=6.94018"],
-            "tones 6.94018 Hz and 6940360 Hz: no common period within 100 s, and no sampling of "
-            "10 s keeps them within one band; they differ by a factor of 1000000: is a unit "
-            "missing",
-        ),
-        (["--set", "u1=6.94"], "tones 6.94 Hz and 6940360 Hz: no sampling of 50.0 s"),
-        (["--set", "u3=1"], "no variable 'u3'"),
-        (["--set", "u1=6.94 V"], "--set u1: found unit 'V', wanted 'Hz'"),
-        (["--set", "u1=fast"], "--set u1: found 'fast'"),
-        (["--set", "solver=0.5"], "wanted a whole number"),
-        (["--set", "reflection=maybe"], "wanted true or false"),
-        (["--set", "lambda=1"], "cannot be set"),
-        (["--set", "u1=6940360"], "wanted different positive frequencies"),
-        (["--tones", "theta,u2"], "--tones theta: its unit is 'rad'"),
-        (["--outputs", "q3"], "no variable 'q3'"),
-        (["--window", "30 ms"], "1.2 common periods"),
-        (["--settle", "1 Hz"], "--settle"),
-        (["--input", "b"], "wanted both or none"),
-        (["--settle", "nan"], "--settle: found 'nan', wanted a finite number"),
-        (["--settle=-1 s"], "--settle: found '-1 s', wanted a time of at least 0"),
-        (["--window", "0"], "--window: found '0', wanted a positive number"),
-        (["--timeout=-1"], "--timeout: found '-1', wanted a positive number"),
-        (["--samples", "0"], "argument --samples: found '0'"),
-        (["--samples", "3"], "no sampling"),
-        (["--level", "2"], "--level: is for --input"),
-        (["--input", "b", "--drive", "1 kHz", "--level", "2 V"], "--level: found unit 'V'"),
-        (["--outputs", "lambda"], "lambda is constant at 647567.76; wanted one that oscillates"),
-        (["--set", "A1=0", "--set", "A2=0"], "q1_hybrid is constant at 0"),
+        (["--set", "u1"], ["--set u1: ", "NAME=VALUE"]),
+        (["--set", "=3"], ["--set =3: ", "NAME=VALUE"]),
+        (["--set", "U1=3 MHz"], ["'U1'", "did you mean u1"]),
+        (["--set", "thet=1"], ["'thet'", "did you mean theta"]),
+        (["--set", "d1=nan"], ["--set d1: found 'nan'"]),
+        (["--set", "solver=envelope"], ["solver: found 'envelope'"]),
+        (["--set", "solver=nan"], ["solver: found 'nan'"]),
+        (["--set", "u1=6.94018"], ["6.94018 Hz", "6940360 Hz", " 100 s", " 10 s", " 1000000: "]),
+        (["--set", "u1=6.94"], ["6.94 Hz", "6940360 Hz", "50.0 s"]),
+        (["--set", "u3=1"], ["'u3'"]),
+        (["--set", "u1=6.94 V"], ["--set u1: ", "'V'", "'Hz'"]),
+        (["--set", "u1=fast"], ["--set u1: found 'fast'"]),
+        (["--set", "solver=0.5"], ["solver: found '0.5'"]),
+        (["--set", "reflection=maybe"], ["reflection: found 'maybe'"]),
+        (["--set", "lambda=1"], ["lambda"]),
+        (["--set", "u1=6940360"], ["6940360"]),
+        (["--tones", "theta,u2"], ["--tones theta: ", "'rad'"]),
+        (["--outputs", "q3"], ["'q3'"]),
+        (["--window", "30 ms"], ["1.2 common periods"]),
+        (["--settle", "1 Hz"], ["--settle"]),
+        (["--input", "b"], ["--input", "--drive"]),
+        (["--settle", "nan"], ["--settle: found 'nan'"]),
+        (["--settle=-1 s"], ["--settle: found '-1 s'"]),
+        (["--window", "0"], ["--window: found '0'"]),
+        (["--timeout=-1"], ["--timeout: found '-1'"]),
+        (["--samples", "0"], ["--samples: found '0'"]),
+        (["--samples", "3"], ["no sampling"]),
+        (["--level", "2"], ["--level: ", "--input"]),
+        (["--input", "b", "--drive", "1 kHz", "--level", "2 V"], ["--level: ", "'V'"]),
+        (["--outputs", "lambda"], ["lambda is constant at 647567.76"]),
+        (["--set", "A1=0", "--set", "A2=0"], ["q1_hybrid is constant at 0"]),
     ],
 )
 def test_bad_input(
-    oscillator_fmu: Path,
+    swift_fmu: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     arguments: list[str],
-    words: str,
+    words: list[str],
 ) -> None:
     out = tmp_path / "out"
-    assert main(["simulate", str(oscillator_fmu), *arguments, "--out", str(out)]) == 2
+    assert main(["simulate", str(swift_fmu), *arguments, "--out", str(out)]) == 2
     told = capsys.readouterr()
-    assert words in told.err
+    for word in words:
+        assert word in told.err
     assert told.err.count("\n") == 1
     assert not out.exists()
 
 
 def test_free_oscillation_without_damping_is_told(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its amplitude is as steady as the response itself, but it is not the response."""
     arguments = ["--set", "d1=0", "--set", "d2=0", "--set", "u2=6.9403 MHz", *AT_REST]
-    assert main(["simulate", str(oscillator_fmu), *arguments, "--out", str(tmp_path)]) == 1
+    assert main(["simulate", str(swift_fmu), *arguments, "--out", str(tmp_path)]) == 1
     text = capsys.readouterr().out
     found = re.search(r"warning: beside the tones there is (\S+) of the largest peak: (.*)", text)
     assert found is not None
@@ -229,16 +238,16 @@ def test_free_oscillation_without_damping_is_told(
     eta = 6.94026e6
     lines = [1 / (eta**2 - u**2) for u in (6.94016e6, 6.9403e6)]
     assert float(found[1]) == pytest.approx(abs(sum(lines)) / max(map(abs, lines)), rel=0.05)
-    assert "most at 6.94026 MHz, which is no combination" in found[2]
+    assert "6.94026 MHz" in found[2]
     assert "--settle" in text
-    assert "among the tones u1" not in text
+    assert "u1" not in text.partition("warning: ")[2]
 
 
 def test_what_does_not_settle_is_written_and_told(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--set", "d1=1e-6", "--set", "d2=1e-6", *AT_REST]
-    assert main(["simulate", str(oscillator_fmu), *arguments, "--out", str(tmp_path)]) == 1
+    assert main(["simulate", str(swift_fmu), *arguments, "--out", str(tmp_path)]) == 1
     text = capsys.readouterr().out
     assert "still change" in text
     assert "--settle" in text
@@ -246,74 +255,83 @@ def test_what_does_not_settle_is_written_and_told(
 
 
 def test_a_single_tone_settles_after_many_of_its_short_windows(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """64 periods are 9 microseconds, the modes ring for milliseconds."""
     arguments = ["--tones", "u1", "--set", "A2=0", "--out", str(tmp_path)]
-    assert main(["simulate", str(oscillator_fmu), *arguments]) == 0
+    assert main(["simulate", str(swift_fmu), *arguments]) == 0
     _, peaks = read(tmp_path / "peaks.csv")
     truth = closed_form(PAIR[0], 1.9498, 120.0, 90.0, (6.94026e6, 7.0276e6))[0]
     assert peaks[0, 1] == pytest.approx(truth, rel=1e-8)
     assert "rounding" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("accuracy", ["1e-2", "1e-4", "1e-9"])
-@pytest.mark.parametrize("settle", [[], ["--settle", "0.08 s"]])
+@pytest.mark.parametrize(
+    ("settle", "accuracy"),
+    [
+        ([], "1e-2"),
+        pytest.param([], "1e-4", marks=pytest.mark.nightly),
+        ([], "1e-9"),
+        pytest.param(["--settle", "0.08 s"], "1e-2", marks=pytest.mark.nightly),
+        (["--settle", "0.08 s"], "1e-4"),
+        pytest.param(["--settle", "0.08 s"], "1e-9", marks=pytest.mark.nightly),
+    ],
+)
 def test_a_start_at_rest_keeps_what_is_promised(
     settle: list[str],
     accuracy: str,
-    oscillator_fmu: Path,
+    swift_fmu: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Settling by watching or as asked for, at any accuracy: one plan, and the command keeps it."""
     arguments = ["--accuracy", accuracy, *AT_REST, *settle, "--out", str(tmp_path)]
-    assert main(["simulate", str(oscillator_fmu), *arguments]) == 0
+    assert main(["simulate", str(swift_fmu), *arguments]) == 0
     said = capsys.readouterr().out
     promised = float(re.findall(r"In all: amplitudes within (\S+) of themselves", said)[0])
     _, peaks = read(tmp_path / "peaks.csv")
     truth = [closed_form(tone, 1.9498, 120.0, 90.0, (6.94026e6, 7.0276e6))[0] for tone in PAIR]
     assert np.max(np.abs(peaks[:, 1] / truth - 1.0)) <= promised <= float(accuracy)
-    assert ("settling: 80 ms (as asked for)" in said) == bool(settle)
-    assert "not steady" not in said
+    assert ("settling: 80 ms" in said) == bool(settle)
 
 
 def test_a_time_to_settle_that_is_too_short_is_told(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--accuracy", "1e-4", *AT_REST, "--settle", "5 ms", "--out", str(tmp_path)]
-    assert main(["simulate", str(oscillator_fmu), *arguments]) == 1
+    assert main(["simulate", str(swift_fmu), *arguments]) == 1
     said = capsys.readouterr().out
-    assert "not the 1.0e-04 that was wanted; most of it is due to settling (5 ms)" in said
-    assert "a longer time before sampling by --settle TIME" in said
+    assert re.search(r"1\.0e-04 .*settling \(5 ms\)", said)
+    assert "--settle TIME" in said
 
 
 @pytest.mark.parametrize("window", [[], ["--window", "25 ms", "--settle", "200 ms"]])
 def test_a_tone_that_is_not_named_is_suspected(
-    window: list[str], oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    window: list[str], swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["simulate", str(oscillator_fmu), "--tones", "u1", *window]
+    arguments = ["simulate", str(swift_fmu), "--tones", "u1", *window]
     assert main([*arguments, "--out", str(tmp_path)]) == 1
     text = capsys.readouterr().out
-    assert "u2 is not among the tones u1" in text
-    assert "--set A2=0" in text
+    warning = text.partition("warning: ")[2]
+    assert "u2" in warning
+    assert "--set A2=0" in warning
 
 
 def test_constant_outputs_are_told_as_such(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], drawn: None
 ) -> None:
     outputs = ["--outputs", "lambda,q1_hybrid", "--set", "periodic_start=true"]
-    assert main(["simulate", str(oscillator_fmu), *outputs, "--out", str(tmp_path)]) == 0
+    assert main(["simulate", str(swift_fmu), *outputs, "--out", str(tmp_path)]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"^lambda: constant, 647567\.76\d* Hz$", text, re.MULTILINE)
+    assert re.search(r"^lambda: .*647567\.76\d* Hz$", text, re.MULTILINE)
     assert "q1_hybrid: 1.65" in text
     assert "lambda" not in "".join(ET.parse(tmp_path / "trace.svg").getroot().itertext())
 
 
-def test_the_trace_fills_the_envelope_evenly(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_the_trace_fills_the_envelope_evenly(swift_fmu: Path, tmp_path: Path) -> None:
     """No 41 samples in a row miss the envelope by more than 1 - cos(pi/41), 0.3 %."""
     arguments = ["--set", "periodic_start=true", "--out", str(tmp_path)]
-    assert main(["simulate", str(oscillator_fmu), *arguments]) == 0
+    assert main(["simulate", str(swift_fmu), *arguments]) == 0
     _, trace = read(tmp_path / "beating.csv")
     times, values = trace.T
     phases = [2 * np.pi * np.mod(tone * times, 1.0) for tone in PAIR]
@@ -358,10 +376,10 @@ def test_mixtures_of_the_tones_belong_to_the_response() -> None:
     beside = response.remainder
     assert beside.kind == RemainderKind.COMBINATION
     assert beside.share == pytest.approx((3 / 32) / (41 / 32), rel=0.05)
-    assert "combination of the tones" in remainder_in_words(beside)
+    assert f" {beside.at_hz:g} Hz" in remainder_in_words(beside)
     assert {(2, -1), (-1, 2)} <= {line.factors for line in response.lines}
 
     response = respond(Cubic(own=1e-4), plan, Shown(window_s=2.0))
     assert not response.steady
     assert response.remainder.kind == RemainderKind.UNEXPLAINED
-    assert "most at 317 Hz, which is no combination" in remainder_in_words(response.remainder)
+    assert "317 Hz" in remainder_in_words(response.remainder)

@@ -143,34 +143,22 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
     [
         (["--series", "q1", "--d1", "-3"], "damping d1 = -3.0"),
         (["--series", "q1", "--eta-plus", "9e6"], "eta_plus = 9000000.0 Hz must lie"),
-        (["--series", "q1", "--noise-scale", "-1"], "noise_scale = -1.0 must not be negative"),
-        (["--series", "q1", "--alpha1", "1e32"], "alpha1: has no meaning for the bench 'q1'"),
-        (["--series", "duffing", "--cross-mode"], "lock-in amplifiers have no meaning"),
-        (["--series", "q1", "--cross-mode", "--noise", "0.7"], "lock-ins: noise 0.7, wanted"),
-        (["--series", "q1", "--noise", "0.1"], "--noise: has no meaning here"),
-        (["--series", "notch", "--theta", "1"], "--theta: has no meaning with --series notch"),
-        (
-            ["--series", "pumped", "--phases"],
-            "--phases: has no meaning with --series pumped, whose sweeps of one line are recorded",
-        ),
-        (["--series", "notch", "--phases"], "--phases: has no meaning with --series notch"),
-        (["--series", "notch", "--modes", "3"], "--modes: has no meaning with --series notch"),
-        (
-            ["--series", "q1", "--modes", "3"],
-            "--modes: has no meaning here, only with",
-        ),
-        (
-            ["--series", "q1", "--restart", "3"],
-            "--restart: has no meaning here, only with --phases",
-        ),
-        (
-            ["--series", "q1", "--phases", "--restart", "6"],
-            "before drive pair 6, wanted one of 2 to 5",
-        ),
-        (["--series", "duffing", "--level", "-1"], "must be positive"),
-        (["--series", "duffing", "--level", "3"], "wanted a weaker drive"),
-        (["--series", "duffing", "--d1", "-3"], "damping d1 = -3.0"),
-        (["--like", DATA / "afm_sensor" / "campaign.toml"], "truth.toml: no such file"),
+        (["--series", "q1", "--noise-scale", "-1"], "noise_scale = -1.0"),
+        (["--series", "q1", "--alpha1", "1e32"], "alpha1: .*'q1'"),
+        (["--series", "duffing", "--cross-mode"], "lock-in"),
+        (["--series", "q1", "--cross-mode", "--noise", "0.7"], "lock-ins: noise 0.7"),
+        (["--series", "q1", "--noise", "0.1"], "--noise: "),
+        (["--series", "notch", "--theta", "1"], "--theta: .*--series notch"),
+        (["--series", "pumped", "--phases"], "--phases: .*--series pumped"),
+        (["--series", "notch", "--phases"], "--phases: .*--series notch"),
+        (["--series", "notch", "--modes", "3"], "--modes: .*--series notch"),
+        (["--series", "q1", "--modes", "3"], "--modes: "),
+        (["--series", "q1", "--restart", "3"], "--restart: .*--phases"),
+        (["--series", "q1", "--phases", "--restart", "6"], "pair 6.* 2 to 5"),
+        (["--series", "duffing", "--level", "-1"], "-1"),
+        (["--series", "duffing", "--level", "3"], "weaker drive"),
+        (["--series", "duffing", "--d1", "-3"], "d1 = -3.0"),
+        (["--like", DATA / "afm_sensor" / "campaign.toml"], "truth.toml: "),
     ],
 )
 def test_impossible_laboratories_are_refused(
@@ -188,14 +176,14 @@ def test_a_negative_seed_is_refused_by_name(
     assert main(words) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert "--seed: found '-1', wanted a whole number of at least 0" in err
+    assert "--seed: found '-1'" in err
     assert not (tmp_path / "out").exists()
 
 
 def test_a_measured_campaign_is_never_overwritten(tmp_path: Path) -> None:
     original = (DATA / "afm_sensor" / "campaign.toml").read_bytes()
     (tmp_path / "campaign.toml").write_bytes(original)
-    with pytest.raises(BadInput, match=r"campaign.toml: is there already, and fmu-fit synthesize"):
+    with pytest.raises(BadInput, match=r"campaign.toml: .*fmu-fit synthesize"):
         call("--series", "q1", "--out", tmp_path)
     assert contents(tmp_path) == {"campaign.toml": original}
 
@@ -203,7 +191,7 @@ def test_a_measured_campaign_is_never_overwritten(tmp_path: Path) -> None:
 def test_measured_data_are_kept_beside_any_campaign(tmp_path: Path) -> None:
     """One file of the laboratory among those that would be written: then none is."""
     (tmp_path / "sweep.csv").write_text("frequency (Hz),amplitude (V)\n")
-    with pytest.raises(BadInput, match=r"sweep.csv: is there already"):
+    with pytest.raises(BadInput, match=r"sweep.csv: "):
         call("--series", "q1", "--out", tmp_path)
     assert list(contents(tmp_path)) == ["sweep.csv"]
 
@@ -213,10 +201,10 @@ def test_a_broken_truth_is_named(tmp_path: Path) -> None:
     truth = tmp_path / "truth.toml"
     whole = truth.read_text()
     for old, new, words in [
-        ("d1_hz = 120.0\n", "", "key 'd1_hz' is missing"),
-        ("observed = 0", "observed = 7", "observed mode 7"),
-        ("[modes]", "[modest]", "key 'theta_rad' is missing"),
-        ("[bench]", "[bench", "not valid TOML"),
+        ("d1_hz = 120.0\n", "", "'d1_hz'"),
+        ("observed = 0", "observed = 7", "mode 7"),
+        ("[modes]", "[modest]", "'theta_rad'"),
+        ("[bench]", "[bench", "truth.toml: .*TOML"),
     ]:
         truth.write_text(whole.replace(old, new))
         with pytest.raises(BadInput, match=words):
@@ -226,10 +214,10 @@ def test_a_broken_truth_is_named(tmp_path: Path) -> None:
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     write_whole(path, "old")
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(BadInput, match="below"):
         write_whole(path / "below", "new")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(BadInput, match="folder"):
         write_whole(tmp_path / "folder", "new")
     assert contents(tmp_path) == {"x.txt": b"old"}
     mask = os.umask(0)
