@@ -270,16 +270,16 @@ def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
     """In the first start, between the alternatives, and in the second of them."""
     options = options_of(noisy_campaign.continuation)
     job = job_of(problem_of([noisy_campaign]), Identity(), options)
-    whole = run(noisy_campaign, starts=2, levels=2)
+    whole = run(noisy_campaign, starts=2)
     assert [a.reported for a in whole.alternatives] == [True, False]
-    for stop_after in (1, 3, 4):
+    for stop_after in (1, 10, 13):
         memory = Stopping(tmp_path, job)
         memory.stop_after = stop_after
-        partial = run(noisy_campaign, Hooks(memory=memory), starts=2, levels=2)
+        partial = run(noisy_campaign, Hooks(memory=memory), starts=2)
         assert partial.status == "interrupted"
         kept = checkpoint.resume(tmp_path, job)
         assert len(kept) == stop_after
-        again = run(noisy_campaign, Hooks(memory=kept), starts=2, levels=2)
+        again = run(noisy_campaign, Hooks(memory=kept), starts=2)
         assert without_times(again) == without_times(whole)
 
 

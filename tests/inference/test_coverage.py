@@ -13,7 +13,7 @@ from tests.bench.bench_coverage import SETTINGS, Count, Counts, added, coverage
 LABORATORIES = {"q1": 3, "cross": 3, "gain": 1, "cross-phases": 1}
 AT_NIGHT = {"q1": 10, "q2": 6, "offsets": 2, "cross": 10, "cross-phases": 3}
 IN_SMALL = [
-    pytest.param(setting, counts[setting.name], marks=marks, id=f"{setting.name}-{name}")
+    pytest.param((setting, counts[setting.name]), marks=marks, id=f"{setting.name}-{name}")
     for name, counts, marks in (
         ("sample", LABORATORIES, ()),
         ("night", AT_NIGHT, (pytest.mark.nightly,)),
