@@ -195,9 +195,9 @@ def test_its_maps_are_what_a_report_shows_and_stand_in_plots(fit: ff.Fit) -> Non
     assert "5 spectra over V" in figure.alt
     assert "closest at V = " in figure.caption.replace("\u00a0", " ")
     assert any("law d1" in note for note in shown.notes)
-    drawn = draw_measurement(figure, shown)
-    assert drawn.stem == "control_sweep"
-    assert [c for a in drawn.figure.axes for c in a.get_children() if isinstance(c, QuadMesh)]
+    picture = draw_measurement(figure, shown)
+    assert picture.stem == "control_sweep"
+    assert [c for a in picture.figure.axes for c in a.get_children() if isinstance(c, QuadMesh)]
     axes = Canvas().subplots()
     assert ff.plot.measurement(fit, "1_control_sweep", number=0, ax=axes) is axes
     cells = [c for c in axes.get_children() if isinstance(c, QuadMesh)]

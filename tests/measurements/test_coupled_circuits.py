@@ -46,6 +46,7 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
     assert f"{high:.4g}"[:4] in " ".join(row)
 
 
+@pytest.mark.nightly
 def test_spectra_of_the_other_loop_find_what_all_components_say(swift: ff.Fmu) -> None:
     """Same window, drive and capacitances: parts are good to some per cent, k to half of it."""
     fit = ff.fit(ff.Problem.of(SPECTRA.with_name("spectra_c2.toml"), swift), starts=1)

@@ -57,7 +57,7 @@ def euler(step_s: float, tau: float) -> FloatArray:
     "step_s",
     [
         pytest.param(0.002, id="five in a sample"),
-        pytest.param(0.01, id="a sample"),
+        pytest.param(0.01, id="a sample", marks=pytest.mark.nightly),
         pytest.param(0.05, id="five samples"),
     ],
 )

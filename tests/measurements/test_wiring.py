@@ -49,7 +49,9 @@ def seen(q: FloatArray, twice: float) -> ComplexArray:
     return np.asarray(complex(q[0], q[1]) * turn * dip)
 
 
-@pytest.mark.parametrize(("kind", "twice"), [("notch", 1.0), ("reflection", 2.0)])
+@pytest.mark.parametrize(
+    ("kind", "twice"), [("notch", 1.0), pytest.param("reflection", 2.0, marks=pytest.mark.nightly)]
+)
 def test_qualities_and_their_errors_are_those_of_least_squares_in_all_unknowns(
     kind: str, twice: float, swift: ff.Fmu
 ) -> None:
