@@ -128,11 +128,9 @@ def chosen(args: argparse.Namespace) -> Iterator[Run]:
     for command in COMMANDS:
         if args.only not in command.name:
             continue
-        if args.smoke:
-            yield Run(command, command.smoke)
-        elif args.quick:
-            if command.quick is not None:
-                yield Run(command, command.quick)
+        if args.smoke or args.quick:
+            if args.smoke or command.quick:
+                yield Run(command, command.smoke)
         else:
             yield from (Run(command, settings) for settings in command.full)
 

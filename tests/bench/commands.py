@@ -21,7 +21,7 @@ class Command:
         full: settings of the runs whose results are published, each a run of its own; those that
             the documentation names are among them.
         smoke: the smallest settings that go through all of it.
-        quick: settings that take less than 10 s of wall time; None where there are none.
+        quick: whether that takes less than 10 s of wall time on an idle machine.
         before: commands that make what it reads, run first, in the same folder; "python" is this
             one, "ROOT" the checkout.
     """
@@ -30,7 +30,7 @@ class Command:
     what: str
     full: tuple[str, ...] = ("",)
     smoke: str = ""
-    quick: str | None = None
+    quick: bool = False
     before: tuple[str, ...] = ()
 
     @property
@@ -41,18 +41,13 @@ class Command:
     @property
     def preparation(self) -> list[list[str]]:
         """Commands that are run first."""
-        texts = [text.replace("ROOT", str(ROOT)) for text in self.before]
+        texts = [text.replace("ROOT", shlex.quote(str(ROOT))) for text in self.before]
         return [[PYTHON, *shlex.split(text)[1:]] for text in texts]
-
-    @property
-    def file(self) -> Path:
-        """Its source."""
-        return ROOT / "tests" / "bench" / f"bench_{self.name}.py"
 
 
 COMMANDS = (
     Command("command", "time of a whole reconstruct", smoke="--rounds 1"),
-    Command("coupled_rlc", "measured spectra of two coupled circuits by closed form"),
+    Command("coupled_rlc", "measured spectra of two coupled circuits by closed form", quick=True),
     Command(
         "coverage",
         "coverage of the intervals of two-tone series",
@@ -80,7 +75,7 @@ COMMANDS = (
         smoke="--laboratories 3 --number 2",
     ),
     Command("drafts", "campaigns of init for FMUs of others", smoke="--only 'locals only'"),
-    Command("drift", "cost of an offset per experiment", smoke="--pairs 5"),
+    Command("drift", "cost of an offset per experiment", smoke="--pairs 5", quick=True),
     Command("duffing", "cost and error of the solvers of DuffingOscillator"),
     Command(
         "ensemble",
@@ -92,7 +87,7 @@ COMMANDS = (
         "envelope_error",
         "errors of averaging against their bound",
         smoke="--scenes 8",
-        quick="--scenes 8",
+        quick=True,
     ),
     Command("extremes", "where the whole chain holds and where it stops", smoke="--smoke"),
     Command("faults", "faults of input survived", smoke="--each 60"),
@@ -120,7 +115,7 @@ COMMANDS = (
         "modes",
         "cost of CoupledModes",
         smoke="--modes 2 --steps 5",
-        quick="--modes 2 --steps 5",
+        quick=True,
     ),
     Command(
         "mutants",
@@ -129,7 +124,7 @@ COMMANDS = (
         smoke="--count 20 --longest 10 --most 1 --tests tests/signal/test_rational.py",
     ),
     Command("noise", "coverage of noise spectra", smoke="2 10"),
-    Command("noise_bias", "bias of the widths of noise spectra", smoke="4 10"),
+    Command("noise_bias", "bias of the widths of noise spectra", smoke="4 10", quick=True),
     Command(
         "objective",
         "objective evaluations per second",
@@ -186,7 +181,7 @@ COMMANDS = (
         ),
         smoke="--steps 20 --starts 2 --fit",
     ),
-    Command("unequal", "noise that grows or is correlated", smoke="2"),
+    Command("unequal", "noise that grows or is correlated", smoke="2", quick=True),
     Command(
         "ways",
         "kinds of measurements against what design expects of them",
@@ -199,6 +194,6 @@ COMMANDS = (
             "--candidates out/sweeps.toml --time 1min --out out/ways",
         ),
     ),
-    Command("windows", "ranges about one of two lines", smoke="2"),
+    Command("windows", "ranges about one of two lines", smoke="2", quick=True),
     Command("wiring", "coverage of notches and reflections", smoke="--laboratories 1"),
 )
