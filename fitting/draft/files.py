@@ -30,6 +30,7 @@ from fitting.resonance.spikes import spike_words, spikes_in
 from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
 from fitting.signal.noise_lines import TOGETHER
 from fitting.text.errors import BadInput, gathered
+from fitting.text.notation import listed
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
 
@@ -343,6 +344,7 @@ def settled(files: Files, answers: Answers) -> Files:
         BadInput: an answer that is none.
     """
     if files.table is not None:
+        _check_one_sweep([s for s in files.sweeps if not s.is_complex])
         return files
     told = "kind" in answers.told
     made = []
@@ -358,7 +360,18 @@ def settled(files: Files, answers: Answers) -> Files:
         elif look is not None and (told or look.by):
             [kind] = answers.of(kind_question(sweep.path.name, look))
         made.append(sweep.taken(kind))
+    _check_one_sweep([s for s in made if not (s.is_complex or s.is_noise)])
     return replace(files, sweeps=tuple(made))
+
+
+def _check_one_sweep(sweeps: Sequence[SweepFile]) -> None:
+    """Complain of several sweeps of amplitudes: a campaign has one, and none is dropped."""
+    if len(sweeps) > 1:
+        names = listed(str(sweep.path) for sweep in sweeps)
+        raise BadInput(
+            f"{names}: are {len(sweeps)} sweeps of amplitudes, of which a campaign has one; wanted "
+            "one of them, or sweeps at values of a quantity by themselves, with --control"
+        )
 
 
 def _table(path: Path) -> TableFile | None:

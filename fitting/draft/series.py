@@ -23,10 +23,11 @@ from fitting.campaign.control_table import FILE
 from fitting.campaign.instruments import Channel, Recording, head_of
 from fitting.campaign.instruments.recording import channel_of
 from fitting.draft.files import MapFile
+from fitting.draft.noise import BY_SCATTER, noise_look
 from fitting.draft.source import relative_path
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.noise_reading import told_density
-from fitting.resonance.reading import Columns, Roles, map_in, roles_of
+from fitting.resonance.reading import Columns, Roles, hertz_in, map_in, roles_of
 from fitting.text.errors import BadInput, gathered, shown
 from fitting.text.loose_tables import COMMENTS
 from fitting.text.notation import how_many, listed
@@ -126,7 +127,7 @@ def series_of(
     control = control or _found(paths, told)
     if control is not None:
         return _joined(paths, roles, control, folder)
-    if phased:
+    if phased or _scatters_like_noise(roles[0]):
         return None
     raise _undecided(paths)
 
@@ -134,6 +135,12 @@ def series_of(
 def _are_sweeps(roles: Sequence[Roles]) -> bool:
     """Whether every file is one sweep: neither a map nor a noise spectrum."""
     return all(told_density(each) is None and map_in(each) is None for each in roles)
+
+
+def _scatters_like_noise(roles: Roles) -> bool:
+    """Whether a file without a word about it is a noise spectrum by how its points scatter."""
+    look = noise_look(roles, hertz_in(roles))
+    return look is not None and look.by == BY_SCATTER
 
 
 def _undecided(paths: Sequence[Path]) -> BadInput:

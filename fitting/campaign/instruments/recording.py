@@ -16,6 +16,9 @@ from fitting.text.tables import Column, Table, named_column, not_numbers, parse_
 
 Numbers = FloatArray | ComplexArray
 
+#: Columns of a table of text: each is looked at, and more are a matrix that lies on its side.
+MOST_COLUMNS = 10_000
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Channel:
@@ -193,7 +196,17 @@ def of_table(table: Table, words: str = "", notes: Mapping[str, str] | None = No
         table: as it was read.
         words: that say what the file is.
         notes: of the file's header.
+
+    Raises:
+        BadInput: more columns than anybody names.
     """
+    count = len(table.columns)
+    if count > MOST_COLUMNS:
+        raise BadInput(
+            f"{table.path}: has {count} columns; wanted at most {MOST_COLUMNS}: one for each "
+            "quantity (are rows and columns exchanged?), or a map whose head has the values of a "
+            "control or the frequencies"
+        )
     return Recording(
         path=table.path,
         channels=tuple(_of_column(table, column) for column in table.columns),
