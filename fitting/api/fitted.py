@@ -644,7 +644,9 @@ def require_values(names: Sequence[str], known: Sequence[str], where: str) -> No
 def _value(
     name: str, kind: str, found: Found, box: tuple[float, float], profile: Profile | None
 ) -> Value:
-    is_open = not found.identifiable.has_value and not isinstance(found, OffsetResult)
+    is_open = not found.identifiable.has_value
+    if isinstance(found, OffsetResult):  # its prior gives it a value, where the model is right
+        is_open = found.identifiable is Verdict.WITHDRAWN
     return Value(
         name=name,
         kind=kind,
