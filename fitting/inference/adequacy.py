@@ -30,7 +30,7 @@ from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
-from fitting.signal.misfit import TESTABLE, Correlation, Misfit, correlation, far_off, misfit_of
+from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of
 from fitting.signal.residual_tests import LAGS, STRUCTURED, TOLD, Structure, autoregression
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.notation import freedom_words, number
@@ -111,7 +111,6 @@ def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
         found,
         describes=describes and along.worst.misfit.describes,
         noise_factor=told.noise_factor if describes else 1.0,
-        outliers=tuple(int(k) for k in np.flatnonzero(rest)[list(told.outliers)]),
         correlated_p=math.nan if math.isnan(along.least_p) else along.worst.p_value,
         share=math.nan if math.isnan(along.least_p) else along.worst.share,
         curve=along.name,
@@ -213,17 +212,12 @@ def judged(
         return Adequacy(chi_square=square, freedom=0.0, p_value=np.nan, describes=True)
     p_value = tail(square, freedom, noise_freedom)
     found = misfit_of(square, freedom, p_value, correlated_p)
-    tested = freedom >= TESTABLE and not math.isnan(correlated_p)
-    single = far_off(white, freedom) if tested and found is not Misfit.NONE else ()
-    if len(single):
-        found = Misfit.NONE
     return Adequacy(
         chi_square=square,
         freedom=freedom,
         p_value=p_value,
         describes=found.describes,
         noise_factor=math.sqrt(square / freedom) if found is Misfit.UNDERESTIMATED else 1.0,
-        outliers=tuple(map(int, single)),
     )
 
 

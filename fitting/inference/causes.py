@@ -16,18 +16,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import inverse_priors
+from fitting.campaign.parameters import inverse_priors, search_bounds
 from fitting.fit.fit import Fit
 from fitting.fit.likelihood.descent import most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.objective import Objective
+from fitting.fit.objective import Objective, evaluate_many, jacobian
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.measurement import DivisibleResponse, Measurement
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.tones import Tones
 from fitting.signal.chi_square import tail
-from fitting.signal.misfit import IMPROBABLE, NOTICED, excess_share
+from fitting.signal.misfit import (
+    IMPROBABLE,
+    NOTICED,
+    excess_share,
+    far_off,
+    scaled_solution,
+)
 from fitting.signal.residual_tests import LAGS, autoregression
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import FmuFailure, NoScale
@@ -36,6 +42,9 @@ from fitting.text.notation import hertz, number
 
 #: Share of the misfit that a cause may leave, and how many times as much every other one leaves.
 MOST_LEFT, CLEARLY = 0.3, 2.0
+#: Share that a linear step may leave where a fit with the column is made; for how many candidates,
+#: of how many parameters at most, steps of it, and halvings of a step.
+WORTH_A_FIT, CANDIDATES, MOST_FITTED, STEPS, HALVINGS = 0.8, 2, 12, 6, 4
 #: Length of a column, what is fitted projected out of it, below which it is fitted already.
 FITTED = 1e-6
 #: Standard deviation of a row that counts for nothing.
@@ -76,6 +85,31 @@ def causes_of(fit: Fit, adequacy: Adequacy | None) -> tuple[Finding, ...]:
     except (FmuFailure, NoScale, np.linalg.LinAlgError):  # where the model fails nothing is known
         return tuple(found)
     return tuple(found)
+
+
+def without_outliers(fit: Fit, adequacy: Adequacy) -> Adequacy:
+    """The same; where single rows make up what looks like larger noise, these instead of that.
+
+    Args:
+        fit: a solved problem.
+        adequacy: of its residuals.
+    """
+    if not adequacy.noise_factor > 1.0:
+        return adequacy
+    solution, data = fit.solution, fit.problem.data
+    known = data.sigma > 0.0
+    try:
+        columns = np.column_stack(
+            [solution.matrix, _solved_inside(solution, solution.final.parameters)]
+        )[known]
+    except (FmuFailure, NoScale):
+        return adequacy
+    sigma = solution.noise.sigma[known]
+    found = far_off(solution.final.residuals[known] / sigma, columns / sigma[:, None])
+    if not found:
+        return adequacy
+    rows = tuple(int(k) for k in np.flatnonzero(known)[list(found)])
+    return replace(adequacy, noise_factor=1.0, outliers=rows)
 
 
 def cause_sentence(finding: Finding) -> str:
@@ -142,8 +176,10 @@ def _line(tones: Tones, row: int) -> tuple[str, float]:
 def _along_curves(solution: Solution) -> Iterator[Finding]:
     data = solution.objective.data
     for m, at in zip(data.measurements, data.slices, strict=True):
-        for curve in m.residual_curves(solution.final.residuals[at]):
-            found = _cause(solution, at.start + curve.rows, curve) if curve.columns else None
+        for k, curve in enumerate(m.residual_curves(solution.final.residuals[at])):
+            if not curve.columns:
+                continue
+            found = _cause(solution, at.start + curve.rows, curve, (m, at, k))
             if found is not None:
                 kind, size, removed = found
                 yield Finding(
@@ -155,7 +191,10 @@ def _along_curves(solution: Solution) -> Iterator[Finding]:
 
 
 def _cause(
-    solution: Solution, mine: IntArray, curve: ResidualCurve
+    solution: Solution,
+    mine: IntArray,
+    curve: ResidualCurve,
+    at: tuple[Measurement, slice, int],
 ) -> tuple[Kind, float, float] | None:
     """The one column that mends a curve: its kind, size, and the share that it removes."""
     whole = _whole(solution, mine)
@@ -175,6 +214,11 @@ def _cause(
     if not tried:
         return None
     tried.sort(key=lambda each: each[0])
+    if tried[0][0] > WORTH_A_FIT:
+        return None
+    if len(solution.parameters) <= MOST_FITTED:
+        fits = (_mended(solution, at, mine, kind) for _, kind, _ in tried[:CANDIDATES])
+        tried = sorted([*fits, *tried[CANDIDATES:]], key=lambda each: each[0])
     rest, kind, size = tried[0]
     others = min((each[0] for each in tried[1:]), default=1.0)
     if rest > MOST_LEFT or others < CLEARLY * rest:
@@ -182,17 +226,67 @@ def _cause(
     return kind, size, 1.0 - rest
 
 
-def _whole(solution: Solution, mine: IntArray) -> _Whole:
-    """The linearised problem; what a curve leaves at random tells its noise where nobody does."""
+def _mended(
+    solution: Solution, at: tuple[Measurement, slice, int], mine: IntArray, kind: Kind
+) -> tuple[float, Kind, float]:
+    """A fit with the number of a column beside the parameters: share that it leaves, kind, size."""
+    objective, parameters = solution.objective, solution.parameters
+    measurement, place, order = at
+    lower, upper = search_bounds(parameters)
+    held, sigma = inverse_priors(parameters), _sigma(solution, mine)
+
+    def columns_at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rows, and the column beside what is solved inside: what is linear beside x."""
+        [point] = evaluate_many(objective, [x])
+        column = np.zeros(sigma.size)
+        column[mine] = measurement.residual_curves(point.residuals[place])[order].columns[kind]
+        linear = np.column_stack([column, _solved_inside(solution, point.parameters)])
+        return point.residuals / sigma, linear / sigma[:, None]
+
+    def left_at(x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        rows, linear = columns_at(x)
+        size = -scaled_solution(linear, rows)
+        return rows + linear @ size, linear, float(size[0])
+
+    x = solution.final.x
+    before = solution.final.residuals[mine] / sigma[mine]
+    left, linear, size = left_at(x)
+    for _ in range(STEPS):
+        matrix = np.column_stack([jacobian(objective, x) / sigma[:, None], linear])
+        priors = np.hstack([np.diag(held), np.zeros((held.size, linear.shape[1]))])
+        stacked, target = np.vstack([matrix, priors]), np.append(left, held * x)
+        step = -scaled_solution(stacked, target)
+        trials = (np.clip(x + 0.5**k * step[: x.size], lower, upper) for k in range(HALVINGS))
+        better = next(
+            ((y, *found) for y in trials if np.sum((found := left_at(y))[0] ** 2) < left @ left),
+            None,
+        )
+        if better is None:
+            break
+        gained = left @ left - better[1] @ better[1]
+        x, left, linear, size = better
+        if gained < 1.0:
+            break
+    after = float(left[mine] @ left[mine])
+    return excess_share(after, float(before @ before), float(mine.size)), kind, size
+
+
+def _sigma(solution: Solution, mine: IntArray) -> FloatArray:
+    """Noise of all rows, (m,); what a curve leaves at random tells its own where nobody does."""
     data, sigma = solution.objective.data, solution.noise.sigma.copy()
-    residuals = solution.final.residuals
     if not np.all(data.sigma[mine] > 0.0):
-        news = residuals[mine].copy()
-        lags = min(LAGS, news.size // 5)
-        for lag, a in enumerate(autoregression(residuals[mine], lags), start=1):
-            news[lag:] -= a * residuals[mine][:-lag]
+        residuals = solution.final.residuals[mine]
+        news = residuals.copy()
+        for lag, a in enumerate(autoregression(news, min(LAGS, news.size // 5)), start=1):
+            news[lag:] -= a * residuals[:-lag]
         sigma[mine] = float(np.sqrt(np.mean(news**2))) or 1.0
-    inside = _solved_inside(solution)
+    return sigma
+
+
+def _whole(solution: Solution, mine: IntArray) -> _Whole:
+    """The linearised problem, with the noise of one curve."""
+    sigma, residuals = _sigma(solution, mine), solution.final.residuals
+    inside = _solved_inside(solution, solution.final.parameters)
     columns = np.column_stack([solution.matrix, inside]) / sigma[:, None]
     held = inverse_priors(solution.parameters)
     priors = np.column_stack([np.diag(held), np.zeros((held.size, inside.shape[1]))])
@@ -203,12 +297,12 @@ def _whole(solution: Solution, mine: IntArray) -> _Whole:
     return _Whole(rows=residuals / sigma, sigma=sigma, basis=basis)
 
 
-def _solved_inside(solution: Solution) -> FloatArray:
-    """Derivatives (m, k) of all rows by what is solved inside them."""
+def _solved_inside(solution: Solution, parameters: FloatArray) -> FloatArray:
+    """Derivatives (m, k) of all rows by what is solved inside them, at parameters (n,)."""
     data = solution.objective.data
     if not data.solved_inside:
         return np.empty((data.sigma.size, 0))
-    [answer] = solution.objective.response.evaluate_many([solution.final.parameters])
+    [answer] = solution.objective.response.evaluate_many([parameters])
     blocks = []
     pairs = zip(data.measurements, data.slices, answer.predictions, strict=True)
     for m, at, prediction in pairs:
@@ -353,6 +447,5 @@ def _without(solution: Solution, mine: IntArray) -> float:
     held = inverse_priors(solution.parameters)
     stacked = np.vstack([matrix, np.diag(held)])
     target = np.append(rows, held * solution.final.x)
-    step = np.linalg.lstsq(stacked, -target, rcond=1e-9)[0]
-    left = target + stacked @ step
+    left = target - stacked @ scaled_solution(stacked, target)
     return float(left @ left)

@@ -20,7 +20,7 @@ from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
-from fitting.inference.causes import causes_of
+from fitting.inference.causes import causes_of, without_outliers
 from fitting.inference.closer_form import closer_form
 from fitting.inference.conditions import condition_sentences
 from fitting.inference.consistency import consistency, contradictions, warnings_of
@@ -146,7 +146,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         fit, sweeps = _with_doubts(settled, None)
         read = _read(fit, request, sweeps)
     solution, problem = fit.solution, fit.problem
-    read = read.ended(fit.status)
+    read = read.ended(fit)
     best, knowledge, adequacy, inflation = read.best, read.knowledge, read.adequacy, read.inflation
     # one estimator: its errors are as wide as its own residuals make them
     errors = solution.errors.widened(inflation / solution.errors.inflation)
@@ -289,19 +289,28 @@ class _Reading:
     knowledge: Knowledge | None = None
     missing: tuple[str, ...] = ()
 
-    def ended(self, status: Status) -> _Reading:
+    def ended(self, fit: Fit) -> _Reading:
         """The same of a fit that ended so: without convergence it gives no values.
 
+        Where single rows make up what looks like larger noise, these are named instead.
+
         Args:
-            status: of the fit.
+            fit: a solved problem.
         """
-        if self.adequacy is None or status is Status.CONVERGED:
+        if self.adequacy is None:
             return self
-        adequacy, knowledge = replace(self.adequacy, converged=False), self.knowledge
+        adequacy, said = without_outliers(fit, self.adequacy), ""
+        if adequacy.outliers:
+            said = f"Single points far off make up the misfit ({len(adequacy.outliers)})."
+        if fit.status is not Status.CONVERGED:
+            adequacy = replace(adequacy, converged=False)
+            said = f"No value is reported: {adequacy.why_not}."
+        if adequacy is self.adequacy:
+            return self
+        knowledge = self.knowledge
         if knowledge is not None:
-            first = f"No value is reported: {adequacy.why_not}."
-            said = (first, *knowledge.sentences[1:])
-            knowledge = replace(knowledge, adequacy=adequacy, sentences=said)
+            sentences = (said, *knowledge.sentences[1:])
+            knowledge = replace(knowledge, adequacy=adequacy, sentences=sentences)
         return replace(self, adequacy=adequacy, knowledge=knowledge)
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from fitting.signal.chi_square import tail
 from fitting.signal.residual_tests import LAGS, SMALLEST_RESIDUAL, white_noise_p
-from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.arrays import FloatArray
 
 #: Probability of residuals along an axis, by white noise, below which they are correlated.
 CORRELATED = 1e-6
@@ -39,8 +39,8 @@ TESTABLE = 20.0
 #: Degrees of freedom from which the test for structure misses little, and its probability below
 #: which fewer are in doubt.
 SURE, DOUBTFUL = 50.0, 0.05
-#: Share of the residuals that may be outliers, and how many standard deviations they are off.
-FEW, FAR = 0.02, 5.0
+#: Share of the residuals that may be outliers, how many at most, and standard deviations off.
+FEW, MOST_OFF, FAR = 0.02, 10, 5.0
 
 
 class Misfit(Enum):
@@ -123,25 +123,50 @@ def misfit_of(
     return Misfit.UNDERESTIMATED if ratio > NOTICED else Misfit.NONE
 
 
-def far_off(white: FloatArray, freedom: float) -> IntArray:
+def far_off(white: FloatArray, slopes: FloatArray) -> tuple[int, ...]:
     """Numbers of single residuals that make up a misfit alone, the farthest first; mostly none.
 
-    As few as do until chi square of the rest is what the noise explains, or nearly (`misfit_of`);
-    no more than a share of all.
+    As few are left out of a linear fit as do until chi square of the rest is what the noise
+    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and they are few.
 
     Args:
-        white: over their noise, shape (n,).
-        freedom: degrees of freedom of their chi square.
+        white: over their noise, shape (m,).
+        slopes: their derivatives by all that is fitted, shape (m, k).
     """
-    order = np.argsort(-np.abs(white))
-    for count in range(1, max(1, int(FEW * white.size)) + 1):
-        left = freedom - count
-        if left < 1.0 or abs(white[order[count - 1]]) < FAR:
-            break
-        rest = float(np.sum(white[order[count:]] ** 2))
-        if not tail(rest, left) < IMPROBABLE or rest <= NOTICED * left:
-            return order[:count]
-    return order[:0]
+    out: list[int] = []
+    for _ in range(min(MOST_OFF, max(1, int(FEW * white.size)))):
+        left = _left_without(white, slopes, out)
+        sizes = np.abs(left)
+        sizes[out] = 0.0
+        out.append(int(np.argmax(sizes)))
+        left = _left_without(white, slopes, out)
+        freedom = white.size - len(out) - slopes.shape[1]
+        if freedom < 1 or np.min(np.abs(left[out])) < FAR:
+            return ()
+        rest = float(left @ left - left[out] @ left[out])
+        if not tail(rest, freedom) < IMPROBABLE or rest <= NOTICED * freedom:
+            return tuple(out)
+    return ()
+
+
+def _left_without(white: FloatArray, slopes: FloatArray, out: list[int]) -> FloatArray:
+    """What a linear fit to all but some residuals leaves of all, (m,)."""
+    weights = np.ones(white.size)
+    weights[out] = 0.0
+    step = scaled_solution(slopes * weights[:, None], white * weights)
+    return np.asarray(white - slopes @ step)
+
+
+def scaled_solution(columns: FloatArray, target: FloatArray) -> FloatArray:
+    """x of the least |columns x - target|, (k,), whatever the units of the columns are.
+
+    Args:
+        columns: shape (m, k).
+        target: shape (m,).
+    """
+    sizes = np.linalg.norm(columns, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(columns / sizes, target, rcond=1e-9)[0] / sizes)
 
 
 def excess_share(left: float, before: float, freedom: float) -> float:

@@ -22,7 +22,7 @@ from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.report.tables.published import rows_of
 from fitting.result.assembly import result_of
-from fitting.result.provenance import Identity, provenance_of
+from fitting.result.result import Provenance
 from fitting.text.finding import Kind
 from tests.support.curve_fits import (
     CENTRE_HZ,
@@ -38,6 +38,21 @@ from tests.support.curve_fits import (
 from tests.support.datasets import SETUP
 
 NOISE = 0.02
+#: Of a result that no campaign made.
+ORIGIN = Provenance(
+    fmu_name="",
+    fmu_file="",
+    fmu_guid="",
+    fmu_sha256="",
+    campaign="",
+    files={},
+    versions={},
+    command="",
+    seed=1,
+    settings={},
+    plan=(),
+    finished="",
+)
 
 
 def noise(size: float = NOISE, seed: int = 1) -> np.ndarray:
@@ -143,7 +158,7 @@ def test_a_fit_that_has_not_converged_gives_no_values(profiles: bool) -> None:
 def test_files_of_values_have_none_where_none_is_reported() -> None:
     fit = unconverged()
     found = inferred(fit)
-    result = result_of(fit, found, provenance_of(fit.problem, Identity(), fit.options))
+    result = result_of(fit, found, ORIGIN)
     for row in rows_of(result):
         assert all(map(math.isnan, (row.value, row.std, row.low, row.high)))
 
@@ -293,7 +308,7 @@ def test_weak_peaks_that_the_noise_explains_are_no_misfit() -> None:
         for e in measured.experiments
         for high in [e.peaks_v * np.clip(1.0 + 0.6 * rng.standard_normal(2), 0.1, None)]
     )
-    found = of_peaks(replace(measured, experiments=experiments))
+    found = of_peaks(Tones(SETUP, experiments))
     assert Kind.not_converged not in kinds(found)
     assert Kind.not_described not in kinds(found)
     assert found.status is Status.CONVERGED
