@@ -158,8 +158,8 @@ def measured_plan(
     )
     options = PlanOptions(examples=True, usual=setup.usual_accuracy)
     found = plan_drives(drives, setup.accuracy, workers, known, options)
-    lost = _lost(found, _drives_at(series, model, axis_ends(series.parameters)), workers, known)
-    if lost:
+    ends = _drives_at(series, model, axis_ends(series.parameters))
+    while lost := _lost(found, ends, workers, known):
         kept = tuple(r for r in known.annotation.reductions if r.name not in lost)
         known = replace(known, annotation=replace(known.annotation, reductions=kept))
         found = plan_drives(drives, setup.accuracy, workers, known, options)

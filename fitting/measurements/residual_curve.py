@@ -54,5 +54,6 @@ def mistakes(
         Kind.shift: steep * slope,
     }
     if np.iscomplexobj(values):
-        return {kind: both_parts(column) for kind, column in columns.items()}
-    return {kind: np.asarray(column) for kind, column in columns.items()}
+        complex_ = {kind: np.asarray(column, dtype=complex) for kind, column in columns.items()}
+        return {kind: both_parts(column) for kind, column in complex_.items()}
+    return {kind: np.asarray(column, dtype=float) for kind, column in columns.items()}

@@ -80,8 +80,12 @@ class Structure:
             square: chi square by the stated noise over its degrees of freedom.
         """
         excess = math.sqrt(max(1.0, square)) if self.order else 1.0
-        wider = {"widening": self.widening * excess, "together": self.together * excess}
-        return replace(self, excess=self.excess * excess, **wider)
+        return replace(
+            self,
+            excess=self.excess * excess,
+            widening=self.widening * excess,
+            together=self.together * excess,
+        )
 
     @property
     def told(self) -> str:

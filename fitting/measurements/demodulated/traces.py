@@ -200,7 +200,8 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             rows = np.arange(begin, begin + trace.rows)
             begin += rows.size
             share = trace.weights if trace.is_amplitude else np.full(rows.size, np.sqrt(2.0))
-            time_s = trace.spacing_s * (np.arange(trace.rows) % trace.y.size)
+            place = np.arange(trace.rows) % trace.y.size
+            time_s = np.asarray(trace.spacing_s * place, dtype=float)
             found.append(ResidualCurve(rows=rows, share=share, axis=time_s, name=trace.label))
         return tuple(found)
 

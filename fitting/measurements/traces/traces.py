@@ -232,7 +232,7 @@ class Traces(TracesTogether[TraceRecord]):
             rows = np.arange(begin, begin + trace.y.size)
             begin += rows.size
             values = trace.y + trace.largest * residuals[rows]
-            time_s = trace.spacing_s * np.arange(rows.size)
+            time_s = np.asarray(trace.spacing_s * np.arange(rows.size), dtype=float)
             found.append(
                 ResidualCurve(
                     rows=rows,
