@@ -11,7 +11,7 @@ is taken the other way round.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -387,7 +387,7 @@ def _exchanged(fit: Fit) -> Finding | None:
     return None
 
 
-def _turned(tones: Tones, ends: dict[str, tuple[float, float]]) -> Measurement:
+def _turned(tones: Tones, ends: Mapping[str, tuple[float, float]]) -> Measurement:
     """Tones under a drift from its last values to its first."""
     experiments = tuple(
         replace(

@@ -140,6 +140,19 @@ def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
     return found
 
 
+def without_values(joint: JointResult | None) -> JointResult | None:
+    """The same; what each campaign determines by itself is withdrawn, as all values are.
+
+    Args:
+        joint: the tests of their agreement; None: nothing was tested.
+    """
+    if joint is None:
+        return None
+    nothing = Estimate(float("nan"), float("nan"))
+    series = tuple(replace(s, alone=dict.fromkeys(s.alone, nothing)) for s in joint.series)
+    return replace(joint, series=series)
+
+
 def warnings_of(joint: JointResult) -> list[str]:
     """Campaigns that contradict each other, or agree badly.
 

@@ -23,7 +23,12 @@ from fitting.inference.alternatives import equal_fit
 from fitting.inference.causes import causes_of, without_outliers
 from fitting.inference.closer_form import closer_form
 from fitting.inference.conditions import condition_sentences
-from fitting.inference.consistency import consistency, contradictions, warnings_of
+from fitting.inference.consistency import (
+    consistency,
+    contradictions,
+    warnings_of,
+    without_values,
+)
 from fitting.inference.contradictions import contradicted
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
@@ -186,7 +191,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         derived=derived,
         offsets=offsets,
         knowledge=knowledge,
-        joint=joint,
+        joint=joint if describes else without_values(joint),
         status=status,
         message=_message(fit, ending, adequacy),
         ending=ending,

@@ -13,6 +13,7 @@ from fitting.fit.fit import Fit, Status
 from fitting.inference.findings import findings_of
 from fitting.inference.infer import Inference
 from fitting.inference.joint_result import JointResult, PairTest, SeriesPart
+from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind as Warning_
 from fitting.measurements.measurement import Prediction
@@ -64,6 +65,7 @@ def kinds(found: Inference) -> dict[Kind, float]:
 
 
 def withdrawn(found: Inference) -> bool:
+    values: list[ParameterResult | DerivedResult | OffsetResult]
     values = [*found.parameters.values(), *found.derived.values(), *found.offsets]
     return all(
         value.identifiable is Verdict.WITHDRAWN
