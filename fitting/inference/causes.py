@@ -45,6 +45,8 @@ MOST_LEFT, CLEARLY = 0.3, 2.0
 #: Share that a linear step may leave where a fit with the column is made; for how many candidates,
 #: of how many parameters at most, steps of it, and halvings of a step.
 WORTH_A_FIT, CANDIDATES, MOST_FITTED, STEPS, HALVINGS = 0.8, 2, 12, 6, 4
+#: The same of the drift the other way round.
+MOST_LEFT_TURNED = 0.1
 #: Length of a column, what is fitted projected out of it, below which it is fitted already.
 FITTED = 1e-6
 #: Standard deviation of a row that counts for nothing.
@@ -376,8 +378,10 @@ def _exchanged(fit: Fit) -> Finding | None:
             response=response.answering(turned),
             data=replace(objective.data, measurements=turned),
         )
-        refit = _refitted(other, fit, np.empty(0, dtype=np.intp))
-        if refit.fits:
+        nothing = np.empty(0, dtype=np.intp)
+        refit, before = _refitted(other, fit, nothing), _refitted(objective, fit, nothing)
+        left = excess_share(refit.square, before.square, refit.freedom)
+        if refit.fits or left < MOST_LEFT_TURNED:  # a drift that bends leaves some
             return Finding(
                 kind=Kind.drift_exchanged,
                 severity="warning",

@@ -173,7 +173,7 @@ def fit_warnings(
             Kind.OUTLIERS,
             () if found else outlier_sentences(problem, _row_by_row(solution, most_likely)),
         ),
-        *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
+        *warned(Kind.SWAPPED, () if found else swapped_sentences(problem, solution)),
         *warned(Kind.PHASES, phase_sentences(solution)),
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
