@@ -42,6 +42,7 @@ from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.finding import Finding
 from fitting.text.notation import listed, number, span, unit_text
 
 __all__ = [
@@ -289,6 +290,11 @@ class Valued(ABC):
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a reader must know."""
         return tuple(warned.sentence for warned in self.inferred.warnings)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What a reader must know as records: kind, severity, subject, numbers."""
+        return self.inferred.findings
 
     @cached_property
     def result(self) -> Result:
@@ -638,7 +644,9 @@ def require_values(names: Sequence[str], known: Sequence[str], where: str) -> No
 def _value(
     name: str, kind: str, found: Found, box: tuple[float, float], profile: Profile | None
 ) -> Value:
-    is_open = not found.identifiable.has_value and not isinstance(found, OffsetResult)
+    is_open = not found.identifiable.has_value
+    if isinstance(found, OffsetResult):  # its prior gives it a value, where the model is right
+        is_open = found.identifiable is Verdict.WITHDRAWN
     return Value(
         name=name,
         kind=kind,

@@ -637,7 +637,7 @@ def _of_periods(parameters: Sequence[Parameter], begins: FloatArray) -> Iterator
 
 def _of_fit(knowledge: Knowledge) -> Iterator[str]:
     """What the fit said that bears on draws."""
-    if not knowledge.adequacy.describes:
+    if not knowledge.adequacy.gives_values:
         yield (
             f"{knowledge.adequacy.why_not.capitalize()}: draws say what its parameters would be if "
             "it did."

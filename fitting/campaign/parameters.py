@@ -193,6 +193,22 @@ def planning_points(parameters: Sequence[Parameter]) -> list[FloatArray]:
     return [starts(parameters), np.clip(references(parameters), *bounds(parameters))]
 
 
+def axis_ends(parameters: Sequence[Parameter]) -> list[FloatArray]:
+    """The starts with one parameter of the model at an end of its box, (n,) each.
+
+    Args:
+        parameters: the fitted parameters.
+    """
+    found = []
+    for i, parameter in enumerate(parameters):
+        everywhere = parameter.moves_model and not parameter.experiments
+        for end in (parameter.lower, parameter.upper) if everywhere else ():
+            point = starts(parameters)
+            point[i] = end
+            found.append(point)
+    return found
+
+
 def scales(parameters: Sequence[Parameter]) -> FloatArray:
     """Scales (n,), each in its parameter's unit.
 

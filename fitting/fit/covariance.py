@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -126,11 +126,11 @@ class RowCovariance:
         axes, sizes = self._shared
         return np.asarray(_along(axes, 1.0 / np.sqrt(1.0 + sizes**2), pull) / self.sigma)
 
-    def restricted(self, kept: BoolArray) -> RowCovariance:
+    def restricted(self, kept: BoolArray | IntArray) -> RowCovariance:
         """That of some of the rows.
 
         Args:
-            kept: which, shape (m,).
+            kept: which, shape (m,), or their numbers.
         """
         return RowCovariance(self.sigma[kept], self.common[kept])
 

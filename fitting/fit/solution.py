@@ -127,13 +127,14 @@ def _errors(
 ) -> Linearisation:
     """The problem linearised at its end; curves count by what their residuals are worth."""
     data = objective.data
-    widened = noise
+    stated = widened = noise
     if structure is not None:
         widened = noise.widened(data.curve_rows, structure.widening)
+        stated = noise.widened(data.curve_rows, structure.excess)
     errors = linearise(
         final.residuals,
         seen,
-        noise.covariance,
+        stated.covariance,
         prior_sigmas(objective.parameters, nu),
         widened.covariance,
         data.solved_inside,
@@ -205,7 +206,12 @@ def curve_structure(
     stretches = [
         block * part for block, part in zip(found.of_stretches, np.split(along, ends), strict=True)
     ]
-    return residual_structure(rows * weights, columns * along, found.of_maps * along, stretches)
+    structure = residual_structure(
+        rows * weights, columns * along, found.of_maps * along, stretches
+    )
+    taken = columns.shape[1] + found.of_maps.shape[1] + sum(s.shape[1] for s in stretches)
+    freedom = max(1, rows.size - taken)
+    return structure.beyond(float(np.sum((rows / sigma) ** 2)) / freedom)
 
 
 @dataclass(frozen=True)

@@ -1,42 +1,44 @@
-"""Does the model describe the data at all? Chi square of the rows whose noise is known.
+"""Does the model describe the data at all? By the residuals at the most likely point.
 
-    chi^2 = r^T V^-1 r at the most likely point        freedom = m - s - tr(W C W^T)
+    chi^2 = r^T V^-1 r        freedom = m - s - tr(W C W^T)
 
 over rows of declared or measured noise, s the unknowns that are solved for inside them; where
-noise is taken from the scatter of the residuals themselves, chi square says nothing. The model is
-said not to describe the data where chi square is both several times its degrees of freedom and too
-improbable for chance:
+noise is taken from the scatter of the residuals themselves, chi square says nothing. What follows
+from chi square and from how residuals are correlated along an axis is one rule for every kind of
+measurement (`fitting.signal.misfit`): rows of curves whose residuals are correlated are judged by
+that alone, the rest by chi square.
 
-    chi^2/freedom > RATIO = 4        P(chi^2 or more) < IMPROBABLE = 1e-4
-
-(`fitting.signal.chi_square`: noise that was estimated beside the fit leaves larger ones).
-
-Noise that was stated two times too small, as happens, reaches the first and is met by wider errors
-(the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2); with few
-degrees of freedom noise alone reaches it, but the second only once in ten thousand fits. What the
-simulation may be off by (`fitting.fit.noise`) excuses what it can explain: it is in the intervals
-then, and no fault of the model.
+With few degrees of freedom noise alone reaches several times them, but a probability of 1e-4 only
+once in ten thousand fits (`fitting.signal.chi_square`: noise that was estimated beside the fit
+leaves larger ones). What the simulation may be off by (`fitting.fit.noise`) excuses what it can
+explain: it is in the intervals then, and no fault of the model.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import kruskal
 
 from fitting.campaign.parameters import Parameter, outside_box, to_model
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
+from fitting.inference.ending import misfit_ground
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
-from fitting.signal.residual_tests import TOLD, Structure
-from fitting.text.arrays import FloatArray
+from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of
+from fitting.signal.residual_tests import LAGS, STRUCTURED, TOLD, Structure, autoregression
+from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.notation import freedom_words, number
 
-#: Chi square over its degrees of freedom, and probability, beyond which a model is given up.
-RATIO, IMPROBABLE = 4.0, 1e-4
+#: Parts of a curve whose residuals are compared in size where nobody states their noise.
+PARTS = 4
+#: Share of the rows of a measurement that a fit may take away where they are tested for structure.
+MOST_TAKEN = 0.25
 
 
 def adequacy_of(
@@ -65,28 +67,122 @@ def adequacy_of(
     return found
 
 
+@dataclass(frozen=True)
+class _Along:
+    """The curve whose residuals are correlated worst, and which rows (m,) are on such curves.
+
+    `least_p` is the least probability of those that are not correlated; NaN without any curve.
+    """
+
+    worst: Correlation
+    name: str
+    correlated: BoolArray
+    least_p: float
+
+
 def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
     likelihood, m = optimum.likelihood, optimum.likelihood.data_rows
     data = likelihood.objective.data
-    known = data.sigma > 0.0
     here = optimum.expansion
-    rows = likelihood.residuals(here.sample.rows[:m])[known]
-    matrix = likelihood.residuals(here.matrix[:m])[known]
+    rows = likelihood.residuals(here.sample.rows[:m])
+    matrix = likelihood.residuals(here.matrix[:m])
     covariance = data_covariance(optimum, stated=True)
-    solved = data.solved_of(known=True)
     noise = likelihood.noise
+    slopes = noise.whitened(matrix)
+    taken = np.sum((slopes @ covariance) * slopes, axis=1)
+    along = _along(optimum, rows, _stated(noise, data, widening), taken)
+    known = data.sigma > 0.0
 
-    def by(wider: RowCovariance) -> Adequacy:
-        sigma = wider.sigma.copy()
-        sigma[data.curve_rows] /= widening
-        own = replace(wider, sigma=sigma).restricted(known)
-        white, slopes = own.whitened(rows), wider.restricted(known).whitened(matrix)
-        return judged(white, slopes, covariance, solved, data.noise_freedom)
+    def by(wider: RowCovariance, kept: BoolArray) -> Adequacy:
+        white = _stated(wider, data, widening).restricted(kept).whitened(rows[kept])
+        slopes = wider.restricted(kept).whitened(matrix[kept])
+        solved = _solved_of(data, kept)
+        return judged(
+            white, slopes, covariance, solved, data.noise_freedom, correlated_p=along.least_p
+        )
 
-    found = by(noise)
-    if found.describes or not likelihood.bounded.columns:
-        return found
-    return replace(found, describes=by(noise.loosened(likelihood.bounded)).describes)
+    rest = known & ~along.correlated
+    found = by(noise, known)
+    told = by(noise, rest) if np.any(along.correlated) else found
+    describes = told.describes
+    if not describes and likelihood.bounded.columns:
+        describes = by(noise.loosened(likelihood.bounded), rest).describes
+    return replace(
+        found,
+        describes=describes and along.worst.misfit.describes,
+        noise_factor=told.noise_factor if describes else 1.0,
+        correlated_p=math.nan if math.isnan(along.least_p) else along.worst.p_value,
+        share=math.nan if math.isnan(along.least_p) else along.worst.share,
+        curve=along.name,
+    )
+
+
+def _solved_of(data: Dataset, kept: BoolArray) -> int:
+    """Unknowns that measurements of known noise are solved for inside, of those with rows kept."""
+    pairs = zip(data.measurements, data.slices, strict=True)
+    return sum(m.solved_inside + own_scale(m) for m, at in pairs if np.any(kept[at]))
+
+
+def _stated(noise: RowCovariance, data: Dataset, widening: float) -> RowCovariance:
+    """The noise as it is stated: that of curves was taken wider."""
+    sigma = noise.sigma.copy()
+    sigma[data.curve_rows] /= widening
+    return replace(noise, sigma=sigma)
+
+
+def _along(optimum: Optimum, rows: FloatArray, stated: RowCovariance, taken: FloatArray) -> _Along:
+    """How residuals are correlated along every axis; probabilities are of that many curves.
+
+    Args:
+        optimum: the most likely point and its likelihood.
+        rows: residuals there, shape (m,).
+        stated: their noise.
+        taken: share of each that the fit takes away, shape (m,): where that is much, residuals of
+            a right model are correlated.
+    """
+    data, bounded = optimum.likelihood.objective.data, optimum.likelihood.bounded
+    off = bounded.largest if bounded.own.size else np.zeros(rows.size)
+    curves = [
+        (m, at, curve)
+        for m, at in zip(data.measurements, data.slices, strict=True)
+        for curve in m.residual_curves(rows[at])
+        if m.solved_inside + np.sum(taken[at]) < MOST_TAKEN * m.rows
+    ]
+    marked = np.zeros(rows.size, dtype=bool)
+    worst, name, least = Correlation(), "", -1.0
+    doubts: list[float] = []
+    for m, at, curve in curves:
+        mine = at.start + curve.rows
+        known = bool(np.all(data.sigma[mine] > 0.0))
+        # what rows share, as the error of a scale, is no structure
+        white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
+        left = white * stated.sigma[mine]
+        found = correlation(white, left * curve.share, equal=known or _is_equal(left))
+        excused = float(np.sqrt(np.mean((off[mine] * curve.share) ** 2)))
+        found = replace(
+            found,
+            p_value=min(1.0, found.p_value * len(curves)),
+            excused=max(found.excused, excused),
+        )
+        if found.misfit is not Misfit.NONE:
+            marked[mine] = True
+        else:
+            doubts.append(found.p_value)
+        rank = 2.0 + found.share if not found.misfit.describes else 1.0 - found.p_value
+        if rank > least:
+            worst, name, least = found, "/".join(filter(None, (m.series, curve.name))), rank
+    return _Along(worst, name, marked, min(doubts, default=1.0 if curves else math.nan))
+
+
+def _is_equal(left: FloatArray) -> bool:
+    """Whether residuals of unknown noise are of one size, as far as they are no pattern."""
+    news = left.copy()
+    for lag, a in enumerate(autoregression(left, min(LAGS, left.size // 5)), start=1):
+        news[lag:] -= a * left[:-lag]
+    parts = np.array_split(np.abs(news), PARTS)
+    if min(part.size for part in parts) < 2 or not np.any(news):
+        return True
+    return bool(kruskal(*parts).pvalue >= STRUCTURED)
 
 
 def judged(
@@ -95,6 +191,8 @@ def judged(
     covariance: FloatArray,
     solved: int = 0,
     noise_freedom: float = np.inf,
+    *,
+    correlated_p: float = math.nan,
 ) -> Adequacy:
     """Whether residuals are what their noise explains.
 
@@ -104,6 +202,7 @@ def judged(
         covariance: of x, shape (n, n), from all data.
         solved: number of unknowns that the rows are solved for inside.
         noise_freedom: degrees of freedom of the noise where it is estimated, else infinite.
+        correlated_p: probability that white noise is as correlated; NaN: there is no axis.
     """
     if not white.size:
         return Adequacy(chi_square=np.nan, freedom=0.0, p_value=np.nan, describes=True)
@@ -112,8 +211,14 @@ def judged(
     if freedom < 0.5:  # as many unknowns as rows: nothing is left to judge by
         return Adequacy(chi_square=square, freedom=0.0, p_value=np.nan, describes=True)
     p_value = tail(square, freedom, noise_freedom)
-    bad = square > RATIO * freedom and p_value < IMPROBABLE
-    return Adequacy(chi_square=square, freedom=freedom, p_value=p_value, describes=not bad)
+    found = misfit_of(square, freedom, p_value, correlated_p)
+    return Adequacy(
+        chi_square=square,
+        freedom=freedom,
+        p_value=p_value,
+        describes=found.describes,
+        noise_factor=math.sqrt(square / freedom) if found is Misfit.UNDERESTIMATED else 1.0,
+    )
 
 
 def is_redundant(optimum: Optimum) -> bool:
@@ -145,12 +250,17 @@ def adequacy_sentences(
     square, freedom = number(optimum.chi_square, 3), number(optimum.degrees_of_freedom, 3)
     said = f"χ² = {square} on {freedom_words(freedom)}"
     if not adequacy.describes:
-        return (misfit_sentence(adequacy, drifts=bool(likelihood.objective.data.tones)),)
+        return (misfit_sentence(adequacy),)
     if structure is not None and structure.widening > TOLD:
         return (
             f"The residuals of the curve {' and '.join(structure.found)}: errors are "
             f"{structure.widening:.3g} times as wide, so that its points weigh as the equal and "
             "independent ones they are worth.",
+        )
+    if adequacy.noise_factor > 1.0:
+        return (
+            f"{said}, uncorrelated: the noise is {number(adequacy.noise_factor, 3)} times as large "
+            "as stated, and errors are scaled by that factor.",
         )
     if inflation > 1.0:
         return (f"{said}: all errors are {inflation:.3g} times as wide.",)
@@ -159,30 +269,25 @@ def adequacy_sentences(
     return (f"{said}: the {likelihood.objective.data.noise_words} explains the residuals.",)
 
 
-def misfit_sentence(adequacy: Adequacy, *, drifts: bool) -> str:
+def misfit_sentence(adequacy: Adequacy) -> str:
     """That the model does not describe the data, as far as was searched, and why.
 
     Args:
-        adequacy: of the rows of known noise.
-        drifts: whether there are experiments between which something may drift.
+        adequacy: of the residuals.
     """
     if adequacy.scale_off > 1.0:
-        return misfit_advice(adequacy, drifts=drifts)
+        return misfit_advice(adequacy)
     if adequacy.absent:
-        return f"No line stands out of the noise. {misfit_advice(adequacy, drifts=drifts)}"
-    return (
-        f"The model does not describe the data: χ² = {number(adequacy.chi_square, 3)} on "
-        f"{freedom_words(number(adequacy.freedom, 3))}. "
-        f"{misfit_advice(adequacy, drifts=drifts)}"
-    )
+        return f"No line stands out of the noise. {misfit_advice(adequacy)}"
+    found = misfit_ground(adequacy)
+    return f"The model does not describe the data: {found}. {misfit_advice(adequacy)}"
 
 
-def misfit_advice(adequacy: Adequacy, *, drifts: bool) -> str:
+def misfit_advice(adequacy: Adequacy) -> str:
     """How far the best parameters are from describing the data, and what may help.
 
     Args:
-        adequacy: of the rows of known noise.
-        drifts: whether there are experiments between which something may drift.
+        adequacy: of the residuals.
     """
     if adequacy.scale_off > 1.0:
         return (
@@ -195,18 +300,25 @@ def misfit_advice(adequacy: Adequacy, *, drifts: bool) -> str:
             f"Without one {adequacy.absent} are described nearly as well. No value is called "
             "determined; wanted a stronger drive, more averaging, or points about the lines."
         )
-    times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
     if adequacy.against:
         way = adequacy.remedy or "a sweep without that, or phases"
+        times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
         return (
             f"What it leaves is {times} (in squares) what {adequacy.against} leaves. "
             f"No value is called determined; wanted {way}, or another model."
         )
+    if adequacy.is_correlated:
+        where = f" of {adequacy.curve}" if adequacy.curve else ""
+        return (
+            f"The residuals{where} are correlated, and their structured part is "
+            f"{number(100.0 * adequacy.share, 2)} % of the largest amplitude: noise of any size "
+            "does not explain that. No value is reported; wanted another model."
+        )
+    times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
     return (
-        f"At the best parameters that were found χ² is {times} what the noise explains. No value "
-        "is called determined; wanted narrower boxes or a nearer start, if better parameters were "
-        f"missed, else another model, {'another drift, ' if drifts else ''}or the noise that the "
-        "data have."
+        f"At the best parameters that were found χ² is {times} what the noise explains, and there "
+        "are too few data to tell larger noise from a wrong model. No value is reported; wanted "
+        "more data, another model, or the noise that the data have."
     )
 
 

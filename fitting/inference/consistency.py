@@ -140,22 +140,71 @@ def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
     return found
 
 
+def without_values(joint: JointResult | None) -> JointResult | None:
+    """The same; what each campaign determines by itself is withdrawn, as all values are.
+
+    Args:
+        joint: the tests of their agreement; None: nothing was tested.
+    """
+    if joint is None:
+        return None
+    nothing = Estimate(float("nan"), float("nan"))
+    series = tuple(replace(s, alone=dict.fromkeys(s.alone, nothing)) for s in joint.series)
+    return replace(joint, series=series)
+
+
 def warnings_of(joint: JointResult) -> list[str]:
     """Campaigns that contradict each other, or agree badly.
 
     Args:
         joint: the tests of their agreement.
     """
+    against = contradictions(joint)
+    if against:
+        return [test.sentence for test in against]
     return [t.sentence for t in joint.tensions if t.sigmas > WORTH_A_WARNING]
 
 
 def contradictions(joint: JointResult | None) -> tuple[PairTest, ...]:
-    """Pairs of campaigns whose data cannot be of one set of values.
+    """Pairs of campaigns whose data cannot be of one set of values; each fact once.
+
+    Campaigns that contradict each other are not compared together with a third. Where one of three
+    or more contradicts others that agree, it is the one that differs: it alone is named, against
+    the rest.
 
     Args:
         joint: the tests of their agreement; None: nothing was tested.
     """
-    return () if joint is None else tuple(t for t in joint.tensions if t.sigmas > CONTRADICT)
+    if joint is None:
+        return ()
+    names = {part.name for part in joint.series}
+    found = [test for test in joint.tensions if test.sigmas > CONTRADICT]
+    pairs = [test for test in found if test.other in names]
+    odd = differs(joint)
+    if odd:
+        whole = [t for t in joint.tensions if t.one == odd and t.other not in names]
+        return tuple(t for t in whole if t.sigmas > CONTRADICT) or tuple(pairs)
+    return tuple(pairs or found)
+
+
+def differs(joint: JointResult | None) -> str:
+    """The one campaign that contradicts others, which agree; empty where it is not one.
+
+    Args:
+        joint: the tests of their agreement; None: nothing was tested.
+    """
+    if joint is None or len(joint.series) < 3:
+        return ""
+    names = [part.name for part in joint.series]
+    pairs = [t for t in joint.tensions if t.other in names]
+    found = [t for t in pairs if t.sigmas > CONTRADICT]
+    common = [name for name in names if found and all(name in (t.one, t.other) for t in found)]
+    if len(common) == 1:
+        return common[0]
+    # of a single pair, the one that agrees badly with the rest, too, where the other one does not
+    doubted = [t for t in pairs if t.sigmas > WORTH_A_WARNING and t not in found]
+    worse = [name for name in common if any(name in (t.one, t.other) for t in doubted)]
+    return worse[0] if len(worse) == 1 else ""
 
 
 def _whitened(solution: Solution) -> tuple[_System, list[float]]:

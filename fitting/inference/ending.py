@@ -84,9 +84,13 @@ def ending_of(
     chi = "" if adequacy is None or math.isnan(adequacy.p_value) else _chi_words(adequacy)
     if status is Status.MISFIT:
         absent = adequacy is not None and bool(adequacy.absent)
-        return Ending(words=ABSENT if absent else MISFIT, ground=chi)
+        found = "" if adequacy is None else misfit_ground(adequacy)
+        return Ending(words=ABSENT if absent else MISFIT, ground=found)
     said, seen = [chi] if chi else [], ""
-    if inflation > TOLD:
+    if adequacy is not None and adequacy.noise_factor > 1.0:
+        factor = f"{adequacy.noise_factor:.3g}"
+        said.append(f"uncorrelated noise {factor} times as large as stated, errors scaled by it")
+    elif inflation > TOLD:
         said.append(f"errors {inflation:.3g} times as wide for residuals beyond the noise")
     if structure is not None and structure.widening > TOLD:
         found = " and ".join(structure.found)
@@ -126,6 +130,20 @@ def extent_of(data: Dataset, residuals: FloatArray) -> str:
         return ""
     share = f"to {number(100.0 * max(known), 2)} % of the largest amplitude"
     return share if len(known) == len(fitted) else f"(curves {share})"
+
+
+def misfit_ground(adequacy: Adequacy) -> str:
+    """What it rests on that a model does not describe the data; empty: nothing was tested.
+
+    Args:
+        adequacy: of the residuals.
+    """
+    chi = "" if math.isnan(adequacy.p_value) else _chi_words(adequacy)
+    if not adequacy.is_correlated or adequacy.against or adequacy.absent:
+        return chi
+    share = f"{number(100.0 * adequacy.share, 2)} %"
+    part = f"structured residuals of {share} of the largest amplitude"
+    return f"{chi}, {part}" if chi else part
 
 
 def _chi_words(adequacy: Adequacy) -> str:

@@ -20,9 +20,15 @@ from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
+from fitting.inference.causes import causes_of, without_outliers
 from fitting.inference.closer_form import closer_form
 from fitting.inference.conditions import condition_sentences
-from fitting.inference.consistency import consistency, contradictions, warnings_of
+from fitting.inference.consistency import (
+    consistency,
+    contradictions,
+    warnings_of,
+    without_values,
+)
 from fitting.inference.contradictions import contradicted
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
@@ -37,9 +43,16 @@ from fitting.inference.estimates import (
     offset_results,
     parameter_results,
 )
+from fitting.inference.findings import findings_of
 from fitting.inference.joint_result import JointResult
 from fitting.inference.judged_values import JudgedValues
-from fitting.inference.likelihood.knowledge import UNDESCRIBED, Adequacy, Equivalent, Knowledge
+from fitting.inference.likelihood.knowledge import (
+    UNCONVERGED,
+    UNDESCRIBED,
+    Adequacy,
+    Equivalent,
+    Knowledge,
+)
 from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
@@ -49,6 +62,7 @@ from fitting.inference.quadratures import Quadratures, as_reported, quadratures_
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.warnings import (
     Kind,
+    Misfitting,
     Warned,
     doubt_sentences,
     estimator_sentences,
@@ -58,6 +72,7 @@ from fitting.inference.warnings import (
 )
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
+from fitting.text.finding import Finding
 from fitting.text.notation import listed, number, settings_words
 
 #: Minima of a search from which the most likely point is looked for.
@@ -72,7 +87,7 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `ending` the same in words;
-    `warnings` what a reader must know;
+    `warnings` what a reader must know, `findings` the same as records;
     `reported` (n,) are all parameters as they are reported; `sweeps` what the sweeps show;
     `quadratures` what complex values tell. `fit` is the one that all of it is about: not the one
     that was given, where a lower J was found on the way.
@@ -91,6 +106,7 @@ class Inference:
     reported: FloatArray
     sweeps: SweepFindings
     quadratures: Quadratures = field(default_factory=Quadratures)
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +151,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         fit, sweeps = _with_doubts(settled, None)
         read = _read(fit, request, sweeps)
     solution, problem = fit.solution, fit.problem
+    read = read.ended(fit)
     best, knowledge, adequacy, inflation = read.best, read.knowledge, read.adequacy, read.inflation
     # one estimator: its errors are as wide as its own residuals make them
     errors = solution.errors.widened(inflation / solution.errors.inflation)
@@ -152,19 +169,19 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     joint = consistency(problem, solution) if problem.is_joint else None
     status = _status(fit, adequacy)
     is_best = status is Status.CONVERGED and _is_best(fit, knowledge)
-    describes = adequacy is None or adequacy.describes
+    why_not = _why_not(fit, adequacy)
+    describes = not why_not
     left = _left_at(fit, best)
     values = values.judged(
         contradicted(joint, values.units) if is_best else _unexplained(fit, values.units, left),
-        "" if adequacy is None or describes else adequacy.why_not,
+        why_not,
     )
     parameters, derived, offsets = values.parameters, values.derived, values.offsets
     knowledge = values.knowledge
-    profiles = knowledge.profiles if knowledge is not None else {}
     sweeps = _with_names(sweeps, fit, {**parameters, **derived})
     named: dict[str, ParameterResult | DerivedResult | OffsetResult]
     named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
-    reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
+    causes = causes_of(fit, adequacy)
     ending = _ending(fit, status, read, left)
     if is_best and contradictions(joint):
         ending = _contradicted(ending, joint)
@@ -174,7 +191,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         derived=derived,
         offsets=offsets,
         knowledge=knowledge,
-        joint=joint,
+        joint=joint if describes else without_values(joint),
         status=status,
         message=_message(fit, ending, adequacy),
         ending=ending,
@@ -185,15 +202,18 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(
                 Kind.SIMULATION, doubt_sentences(solution.final.promised, sweeps.scale_off, named)
             ),
-            *warned(Kind.EXCHANGE, reason_sentences(reasons)),
+            *warned(Kind.EXCHANGE, reason_sentences(_reasons(knowledge))),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
-            *fit_warnings(fit, offsets, sweeps, best, inflation, describes),
+            *fit_warnings(
+                fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
+            ),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, read.missing),
         ),
         reported=estimates.reported,
         sweeps=sweeps,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
+        findings=findings_of(fit, adequacy, joint if is_best else None, causes),
     )
 
 
@@ -273,6 +293,30 @@ class _Reading:
     inflation: float
     knowledge: Knowledge | None = None
     missing: tuple[str, ...] = ()
+
+    def ended(self, fit: Fit) -> _Reading:
+        """The same of a fit that ended so: without convergence it gives no values.
+
+        Where single rows make up what looks like larger noise, these are named instead.
+
+        Args:
+            fit: a solved problem.
+        """
+        if self.adequacy is None:
+            return self
+        adequacy, said = without_outliers(fit, self.adequacy), ""
+        if adequacy.outliers:
+            said = f"Single points far off make up the misfit ({len(adequacy.outliers)})."
+        if fit.status is not Status.CONVERGED:
+            adequacy = replace(adequacy, converged=False)
+            said = f"No value is reported: {adequacy.why_not}."
+        if adequacy is self.adequacy:
+            return self
+        knowledge = self.knowledge
+        if knowledge is not None:
+            sentences = (said, *knowledge.sentences[1:])
+            knowledge = replace(knowledge, adequacy=adequacy, sentences=sentences)
+        return replace(self, adequacy=adequacy, knowledge=knowledge)
 
 
 def _read(fit: Fit, request: InferenceRequest, sweeps: SweepFindings) -> _Reading:
@@ -363,8 +407,10 @@ def _knowledge(
             progress=request.progress,
         )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
-        plain = likelihood_with(solution.objective, noise)
-        return replace(knowledge, nu=choose_nu(plain, fit.outcome.chains[0].steps, fit.path)), ()
+        plain = likelihood_with(solution.objective, solution.noise)
+        describes = knowledge.adequacy.describes and fit.status is Status.CONVERGED
+        steps = fit.outcome.chains[0].steps
+        return replace(knowledge, nu=choose_nu(plain, steps, fit.path, describes=describes)), ()
     except KeyboardInterrupt:
         why = "Interrupted before the profiles were done"
     except FmuFailure as failure:
@@ -375,6 +421,19 @@ def _knowledge(
 def _refuted(solution: Solution) -> Adequacy | None:
     """What speaks against the model of curves where chi square does not; None: nothing."""
     return unseen(solution) or closer_form(solution)
+
+
+def _reasons(knowledge: Knowledge | None) -> dict[str, str]:
+    """Reasons of verdicts that are sentences of their own, by value."""
+    profiles = {} if knowledge is None else knowledge.profiles
+    return {name: p.reason for name, p in profiles.items() if is_reason(p.reason)}
+
+
+def _why_not(fit: Fit, adequacy: Adequacy | None) -> str:
+    """Why there are no values; empty: the fit has converged, and the model describes the data."""
+    if adequacy is not None:
+        return "" if adequacy.gives_values else adequacy.why_not
+    return "" if fit.status is Status.CONVERGED else UNCONVERGED
 
 
 def _unexplained(fit: Fit, names: Iterable[str], left: FloatArray) -> dict[str, str]:
@@ -464,8 +523,7 @@ def _left_at(fit: Fit, best: FloatArray) -> FloatArray:
 def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:
     """The ending in sentences, that of the optimiser last."""
     if ending.words in (MISFIT, ABSENT) and adequacy is not None:
-        drifts = bool(fit.solution.objective.data.tones)
-        return ending.told(f"{misfit_advice(adequacy, drifts=drifts)} {fit.message}")
+        return ending.told(f"{misfit_advice(adequacy)} {fit.message}")
     return ending.told(fit.message)
 
 

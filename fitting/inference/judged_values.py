@@ -36,16 +36,19 @@ class JudgedValues:
 
         Args:
             apart: why single values have none, by name.
-            why_not: why none has any; empty: the model describes the data.
+            why_not: why none has any; empty: the fit converged and the model describes the data.
         """
         knowledge = self.knowledge
+        if knowledge is not None and why_not:
+            apart = {**dict.fromkeys(knowledge.profiles, why_not), **apart}
         if knowledge is not None and apart:
             knowledge = without_verdicts(knowledge, apart)
         known = knowledge.profiles if knowledge is not None else {}
         offsets = self.offsets
         if why_not:
             offsets = tuple(
-                replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets
+                replace(o, std=math.nan, ci95=(math.nan, math.nan), identifiable=Verdict.WITHDRAWN)
+                for o in offsets
             )
         derived = {
             n: _judged(d, known.get(n), apart.get(n, why_not)) for n, d in self.derived.items()

@@ -21,6 +21,8 @@ from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.fit.solver.continuation import distance, equal_j
+from fitting.inference.causes import cause_sentence
+from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.mistakes import (
     SweepFindings,
     contradiction_sentences,
@@ -39,7 +41,16 @@ from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, settings_words, span, unit_text
+from fitting.text.finding import Finding
+from fitting.text.notation import (
+    freedom_words,
+    hertz,
+    listed,
+    number,
+    settings_words,
+    span,
+    unit_text,
+)
 from fitting.text.units import convert
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
@@ -70,6 +81,7 @@ class Kind(Enum):
     SCALE = "the scale"
     BOUND = "a value on a bound of its box"
     SLIPPED = "a box that is a thousand times off the line"
+    CAUSE = "what may be why a model does not describe the data"
     INFLATION = "residuals beyond the noise"
     STRUCTURE = "residuals that are no noise of one size"
     MINIMA = "other minima"
@@ -98,6 +110,23 @@ class Warned:
     sentence: str
 
 
+@dataclass(frozen=True)
+class Misfitting:
+    """What is known of the residuals of a fit.
+
+    Args:
+        inflation: by how much residuals beyond the noise widen the errors.
+        describes: whether there are values: the fit converged and the model describes the data.
+        adequacy: by which rule; None: nobody asked.
+        causes: what may be why.
+    """
+
+    inflation: float = 1.0
+    describes: bool = True
+    adequacy: Adequacy | None = None
+    causes: tuple[Finding, ...] = ()
+
+
 def warned(kind: Kind, sentences: Iterable[str]) -> list[Warned]:
     """Sentences of one kind.
 
@@ -113,8 +142,7 @@ def fit_warnings(
     offsets: Sequence[OffsetResult],
     sweeps: SweepFindings,
     most_likely: FloatArray,
-    inflation: float = 1.0,
-    describes: bool = True,
+    misfit: Misfitting | None = None,
 ) -> list[Warned]:
     """Everything that a fit itself warns of, whatever is inferred from it.
 
@@ -123,10 +151,11 @@ def fit_warnings(
         offsets: values of single experiments.
         sweeps: what they show.
         most_likely: parameters (n,), in their units.
-        inflation: by how much residuals beyond the noise widen the errors.
-        describes: whether the model describes the data; else no error is given that were widened.
+        misfit: what is known of the residuals; None: nothing that is worth a warning.
     """
-    problem, solution = fit.problem, fit.solution
+    misfit = misfit or Misfitting()
+    problem, solution, describes = fit.problem, fit.solution, misfit.describes
+    found = bool(misfit.causes)
     lines = () if problem.is_joint else tuple(sweeps.lines.values())
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
     campaigns = tuple(problem.campaigns.values())
@@ -135,12 +164,16 @@ def fit_warnings(
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
         *warned(Kind.SLIPPED, slipped_sentences(problem, sweeps.lines)),
         *warned(Kind.BOUND, _on_bounds(solution)),
-        *warned(Kind.INFLATION, _inflation(fit.status, inflation) if describes else ()),
+        *warned(Kind.CAUSE, map(cause_sentence, misfit.causes)),
+        *warned(Kind.INFLATION, _inflation(fit.status, misfit)),
         *warned(Kind.STRUCTURE, _structure(solution)),
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
-        *warned(Kind.DRIFT, _drift(problem, offsets, sweeps, describes)),
-        *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution, most_likely))),
-        *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
+        *warned(Kind.DRIFT, _drift(problem, offsets, sweeps, describes or found)),
+        *warned(
+            Kind.OUTLIERS,
+            () if found else outlier_sentences(problem, _row_by_row(solution, most_likely)),
+        ),
+        *warned(Kind.SWAPPED, () if found else swapped_sentences(problem, solution)),
         *warned(Kind.PHASES, phase_sentences(solution)),
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
@@ -266,8 +299,18 @@ def _on_bounds(solution: Solution) -> list[str]:
     return said
 
 
-def _inflation(status: Status, inflation: float) -> list[str]:
-    if inflation <= 1.5:
+def _inflation(status: Status, misfit: Misfitting) -> list[str]:
+    inflation, adequacy = misfit.inflation, misfit.adequacy
+    if misfit.describes and adequacy is not None and adequacy.noise_factor > 1.0:
+        return [
+            f"The residuals are uncorrelated, but {number(adequacy.noise_factor, 3)} times as "
+            f"large as the stated noise (χ² = {number(adequacy.chi_square, 3)} on "
+            f"{freedom_words(number(adequacy.freedom, 3))}): the noise was stated too small. "
+            "Errors are scaled by that factor."
+        ]
+    if adequacy is not None and adequacy.outliers:  # these are named, and explain it
+        return []
+    if inflation <= 1.5 or not (misfit.describes or status is Status.INTERRUPTED):
         return []
     if status is Status.INTERRUPTED:  # what is left may be what the search had still to find
         return [
@@ -277,8 +320,7 @@ def _inflation(status: Status, inflation: float) -> list[str]:
         ]
     return [
         f"The residuals are {inflation:.3g} times what the noise explains: it was stated too "
-        f"small, or the model, or the drift, is not quite right; errors are {inflation:.3g} "
-        "times as wide for it."
+        f"small, or the model is not quite right; errors are {inflation:.3g} times as wide for it."
     ]
 
 

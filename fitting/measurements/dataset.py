@@ -12,6 +12,7 @@ import numpy as np
 from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
 from fitting.measurements.tones import Tones
 from fitting.signal.chi_square import joined_freedom
+from fitting.signal.presence import leaves_noise
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput, did_you_mean
 
@@ -87,7 +88,7 @@ class Dataset:
             known: of those whose noise is known, else of those where it is not.
         """
         mine = [m for m in self.measurements if bool(np.all(m.sigma > 0)) == known]
-        return sum(m.solved_inside + _own_scale(m) for m in mine)
+        return sum(m.solved_inside + own_scale(m) for m in mine)
 
     @property
     def solved_inside(self) -> int:
@@ -184,13 +185,19 @@ class Dataset:
     def unexplained(self, residuals: FloatArray) -> str:
         """What says that rows (m,) do not follow the data at all; empty where they do.
 
-        A fit that ends far from any solution may sit on a plateau: flat, and so stationary.
+        A fit that ends far from any solution may sit on a plateau: flat, and so stationary. What
+        is no more than the noise that is stated follows the data as far as they are known.
 
         Args:
             residuals: rows (m,), relative.
         """
-        pairs = zip(self.measurements, self.slices, strict=True)
-        return next((said for m, k in pairs if (said := m.unexplained(residuals[k]))), "")
+        for m, k in zip(self.measurements, self.slices, strict=True):
+            said = m.unexplained(residuals[k])
+            if said and not (
+                np.all(m.sigma > 0.0) and leaves_noise(residuals[k], residuals[k], m.sigma, 1)
+            ):
+                return said
+        return ""
 
     def squares(self, residuals: FloatArray) -> tuple[float, FloatArray]:
         """Misfit "squares" of rows (m,), and the weights (m,) that its gradient 2 J^T w r has.
@@ -220,8 +227,12 @@ class Dataset:
         return np.asarray(weights / np.mean(weights))
 
 
-def _own_scale(measurement: Measurement) -> int:
-    """One where the scale is the least-squares one over its own rows, which are then one fewer."""
+def own_scale(measurement: Measurement) -> int:
+    """One where the scale is the least-squares one over its own rows, which are then one fewer.
+
+    Args:
+        measurement: with its rows.
+    """
     return int(measurement.rows > 0 and measurement.takes_scale_from_rows)
 
 

@@ -151,6 +151,20 @@ class DrivenModel:
             **self.alternative,
         }
 
+    @cached_property
+    def whole(self) -> DrivenModel:
+        """The same without what reductions have left out of the model.
+
+        What a reduction costs is known under the tones that it was measured with. A record over
+        time has others, or none: then the mode next to the tones may be any, and what is left out
+        the very one that is observed.
+        """
+        reduced = {n for d in self.plan.decisions if d.is_reduction for n in d.settings}
+        if not reduced:
+            return self
+        settings = {n: value for n, value in self.plan.settings.items() if n not in reduced}
+        return replace(self, plan=replace(self.plan, settings=settings))
+
     def _roles(self, label: str | None) -> _Roles:
         """What the parameters are to an experiment, by its label; looked up at every run."""
         found = self._known_roles.get(label)

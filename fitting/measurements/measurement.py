@@ -27,6 +27,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.plan import Plan
+from fitting.measurements.residual_curve import ResidualCurve
 from fitting.signal.presence import leaves_noise
 from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
@@ -352,6 +353,14 @@ class Measurement(Protocol):
         """
         ...
 
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Its rows along every axis that they have; none where structure cannot be tested.
+
+        Args:
+            residuals: rows (rows,), relative.
+        """
+        ...
+
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """What was measured beside what the model says, for report and plots.
 
@@ -615,6 +624,16 @@ class MeasurementKind:
             residuals: rows (m,), relative.
         """
         return math.nan
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """One where its rows are points of a curve, each a share of the largest amplitude.
+
+        Args:
+            residuals: rows (rows,), relative.
+        """
+        if not (self.is_curve and residuals.size):
+            return ()
+        return (ResidualCurve(rows=np.arange(residuals.size), share=np.ones(residuals.size)),)
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """It has no figure."""

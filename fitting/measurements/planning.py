@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.campaign.parameters import Parameter, bounds, planning_points
+from fitting.campaign.parameters import Parameter, axis_ends, bounds, planning_points
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.driven_model import DrivenModel
@@ -20,8 +20,9 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import PlanOptions, plan_drives
+from fitting.simulate.probe import Probe
 from fitting.simulate.settling import settling_s
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Part of the wanted accuracy that a transient planned from a line width may leave.
@@ -148,20 +149,20 @@ def measured_plan(
     drives = _drives(series, model, workers)
     if not drives:
         return _refined(series, model, workers)
-    annotation = _applicable(series, setup.annotation.over(own or AccuracyAnnotation()))
-    found = plan_drives(
-        drives,
-        setup.accuracy,
-        workers,
-        Knowledge(
-            annotation,
-            variables,
-            step_s=series.own_step_s,
-            fixed_step=series.fixed_step,
-            exchange=series.exchange,
-        ),
-        PlanOptions(examples=True, usual=setup.usual_accuracy),
+    known = Knowledge(
+        _applicable(series, setup.annotation.over(own or AccuracyAnnotation())),
+        variables,
+        step_s=series.own_step_s,
+        fixed_step=series.fixed_step,
+        exchange=series.exchange,
     )
+    options = PlanOptions(examples=True, usual=setup.usual_accuracy)
+    found = plan_drives(drives, setup.accuracy, workers, known, options)
+    ends = _drives_at(series, model, axis_ends(series.parameters))
+    while lost := _lost(found, ends, workers, known):
+        kept = tuple(r for r in known.annotation.reductions if r.name not in lost)
+        known = replace(known, annotation=replace(known.annotation, reductions=kept))
+        found = plan_drives(drives, setup.accuracy, workers, known, options)
     settle_s = _settle_s(series, found, draft)
     measured = Plan(
         settle_s=settle_s,
@@ -239,6 +240,51 @@ def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive
         drives += these
     phases = any(m.has_phases for m in series.measurements)
     return tuple(replace(drive, phases=phases) for drive in drives)
+
+
+def _drives_at(
+    series: Series, model: DrivenModel, points: Sequence[FloatArray]
+) -> list[list[Drive]]:
+    """Drives of the first measurement that has any, at every point."""
+    each = ([m.drives(model, point) for m in series.measurements] for point in points)
+    return [next((drives for drives in these if drives), []) for these in each]
+
+
+def _lost(
+    found: DrivePlan, ends: Sequence[Sequence[Drive]], workers: Workers, known: Knowledge
+) -> set[str]:
+    """Reductions that leave out more elsewhere in the box than they may of what is observed.
+
+    Which mode is next to the tones changes with the parameters: one that contributes to the output
+    that is read is never left out, whatever its distance is.
+
+    Args:
+        found: a plan with its reductions.
+        ends: drives at points of the box.
+        workers: of the FMU.
+        known: of the FMU.
+    """
+    lost: set[str] = set()
+    for decision in found.budget.decisions:
+        bounds = [r.bound for r in known.annotation.reductions if r.name == decision.subject]
+        if not decision.is_reduction or decision.basis != Basis.STATED or bounds == [None]:
+            continue
+        most = max(decision.bound, float(decision.numbers["left"]))
+        for drives in ends:
+            names = {
+                b.replace("{output}", n) for b in bounds if b for d in drives for n in d.outputs
+            }
+            probe = Probe(drives=tuple(drives), workers=workers, exchange=known.exchange)
+            try:
+                left_out = [probe.largest(found.settings, found.settle_s, n) for n in names]
+            except NoAnswer:
+                raise
+            except FmuFailure:  # the FMU may refuse a part of the box
+                continue
+            if max(left_out, default=0.0) > most:
+                lost.add(decision.subject)
+                break
+    return lost
 
 
 def _runs(drives: list[Drive], workers: Workers) -> bool:

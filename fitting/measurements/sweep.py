@@ -30,6 +30,7 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.signal.peaks import ADDED, OFFSET, SLOPE, Resonance, along, fit_resonance
 from fitting.signal.scale import (
@@ -392,6 +393,20 @@ class Sweep(MeasurementKind):
     def share_left(self, residuals: FloatArray) -> float:
         """Root mean square: rows are over the largest amplitude."""
         return float(np.sqrt(np.mean(residuals**2)))
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Its points over frequency."""
+        if not residuals.size:
+            return ()
+        values = self.amplitude_v + residuals * self.maximum_v
+        return (
+            ResidualCurve(
+                rows=np.arange(residuals.size),
+                share=np.ones(residuals.size),
+                axis=self.frequency_hz,
+                columns=mistakes(self.frequency_hz, values, 1.0 / self.maximum_v),
+            ),
+        )
 
     @property
     def rows_without_response(self) -> FloatArray:

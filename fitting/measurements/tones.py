@@ -24,6 +24,7 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
+from fitting.measurements.residual_curve import ResidualCurve
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch
 from fitting.simulate.drive import Drive
@@ -163,6 +164,19 @@ class Tones(MeasurementKind):
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """(chi z - z*)/z*, shape (rows,)."""
         return np.asarray((chi * prediction.values - self.peaks_v) / self.peaks_v)
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Its lines as they were measured, and by their frequency; of phasors real parts first."""
+        count = self.peaks_v.size
+        if not count:
+            return ()
+        tones = np.concatenate([np.asarray(e.read_hz, dtype=float) for e in self.experiments])
+        share = self.peaks_v / np.max(self.peaks_v)
+        found = []
+        for order in (np.arange(count), np.argsort(tones, kind="stable")):
+            rows = np.concatenate([order + begin for begin in range(0, residuals.size, count)])
+            found.append(ResidualCurve(rows=rows, share=np.tile(share[order], rows.size // count)))
+        return tuple(found)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Peaks that are half their size off on average are no description of the data."""

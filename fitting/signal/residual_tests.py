@@ -49,7 +49,8 @@ class Structure:
     `p_value` of the test against white noise, `sizes_p` of that against one size; `order` of the
     autoregressive model (0 where it is white); `points` independent points they are worth, (0, m];
     `widening` >= 1, the factor on standard errors that took all points for independent and equal,
-    `together` >= 1, what it would be for points that are equal and only hang together.
+    `together` >= 1, what it would be for points that are equal and only hang together; `excess`
+    >= 1, the part of both by which correlated residuals exceed the noise that is stated.
     """
 
     p_value: float
@@ -58,6 +59,7 @@ class Structure:
     points: float
     widening: float
     together: float
+    excess: float = 1.0
 
     @property
     def is_unequal(self) -> bool:
@@ -68,6 +70,22 @@ class Structure:
     def found(self) -> tuple[str, ...]:
         """What the residuals do that noise of one size does not, in words."""
         return tuple(words for words, _, _ in _deviations(self.p_value, self.sizes_p))
+
+    def beyond(self, square: float) -> Structure:
+        """The same of residuals whose noise is stated: where correlated, they count as they are.
+
+        The effective sample size says how many points there are, not how large the residuals are.
+
+        Args:
+            square: chi square by the stated noise over its degrees of freedom.
+        """
+        excess = math.sqrt(max(1.0, square)) if self.order else 1.0
+        return replace(
+            self,
+            excess=self.excess * excess,
+            widening=self.widening * excess,
+            together=self.together * excess,
+        )
 
     @property
     def told(self) -> str:

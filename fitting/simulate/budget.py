@@ -104,6 +104,11 @@ class Decision:
             raise ValueError(f"decision on {name}: bound {self.bound!r}, wanted 0 or more")
 
     @property
+    def is_reduction(self) -> bool:
+        """Whether a part of the model is left out by it, because of what that saves."""
+        return self.kind == Kind.MODEL and self.taken and not self.forced
+
+    @property
     def cost(self) -> float:
         """What it takes of the budget."""
         return self.bound if self.taken else 0.0

@@ -16,12 +16,14 @@ class Kind(StrEnum):
     not_described = "not_described"
     correlated_residuals = "correlated_residuals"
     noise_underestimated = "noise_underestimated"
+    not_converged = "not_converged"
     outlier = "outlier"
     contradiction = "contradiction"
     gain = "gain"
     offset = "offset"
     shift = "shift"
     noise_level = "noise_level"
+    drift_exchanged = "drift_exchanged"
     equivalent_solution = "equivalent_solution"
 
 

@@ -61,7 +61,7 @@ def widened(factor: float, p_value: float = 1e-9, sizes_p: float = 1.0) -> Struc
 
 
 def test_large_chi_squares_are_written_out() -> None:
-    said = misfit_sentence(adequacy(34412.0, 1764.0, describes=False), drifts=False)
+    said = misfit_sentence(adequacy(34412.0, 1764.0, describes=False))
     assert "34400 on 1760 " in said
 
 
@@ -164,7 +164,7 @@ def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:
     ragged = adequacy(4780.0, 8.034, False)
     said = ending_of(Status.MISFIT, ragged, inflation=24.4, structure=None)
     assert "4780 on 8.03 " in said.ground
-    assert "595 times" in misfit_sentence(ragged, drifts=True)
+    assert "595 times" in misfit_sentence(ragged)
     for status in (Status.NOT_CONVERGED, Status.INTERRUPTED):
         ending = ending_of(status, adequacy(4.0, 4.0), inflation=1.0, structure=None)
         assert ending == Ending(words=NOT_CONVERGED)

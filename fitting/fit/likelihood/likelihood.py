@@ -34,6 +34,7 @@ from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import answered_apart, output_means_beyond, runs_of_outputs
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
+from fitting.text.errors import NoScale
 
 #: Points of the box at which a model may fail before the failure is passed on.
 MOST_FAILURES = 12
@@ -313,7 +314,6 @@ class LikelihoodEvaluator:
         Raises:
             Exhausted: the limit is reached.
             FmuFailure: the model failed at more points than can be left out.
-            NoScale: likewise, its amplitudes have no ratio to the measured ones.
         """
         wanted = sum(len(request.xs) for request in requests if request.rows)
         if wanted and self.spent + wanted * self._each > self.limit:
@@ -392,7 +392,8 @@ class LikelihoodEvaluator:
         return [self.likelihood.rows(point) for point in points]
 
     def _failed(self, x: FloatArray, failure: Exception) -> FloatArray:
-        asked_for = in_box(self.likelihood.parameters, x)
+        # a model that answers with nothing fits infinitely badly there, and has not failed
+        asked_for = in_box(self.likelihood.parameters, x) and not isinstance(failure, NoScale)
         if asked_for and self.failures >= MOST_FAILURES:
             raise failure
         self.failures += asked_for

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fitting.inference.verdict import Verdict, in_boxes
+from fitting.signal.misfit import CORRELATED
 from fitting.text.arrays import Scalar
 
 Floats = tuple[float, ...]
@@ -20,15 +21,22 @@ ENDS = ("crossed", "prior", "held", "bound", "round", "lost", "cost")
 
 #: Why values have no verdict, where nothing nearer is known.
 UNDESCRIBED = "the model does not describe the data"
+UNCONVERGED = "the fit has not converged"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Adequacy:
-    """Whether the model describes the data: chi square of the rows of known noise.
+    """Whether the model describes the data, by the rule of `fitting.signal.misfit`.
 
-    At the most likely point, against its degrees of `freedom`; `p_value` the probability that noise
-    alone gives as much (NaN where there is nothing to judge by). `describes` is False where it is
-    several times its degrees of freedom and too improbable (`fitting.inference.adequacy`).
+    `chi_square` of the rows of known noise at the most likely point, against its degrees of
+    `freedom`; `p_value` the probability that noise alone gives as much (NaN where there is nothing
+    to judge by). `correlated_p` is the probability that white noise is as correlated as the
+    residuals of the curve where it is least, named `curve`, and `share` their structured part over
+    its largest amplitude (NaN: no curve). `describes` is False where the rule gives up the model;
+    `noise_factor` is by how much uncorrelated residuals exceed the stated noise, 1 where they do
+    not; `outliers` are the numbers of single rows far beyond the rest, without which the noise
+    explains it. `converged` is False where the fit has not converged: then there are no values,
+    either.
     `against` names the form of a line whose residuals the noise was taken from, where they are a
     sweep's own (`fitting.inference.closer_form`); empty where the noise is known. `remedy` is what
     would describe them so: a key of the campaign, or an output; empty where nobody knows one.
@@ -45,10 +53,28 @@ class Adequacy:
     remedy: str = ""
     scale_off: float = math.nan
     absent: str = ""
+    correlated_p: float = math.nan
+    share: float = math.nan
+    curve: str = ""
+    noise_factor: float = 1.0
+    outliers: tuple[int, ...] = ()
+    converged: bool = True
+
+    @property
+    def gives_values(self) -> bool:
+        """Whether there are values: the fit has converged, and the model describes the data."""
+        return self.describes and self.converged
+
+    @property
+    def is_correlated(self) -> bool:
+        """Whether residuals are correlated along the axis of a curve."""
+        return self.correlated_p < CORRELATED
 
     @property
     def why_not(self) -> str:
-        """Why no verdict is given where the model does not describe the data, in a clause."""
+        """Why no verdict is given where there are no values, in a clause."""
+        if not self.converged:
+            return UNCONVERGED
         if self.absent:
             return "no line stands out of the noise"
         return UNDESCRIBED

@@ -30,7 +30,11 @@ SHORT = 0.05
 
 
 def choose_nu(
-    likelihood: Likelihood, steps: Sequence[ContinuationStep], history: Sequence[HistoryRow]
+    likelihood: Likelihood,
+    steps: Sequence[ContinuationStep],
+    history: Sequence[HistoryRow],
+    *,
+    describes: bool = True,
 ) -> NuChoice:
     """Corner and discrepancy over the levels of a finished chain.
 
@@ -38,6 +42,7 @@ def choose_nu(
         likelihood: of the stated noise, without inflation.
         steps: levels of the reported chain.
         history: their rows (and others), for parameters and outputs.
+        describes: whether the model describes the data: else no misfit is within the noise.
 
     Raises:
         FmuFailure: the model failed at one of the levels.
@@ -76,7 +81,8 @@ def choose_nu(
     )
     allowed = largest(ALLOWED_P, m, likelihood.objective.data.noise_freedom)
     corner = corner_of(rows)
-    discrepancy = max((row.nu for row in rows if row.chi_square <= allowed), default=math.nan)
+    within = [row.nu for row in rows if row.chi_square <= allowed] if describes else []
+    discrepancy = max(within, default=math.nan)
     prior = {p.name: p.reference for p in likelihood.parameters}
     widths = {p.name: p.upper - p.lower for p in likelihood.parameters}
     return NuChoice(
@@ -85,7 +91,7 @@ def choose_nu(
         discrepancy=discrepancy,
         allowed=allowed,
         last=rows[-1].nu,
-        sentences=_sentences(rows, corner, discrepancy, allowed),
+        sentences=_sentences(rows, corner, discrepancy, allowed if describes else math.nan),
         prior=prior,
         widths=widths,
     )
@@ -140,6 +146,9 @@ def _sentences(
         )
     else:
         first = f"The L-curve bends most at ν = {corner:.1e}."
+    last = f"The schedule ends at ν = {rows[-1].nu:.1e}."
+    if math.isnan(allowed):  # there is no noise to hold the misfit against
+        return first, last
     if math.isnan(discrepancy):
         least = min(row.chi_square for row in rows)
         second = (
@@ -151,5 +160,4 @@ def _sentences(
         second = (
             f"Discrepancy principle: the misfit is within the noise up to ν = {discrepancy:.1e}."
         )
-    last = f"The schedule ends at ν = {rows[-1].nu:.1e}."
     return first, second, last

@@ -37,6 +37,7 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.measurements.tones import PLATEAU
 from fitting.simulate.batch import Batch, Workers, together
@@ -415,6 +416,25 @@ class ComplexSweeps(MeasurementKind):
         """Distance from the model, root mean square over the largest modulus, of the worst one."""
         ends = np.cumsum([2 * c.y.size for c in self.curves])[:-1]
         return max(float(np.sqrt(2.0 * np.mean(r**2))) for r in np.split(residuals, ends))
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Every sweep over frequency, its real parts, then its imaginary ones."""
+        found, begin = [], 0
+        for c in self.curves:
+            rows = np.arange(begin, begin + 2 * c.y.size)
+            begin += rows.size
+            real, imaginary = np.split(residuals[rows], 2)
+            values = c.y + c.largest * (real + 1j * imaginary)
+            found.append(
+                ResidualCurve(
+                    rows=rows,
+                    share=np.full(rows.size, np.sqrt(2.0)),  # of the distance from the model
+                    axis=np.tile(c.u_hz, 2),
+                    name=c.label,
+                    columns=mistakes(c.u_hz, values, 1.0 / c.largest),
+                )
+            )
+        return tuple(found)
 
     @property
     def rows_without_response(self) -> FloatArray:

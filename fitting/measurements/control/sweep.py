@@ -42,6 +42,7 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.signal.chi_square import joined_freedom
 from fitting.signal.magnitude import mean_magnitude
@@ -376,6 +377,30 @@ class ControlSweep(MeasurementKind):
         if self.logarithmic:
             return math.nan
         return max(float(np.sqrt(np.mean(residuals[mine] ** 2))) for mine in self.slices)
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Every spectrum over frequency.
+
+        Args:
+            residuals: rows (rows,).
+        """
+        found = []
+        for s, mine in zip(self.spectra, self.slices, strict=True):
+            values = s.y * np.exp(residuals[mine]) if self.logarithmic else s.y
+            if not self.logarithmic:
+                values = values + residuals[mine] * s.largest
+            slope = 1.0 / values if self.logarithmic else np.full(s.y.size, 1.0 / s.largest)
+            share = s.y / s.largest if self.logarithmic else np.ones(s.y.size)
+            found.append(
+                ResidualCurve(
+                    rows=np.arange(mine.start, mine.stop),
+                    share=share,
+                    axis=s.u_hz,
+                    name=s.label,
+                    columns=mistakes(s.u_hz, values, slope),
+                )
+            )
+        return tuple(found)
 
     @property
     def rows_without_response(self) -> FloatArray:

@@ -25,6 +25,7 @@ from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
+from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
@@ -125,7 +126,7 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             batch: where runs are asked for.
             owner: which evaluation pays for them.
         """
-        values = model.values(p, trace.label or None, trace.settings)
+        values = model.whole.values(p, trace.label or None, trace.settings)
         plan, output = model.plan.step_plan(self.key(trace)), self.output(trace)
         sensing = trace.sensing_pulse(1 if plan is None else plan.per_sample)
         return Asked(
@@ -191,6 +192,18 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
         ends = np.cumsum([trace.rows for trace in self.traces])[:-1]
         pairs = zip(self.traces, np.split(residuals, ends), strict=True)
         return max(trace.share_left(rows) for trace, rows in pairs)
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Every record over time; of phasors real parts, then imaginary ones."""
+        found, begin = [], 0
+        for trace in self.traces:
+            rows = np.arange(begin, begin + trace.rows)
+            begin += rows.size
+            share = trace.weights if trace.is_amplitude else np.full(rows.size, np.sqrt(2.0))
+            place = np.arange(trace.rows) % trace.y.size
+            time_s = np.asarray(trace.spacing_s * place, dtype=float)
+            found.append(ResidualCurve(rows=rows, share=share, axis=time_s, name=trace.label))
+        return tuple(found)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Traces of whose variance less than half is explained are not described."""

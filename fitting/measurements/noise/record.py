@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from scipy.constants import Boltzmann
-from scipy.special import digamma
+from scipy.special import digamma, gammaincinv
 
 from fitting.measurements.noise.averages import averages_seen
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, NoScale
 
 WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
 TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
@@ -30,6 +30,10 @@ LENGTH, REACH = 1024, 3
 EVERY = 2
 #: How far a spacing of frequencies may be from the usual one where a window is told, relative.
 EVEN = 1e-3
+#: ln P/S of the table that leads from rows back to spectra: its ends, and points.
+REACHED, TABULATED = 30.0, 60_001
+#: Quantiles of the mean of a power over which the mean row is taken.
+QUANTILES = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +183,14 @@ class NoiseRecord:
         m = self.count
         return float(np.sqrt(2.0 * m * (np.log(m) - float(digamma(m)))))
 
+    @cached_property
+    def mean_row(self) -> float:
+        """Mean of the rows of a right model: few averages scatter more to one side."""
+        chances = (np.arange(QUANTILES) + 0.5) / QUANTILES
+        x = gammaincinv(self.count, chances) / self.count
+        deviance = np.maximum(2.0 * self.count * (x - 1.0 - np.log(x)), 0.0)
+        return float(np.mean(-np.sign(x - 1.0) * np.sqrt(deviance)))
+
     @property
     def is_curve(self) -> bool:
         """Whether its residuals may be asked how neighbours hang together."""
@@ -231,14 +243,14 @@ class NoiseRecord:
             response: H, (n,), output over drive.
 
         Raises:
-            BadInput: a response that gives energy back.
+            NoScale: a response that is zero, or gives energy back.
         """
         if self.force != THERMAL:
             return np.asarray(np.abs(response) ** 2 * self.pushed)
         w = 2.0 * np.pi * self.u_hz
         top = int(np.argmax(np.abs(response)))
         if response[top].imag >= 0.0:
-            raise BadInput(
+            raise NoScale(
                 f"{self.source}: the response does not lag its drive at its top, "
                 f'{self.u_hz[top]:.6g} Hz; force = "thermal" wants the output that the drive '
                 "pushes, and a drive without a phase"
@@ -261,3 +273,14 @@ class NoiseRecord:
         near = np.abs(apart) < 1e-4  # by its series: the difference would cancel
         deviance = np.where(near, 0.5 * apart**2 - apart**3 / 3.0, apart - np.log(x))
         return np.asarray(-np.sign(apart) * np.sqrt(2.0 * self.count * np.maximum(deviance, 0)))
+
+    def spectrum_of(self, rows: FloatArray) -> FloatArray:
+        """S (n,) of which `rows_of` makes these rows: P/x, x the root of the deviance.
+
+        Args:
+            rows: signed roots of the deviances, (n,).
+        """
+        logarithm = np.linspace(-REACHED, REACHED, TABULATED)
+        deviance = 2.0 * self.count * (np.expm1(logarithm) - logarithm)
+        table = -np.sign(logarithm) * np.sqrt(np.maximum(deviance, 0.0))
+        return np.asarray(self.y / np.exp(np.interp(-rows, -table, logarithm)))

@@ -37,11 +37,13 @@ from fitting.measurements.noise.figure import noise_figure
 from fitting.measurements.noise.levels import best_levels
 from fitting.measurements.noise.record import THERMAL, NoiseRecord
 from fitting.measurements.plan import Plan
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind
 
 #: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
 FAR, AS_WELL = 3.0, 0.5
@@ -263,6 +265,28 @@ class NoiseSpectra(MeasurementKind):
             elif each.unit == "m" and each.drives_force:
                 found[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
         return found
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Every spectrum over frequency; a share is one of the largest density."""
+        found, begin = [], 0
+        for each in self.spectra:
+            rows = np.arange(begin, begin + each.y.size)
+            begin += rows.size
+            spectrum = each.spectrum_of(residuals[rows])
+            root = np.sqrt(each.count)
+            columns = mistakes(each.seen_hz, spectrum, root / spectrum)
+            columns[Kind.noise_level] = columns.pop(Kind.gain)
+            found.append(
+                ResidualCurve(
+                    rows=rows,
+                    share=spectrum / (root * np.max(spectrum)),  # of a row near S = P
+                    axis=each.seen_hz,
+                    centre=each.mean_row,
+                    name=each.label,
+                    columns=columns,
+                )
+            )
+        return tuple(found)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra that a constant describes half as well, and that are far off."""

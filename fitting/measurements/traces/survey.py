@@ -248,7 +248,7 @@ class Survey(Generic[T]):
         look = trace.look(fine)
         if look is None:
             return steps
-        values = self.model.values(points[0], trace.label or None, trace.settings)
+        values = self.model.whole.values(points[0], trace.label or None, trace.settings)
         output = self.kind.output(trace)
         asked = [
             batch.ask(values, look.closer, look.held_signal, output),
@@ -421,7 +421,7 @@ class Survey(Generic[T]):
         trace = self.trace
         if not trace.has_unknown_start:
             return
-        values = self.model.values(p, trace.label or None, trace.settings)
+        values = self.model.whole.values(p, trace.label or None, trace.settings)
         output, batch = self.kind.output(trace), self.batch
         runs = [
             batch.ask(values, trace.pulse_window, trace.pulse(per_sample, level), output)

@@ -185,7 +185,7 @@ class TracesTogether(MeasurementKind, Generic[R]):
                     else read_decay(plan, batch, run, output)
                 )
                 if whole is None:
-                    values = model.values(p, trace.label or None, trace.settings)
+                    values = model.whole.values(p, trace.label or None, trace.settings)
                     again[k, i] = ask_decay(trace, values, None, batch, output, k)
         if again:
             yield

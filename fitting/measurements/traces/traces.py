@@ -22,6 +22,7 @@ from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.figure import trace_figure
 from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
@@ -153,7 +154,7 @@ class Traces(TracesTogether[TraceRecord]):
             batch: where runs are asked for.
             owner: which evaluation pays for them.
         """
-        values = model.values(p, trace.label or None, trace.settings)
+        values = model.whole.values(p, trace.label or None, trace.settings)
         plan = model.plan.step_plan(self.key(trace))
         driven = decay = coarse = None
         output, steps = self.output(trace), 1 if plan is None else plan.per_sample
@@ -223,6 +224,25 @@ class Traces(TracesTogether[TraceRecord]):
         """Root mean square of the worst trace over its largest deviation from its mean."""
         ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
         return max(float(np.sqrt(np.mean(r**2))) for r in np.split(residuals, ends))
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Every trace over time."""
+        found, begin = [], 0
+        for trace in self.traces:
+            rows = np.arange(begin, begin + trace.y.size)
+            begin += rows.size
+            values = trace.y + trace.largest * residuals[rows]
+            time_s = np.asarray(trace.spacing_s * np.arange(rows.size), dtype=float)
+            found.append(
+                ResidualCurve(
+                    rows=rows,
+                    share=np.ones(rows.size),
+                    axis=time_s,
+                    name=trace.label,
+                    columns=mistakes(time_s, values, 1.0 / trace.largest),
+                )
+            )
+        return tuple(found)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Traces of whose variance less than half is explained are not described."""

@@ -48,7 +48,7 @@ _POWER = re.compile(r"\*\*\(?(-?[\d.]+)\)?")
 class Row:
     """One value for print: NaN is what there is not; `source` says whose number it is.
 
-    `whole` are the words for an interval that is all of a period, which has no ends; else empty.
+    `whole` are the words for an interval that is all of a period, for print; else empty.
     """
 
     name: str
@@ -127,7 +127,7 @@ def rows_of(result: Result) -> list[Row]:
 
 def _row(value: Value) -> Row:
     found = value.found
-    low, high = (math.nan, math.nan) if found.is_all_round else found.ci95
+    low, high = found.ci95
     return Row(
         name=value.name,
         value=math.nan if value.open else found.value,

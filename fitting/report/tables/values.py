@@ -69,7 +69,9 @@ class Value:
     @property
     def open(self) -> bool:
         """Whether the data leave it open: then no value is shown but the range."""
-        return not self.found.identifiable.has_value and not self.offset
+        if self.offset:  # its prior gives it one, where the model describes the data
+            return self.found.identifiable is Verdict.WITHDRAWN
+        return not self.found.identifiable.has_value
 
     @property
     def offset(self) -> bool:
@@ -304,6 +306,11 @@ def _at(rows: tuple[tuple[float, ...], ...], column: int) -> Callable[[int], flo
     return lambda row: rows[row][column]
 
 
+def _is_withdrawn(found: ParameterResult | DerivedResult | OffsetResult) -> bool:
+    """Whether the fit gives no value at all, not even where it stopped."""
+    return found.identifiable is Verdict.WITHDRAWN
+
+
 def _if_known(d: ParameterResult | DerivedResult, shown: float | Cell) -> float | Cell:
     """A value or an error, where the data determine the value: elsewhere it would be a lie."""
     return shown if d.identifiable.has_value else Cell("–")
@@ -311,6 +318,8 @@ def _if_known(d: ParameterResult | DerivedResult, shown: float | Cell) -> float 
 
 def _if_rounded(d: ParameterResult | DerivedResult, value: float, digits: int = 9) -> Cell:
     """A value by either estimator, rounded as its error; a few digits where there is none."""
+    if _is_withdrawn(d):
+        return Cell("–")
     if d.identifiable.has_value or not math.isfinite(value):
         return rounded(value, d, digits)
     return Cell(number(value, FEW_DIGITS), value=value)
@@ -363,7 +372,11 @@ def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
-    outputs = {n: d for n, d in result.derived.items() if len(d.values) == len(data.labels)}
+    outputs = {
+        n: d
+        for n, d in result.derived.items()
+        if len(d.values) == len(data.labels) and not _is_withdrawn(d)
+    }
     if not data.labels or not outputs:
         return None
     records = [
@@ -431,10 +444,10 @@ OFFSETS: tuple[Column[OffsetResult], ...] = (
         "added to",
         lambda o: Cell(", ".join(o.variables), html=", ".join(markup(n) for n in o.variables)),
     ),
-    Column("value", lambda o: rounded(o.value, o, 5)),
+    Column("value", lambda o: Cell("–") if _is_withdrawn(o) else rounded(o.value, o, 5)),
     Column("unit", lambda o: unit_text(o.unit)),
     Column("std", error),
-    Column("95 % interval", lambda o: span(*o.ci95)),
+    Column("95 % interval", lambda o: interval(o.ci95)),
     Column("prior", lambda o: "–" if math.isnan(o.prior) else f"0 ± {number(o.prior, 3)}"),
     Column("shrinkage", lambda o: o.shrinkage, digits=3),
     Column("by the data", lambda o: o.identifiable),

@@ -379,11 +379,9 @@ def _otherwise(result: Result) -> str:
         return f"{adequacy.remedy}, as {against} describes the data better"
     if against:
         return f"another model, or phases, as {against} describes the data better"
-    drift = "another drift, " if result.peaks else ""
-    return (
-        f"another model, {drift}or the noise that the data have; narrower boxes or a nearer start "
-        "if better parameters were missed"
-    )
+    if adequacy is not None and adequacy.is_correlated:
+        return "another model: the residuals are correlated, which no noise explains"
+    return "more data, another model, or the noise that the data have"
 
 
 def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:

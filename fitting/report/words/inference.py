@@ -30,15 +30,15 @@ def profile_words(name: str, profile: Profile) -> str:
         profile: profile likelihood of a value.
     """
     verdict = profile.verdict
+    where = profile.condition
     if verdict in (Verdict.UNKNOWN, Verdict.WITHDRAWN):
-        return f"{name}: {verdict} ({profile.reason})"
+        return f"{name}: {verdict}{where} ({profile.reason})"
     if verdict is Verdict.OPEN and profile.is_all_round:
-        return f"{name}: {verdict} ({profile.reason})"
+        return f"{name}: {verdict}{where} ({profile.reason})"
     if verdict is Verdict.OPEN:
-        return f"{name}: {verdict}, {_range(profile)} fits ({profile.reason})"
+        return f"{name}: {verdict}{where}, {_range(profile)} fits ({profile.reason})"
     low, high = profile.interval95
     factor, unit = _size(profile)
-    where = profile.condition
     if verdict is Verdict.ABOVE:
         most = f"{bound(high / factor, 4, up=True)} {unit}".rstrip()
         return f"{name}: {verdict}{where}, {most} at most at 95 % ({profile.reason})"
@@ -81,7 +81,7 @@ def knowledge_heading(knowledge: Knowledge) -> str:
     Args:
         knowledge: what the data determine: profiles, directions, verdicts.
     """
-    if knowledge.adequacy.describes:
+    if knowledge.adequacy.gives_values:
         return "What the data determine"
     return f"Nothing is determined: {knowledge.adequacy.why_not}"
 

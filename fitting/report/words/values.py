@@ -72,7 +72,7 @@ def _same(one: DerivedResult, other: ParameterResult | DerivedResult) -> bool:
     """Whether two values are one number, in all that was found of them."""
     if one.identifiable is not other.identifiable or one.spread > SAME * abs(one.value):
         return False
-    if not math.isclose(one.value, other.value, rel_tol=SAME):
+    if not math.isclose(one.value, other.value, rel_tol=SAME) or one.boxes != other.boxes:
         return False
     width = other.ci95[1] - other.ci95[0]
     ends = zip(one.ci95, other.ci95, strict=True)
@@ -137,15 +137,15 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     low, high = found.ci95
     reason = found.reason.replace(f"{ON_BOTH_SIDES}{WAS_CUT}", WAS_CUT).replace(WAS_CUT, IN_A_CELL)
     if verdict in (Verdict.OPEN, Verdict.UNKNOWN) and math.isnan(low):
-        return f"{verdict}: {reason}"
+        return f"{verdict}{found.condition}: {reason}"
     where = found.condition
     said = {
         Verdict.DETERMINED: f"determined {found.reason}{where}",
         Verdict.BOUNDED: f"{verdict}{where}, {span(low, high)}",
         Verdict.ABOVE: f"{verdict}{where}, {bound(high, up=True)} at most",
         Verdict.BELOW: f"{verdict}{where}, {bound(low, up=False)} at least",
-        Verdict.OPEN: f"{verdict}: {_open_range(found)} fits",
-        Verdict.LINEARISED: str(verdict),
+        Verdict.OPEN: f"{verdict}{where}: {_open_range(found)} fits",
+        Verdict.LINEARISED: f"{verdict}{where}",
     }
     words = said.get(verdict, f"{verdict}{where}: {reason}")
     withdrawn = verdict is Verdict.WITHDRAWN

@@ -1,0 +1,59 @@
+"""Residuals of a measurement along an axis, and how they would change with a common mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray, both_parts
+from fitting.text.finding import Kind
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ResidualCurve:
+    """Rows of a measurement that follow each other along an axis.
+
+    Args:
+        rows: which, in the order of the axis, counted from the first row of the measurement, (k,).
+        axis: where they are, Hz or s; complex values have every place twice, (k,).
+        share: factor from each row to a share of the curve's largest amplitude, (k,).
+        centre: mean of the rows of a right model.
+        name: of the curve; empty: the only one of its measurement.
+        columns: derivatives of the rows by one number that nobody fits, (k,), by the kind of
+            mistake: a gain, an offset, a shift of the axis, a level of noise.
+    """
+
+    rows: IntArray
+    share: FloatArray
+    axis: FloatArray = field(default_factory=lambda: np.empty(0))
+    centre: float = 0.0
+    name: str = ""
+    columns: Mapping[Kind, FloatArray] = field(default_factory=dict)
+
+
+def mistakes(
+    axis: FloatArray, values: npt.NDArray[np.float64] | ComplexArray, slope: float | FloatArray
+) -> dict[Kind, FloatArray]:
+    """Derivatives of rows by a gain, an offset and a shift: slope S, slope, slope dS/d axis.
+
+    Args:
+        axis: of the curve, shape (k,), any unit.
+        values: S, what the model has there, shape (k,), any unit.
+        slope: of the rows in the values, one number or (k,).
+    """
+    if values.size < 2:
+        return {}
+    with np.errstate(divide="ignore", invalid="ignore"):  # two points of one frequency
+        steep = np.nan_to_num(np.gradient(values, axis), nan=0.0, posinf=0.0, neginf=0.0)
+    columns = {
+        Kind.gain: values * slope,
+        Kind.offset: np.ones_like(values) * slope,
+        Kind.shift: steep * slope,
+    }
+    if np.iscomplexobj(values):
+        complex_ = {kind: np.asarray(column, dtype=complex) for kind, column in columns.items()}
+        return {kind: both_parts(column) for kind, column in complex_.items()}
+    return {kind: np.asarray(column, dtype=float) for kind, column in columns.items()}

@@ -1,0 +1,181 @@
+"""What a misfit does to the values: one rule for the residuals of every kind of measurement.
+
+(a) Residuals that are correlated along the axis of a curve (P < CORRELATED) and whose structured
+    part exceeds SHARE of its largest amplitude: the model does not describe the data. Below: the
+    values hold with the errors of the effective sample size.
+(b) Uncorrelated residuals of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
+    chi^2/freedom > NOTICED: the noise is larger than stated, by sqrt(chi^2/freedom).
+    Of few (below SURE) the test of (a) misses what is wrong: there chi^2/freedom > RATIO wants
+    residuals that look uncorrelated (P >= DOUBTFUL), else the model does not describe the data.
+(c) Fewer degrees of freedom, or no axis: structure cannot be tested. P(chi^2) < IMPROBABLE and
+    chi^2/freedom > RATIO: the model does not describe the data; between, as (b).
+
+How often that is wrong, by degrees of freedom: `python -m tests.bench.bench_misfit_rule`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from fitting.signal.chi_square import tail
+from fitting.signal.residual_tests import LAGS, SMALLEST_RESIDUAL, white_noise_p
+from fitting.text.arrays import FloatArray
+
+#: Probability of residuals along an axis, by white noise, below which they are correlated.
+CORRELATED = 1e-6
+#: Structured part of residuals over the largest amplitude, from which a model fails.
+SHARE = 0.05
+#: Probability of a chi square below which it is not chance.
+IMPROBABLE = 1e-4
+#: Chi square over its degrees of freedom from which the noise was stated too small, and from which
+#: a model fails whose residuals cannot be tested for structure.
+NOTICED, RATIO = 2.0, 4.0
+#: Degrees of freedom from which structure can be tested.
+TESTABLE = 20.0
+#: Degrees of freedom from which the test for structure misses little, and its probability below
+#: which fewer are in doubt.
+SURE, DOUBTFUL = 50.0, 0.05
+#: Share of the residuals that may be outliers, how many at most, and standard deviations off.
+FEW, MOST_OFF, FAR = 0.02, 10, 5.0
+
+
+class Misfit(Enum):
+    """What residuals are, beside the noise that is stated."""
+
+    #: What the stated noise explains, or nearly.
+    NONE = "none"
+    #: Correlated, but small beside the largest amplitude.
+    CORRELATED = "correlated"
+    #: Uncorrelated, and larger than the noise.
+    UNDERESTIMATED = "underestimated"
+    #: The model does not describe the data.
+    REFUSED = "refused"
+
+    @property
+    def describes(self) -> bool:
+        """Whether the model describes the data."""
+        return self is not Misfit.REFUSED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correlation:
+    """Residuals of one curve along its axis.
+
+    Args:
+        p_value: with which white noise is as correlated.
+        share: structured part, root mean square, over the largest amplitude.
+        excused: share that rounding, or the simulation's own error, explains.
+    """
+
+    p_value: float = 1.0
+    share: float = 0.0
+    excused: float = SMALLEST_RESIDUAL
+
+    @property
+    def misfit(self) -> Misfit:
+        """Rule (a)."""
+        if not (self.p_value < CORRELATED and self.share > self.excused):
+            return Misfit.NONE
+        return Misfit.REFUSED if self.share > SHARE else Misfit.CORRELATED
+
+
+def correlation(white: FloatArray, shares: FloatArray, *, equal: bool = True) -> Correlation:
+    """How residuals are correlated along an axis.
+
+    share^2 = max_k |sum_i s_i s_(i+k)|/n over the lags k = 1..min(10, n/5): what neighbours have in
+    common, to which white noise adds nothing.
+
+    Args:
+        white: in the order of the axis, over their noise where that is known, shape (n,).
+        shares: the same over the largest amplitude of the curve, shape (n,).
+        equal: whether the noise has one size.
+    """
+    count = min(LAGS, shares.size // 5)
+    if count < 1:
+        return Correlation()
+    common = [abs(float(shares[k:] @ shares[:-k])) for k in range(1, count + 1)]
+    share = math.sqrt(max(common) / shares.size)
+    return Correlation(p_value=white_noise_p(white, equal=equal), share=share)
+
+
+def misfit_of(
+    chi_square: float, freedom: float, p_value: float, correlated_p: float = math.nan
+) -> Misfit:
+    """Rules (b) and (c), of residuals that are not correlated.
+
+    Args:
+        chi_square: by the stated noise.
+        freedom: its degrees of freedom.
+        p_value: probability of such a chi square or a larger one; NaN: nothing to judge by.
+        correlated_p: probability that white noise is as correlated; NaN: there is no axis.
+    """
+    if not p_value < IMPROBABLE:
+        return Misfit.NONE
+    ratio = chi_square / freedom
+    tested = freedom >= TESTABLE and not math.isnan(correlated_p)
+    white = tested and (freedom >= SURE or correlated_p >= DOUBTFUL)
+    if ratio > RATIO and not white:
+        return Misfit.REFUSED
+    return Misfit.UNDERESTIMATED if ratio > NOTICED else Misfit.NONE
+
+
+def far_off(white: FloatArray, slopes: FloatArray) -> tuple[int, ...]:
+    """Numbers of single residuals that make up a misfit alone, the farthest first; mostly none.
+
+    As few are left out of a linear fit as do until chi square of the rest is what the noise
+    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and they are few.
+
+    Args:
+        white: over their noise, shape (m,).
+        slopes: their derivatives by all that is fitted, shape (m, k).
+    """
+    out: list[int] = []
+    for _ in range(min(MOST_OFF, max(1, int(FEW * white.size)))):
+        left = _left_without(white, slopes, out)
+        sizes = np.abs(left)
+        sizes[out] = 0.0
+        out.append(int(np.argmax(sizes)))
+        left = _left_without(white, slopes, out)
+        freedom = white.size - len(out) - slopes.shape[1]
+        if freedom < 1 or np.min(np.abs(left[out])) < FAR:
+            return ()
+        rest = float(left @ left - left[out] @ left[out])
+        if not tail(rest, freedom) < IMPROBABLE or rest <= NOTICED * freedom:
+            return tuple(out)
+    return ()
+
+
+def _left_without(white: FloatArray, slopes: FloatArray, out: list[int]) -> FloatArray:
+    """What a linear fit to all but some residuals leaves of all, (m,)."""
+    weights = np.ones(white.size)
+    weights[out] = 0.0
+    step = scaled_solution(slopes * weights[:, None], white * weights)
+    return np.asarray(white - slopes @ step)
+
+
+def scaled_solution(columns: FloatArray, target: FloatArray) -> FloatArray:
+    """x of the least |columns x - target|, (k,), whatever the units of the columns are.
+
+    Args:
+        columns: shape (m, k).
+        target: shape (m,).
+    """
+    sizes = np.linalg.norm(columns, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(columns / sizes, target, rcond=1e-9)[0] / sizes)
+
+
+def excess_share(left: float, before: float, freedom: float) -> float:
+    """Share of chi square beyond its degrees of freedom that is left; one where there was none.
+
+    Args:
+        left: chi square after a change.
+        before: chi square before it.
+        freedom: degrees of freedom.
+    """
+    excess = before - freedom
+    return float(np.clip((left - freedom) / excess, 0.0, 1.0)) if excess > 0.0 else 1.0

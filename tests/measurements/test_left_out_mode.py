@@ -1,0 +1,118 @@
+"""A reduction that leaves out a mode is no reason to refuse data: of noise, and of a decay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.lockstep import Request
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.noise.record import NoiseRecord
+from fitting.measurements.plan import Plan
+from fitting.simulate.budget import Basis, Budget, Decision, Kind
+from fitting.text.errors import NoScale
+from tests.bench.bench_noise import PARAMETERS, QUICK, SETUP
+from tests.support.whitened import WhitenedResponse, parameter, whitened
+
+KT = 1.380649e-23 * 300.0
+F, WIDTH = 100.0, 8.0
+U = np.arange(70.0, 130.25, 1.0)
+
+
+@pytest.fixture(scope="module")
+def fmu(swift_fmu: Path) -> Iterator[ff.Fmu]:
+    with ff.Fmu(swift_fmu, workers=1) as opened:
+        yield opened
+
+
+def thermal(seed: int = 3) -> ff.NoiseSpectrum:
+    """The noise of one mode of 1 ng at 300 K, seen in volts, 100 averages."""
+    w = 2.0 * np.pi * U
+    response = 1.0 / ((2.0 * np.pi) ** 2 * (F**2 - U**2) + 1j * 2.0 * np.pi * w * WIDTH)
+    density = -4.0 * KT * response.imag / w / 1e-12 * 6e4**2
+    density = (density + 0.01 * np.max(density)) * np.random.default_rng(seed).gamma(
+        100.0, 0.01, U.size
+    )
+    return ff.NoiseSpectrum(
+        U,
+        density,
+        averages=100,
+        force="thermal",
+        temperature_k=300.0,
+        mass_kg=1e-12,
+        unit="V",
+        setup=SETUP,
+    )
+
+
+def test_a_thermal_spectrum_is_fitted_whatever_a_search_tries(fmu: ff.Fmu) -> None:
+    """Far beyond its bounds eta_plus is farther from the tones than eta_minus."""
+    found = ff.profile(ff.fit(ff.Problem(fmu, PARAMETERS, thermal()), method=QUICK, starts=1))
+    for name, truth in {"eta_plus": F, "d1": WIDTH}.items():
+        value = found[name]
+        assert abs(value.value - truth) < 4.0 * value.std
+        assert value.std < 0.2 * truth
+
+
+def test_a_reduction_that_would_leave_out_what_is_observed_is_not_taken(fmu: ff.Fmu) -> None:
+    """With eta_plus from 90 Hz to 400 Hz either mode may be next to the tones.
+
+    Quasi-static the mode is exact as long as nothing couples it: that may be taken.
+    """
+    plans = [
+        next(iter(ff.Problem(fmu, (first, PARAMETERS[1]), thermal()).planned.plans.values()))
+        for first in (PARAMETERS[0], ff.Parameter("eta_plus", 101.0, bounds=(90.0, 400.0)))
+    ]
+    narrow, wide = (plan.settings.get("other_mode") for plan in plans)
+    assert narrow == 2
+    assert wide != 2
+
+
+@pytest.mark.parametrize("response", [0.0, 1j])
+def test_a_response_that_does_not_lag_has_no_scale(response: complex) -> None:
+    record = NoiseRecord(U, np.ones(U.size), force="thermal", unit="V", averages=10)
+    with pytest.raises(NoScale):
+        record.shape(np.full(U.size, response))
+
+
+def test_a_model_without_a_scale_fits_infinitely_badly() -> None:
+    """At more points of the box than may fail."""
+
+    def rows(p: np.ndarray) -> np.ndarray:
+        if p[0] > 5.0:
+            raise NoScale("the model answers with nothing")
+        return np.array([p[0] - 3.0])
+
+    plain = whitened(lambda p: np.array([p[0] - 3.0]), parameter("p", 0.0, 10.0))
+    objective = replace(plain, response=WhitenedResponse(rows))
+    evaluator = LikelihoodEvaluator(likelihood_of(objective, np.array([0.01]), np.empty((1, 0))))
+    places = tuple(np.array([x]) for x in np.linspace(-4.9, 4.9, 40))
+    [samples] = evaluator([Request(places, outputs=False)])
+    finite = [bool(np.all(np.isfinite(sample.rows))) for sample in samples]
+    assert any(finite)
+    assert finite.count(False) > 12
+
+
+def test_records_over_time_are_simulated_with_the_whole_model() -> None:
+    """What a reduction costs is known under the tones that it was measured with."""
+    decision = Decision(
+        kind=Kind.MODEL,
+        basis=Basis.STATED,
+        bound=0.0,
+        subject="far mode left out",
+        settings={"other_mode": 2},
+    )
+    plan = Plan(
+        0.0, budget=Budget(1e-6, (decision,)), settings={"other_mode": 2, "rk4_substep": 1e-9}
+    )
+    model = DrivenModel(setup=SETUP, parameters=(), plan=plan)
+    assert model.values(np.empty(0), None, {})["other_mode"] == 2
+    whole = model.whole.values(np.empty(0), None, {})
+    assert "other_mode" not in whole
+    assert whole["rk4_substep"] == 1e-9

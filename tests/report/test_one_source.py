@@ -1,0 +1,110 @@
+"""Intervals, and the bounds that a verdict rests on, are the same in every output."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from fitting.inference.likelihood.knowledge import Profile
+from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.verdict import Verdict
+from fitting.report.tables.published import rows_of
+from fitting.report.words.inference import profile_words
+from fitting.report.words.values import told_twice, verdict_words
+from fitting.result.assembly import result_of
+from fitting.result.result import Result
+from fitting.text.records import to_plain
+from tests.inference.test_misfit_rule import ORIGIN
+from tests.support.curve_fits import U as PLACES
+from tests.support.curve_fits import fitted_line, inferred, line, sweep
+
+THETA = ParameterResult(
+    value=1.2,
+    unit="rad",
+    std=math.nan,
+    ci95=(0.0, math.pi),
+    reference=1.0,
+    start=1.0,
+    lower=0.0,
+    upper=math.pi,
+    shrinkage=0.0,
+    identifiable=Verdict.OPEN,
+    algorithm2=1.2,
+    most_likely=1.2,
+    period=math.pi,
+)
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    fit = fitted_line(sweep(line(PLACES), 0.02))
+    return result_of(fit, inferred(fit), ORIGIN)
+
+
+def test_an_interval_of_a_whole_period_is_the_same_in_both_files(result: Result) -> None:
+    written = replace(result, parameters={"theta": THETA}, derived={})
+    [row] = [row for row in rows_of(written) if row.name == "theta"]
+    low, high = to_plain(written)["parameters"]["theta"]["ci95"]
+    assert (row.low, row.high) == (low, high)
+
+
+@pytest.mark.parametrize("verdict", [v for v in Verdict if v is not Verdict.WITHDRAWN])
+def test_the_bounds_that_a_verdict_rests_on_are_named_everywhere(
+    result: Result, verdict: Verdict
+) -> None:
+    found = replace(
+        THETA,
+        std=0.1,
+        ci95=(1.0, 1.4),
+        identifiable=verdict,
+        boxes=("d1", "d2"),
+        reason="for a reason",
+    )
+    profile = Profile(
+        kind="parameter",
+        unit="rad",
+        best=1.2,
+        sigma=0.1,
+        interval68=(1.1, 1.3),
+        interval95=(1.0, 1.4),
+        box=(0.0, math.pi),
+        ends=("crossed", "crossed"),
+        shrinkage=0.9,
+        verdict=verdict,
+        precision=0.1,
+        reason="for a reason",
+        values=(),
+        delta=(),
+        path={},
+        boxes=("d1", "d2"),
+    )
+    [row] = rows_of(replace(result, parameters={"theta": found}, derived={}, line=None))
+    for text in (row.verdict, verdict_words(found), profile_words("theta", profile)):
+        assert "d1" in text
+        assert "d2" in text
+
+
+def test_an_output_that_rests_on_other_bounds_is_no_other_name_of_a_parameter(
+    result: Result,
+) -> None:
+    known = replace(THETA, ci95=(1.0, 1.4), identifiable=Verdict.DETERMINED, period=None)
+    same = DerivedResult(
+        value=1.2,
+        unit="rad",
+        values=(1.2,),
+        mean=1.2,
+        spread=0.0,
+        std=0.1,
+        ci95=(1.0, 1.4),
+        reference=1.0,
+        shrinkage=0.9,
+        identifiable=Verdict.DETERMINED,
+        box=(0.0, 3.0),
+        algorithm2=1.2,
+    )
+    both = replace(result, parameters={"theta": known}, derived={"angle": same})
+    assert told_twice(both) == {"angle": "theta"}
+    other = replace(both, derived={"angle": replace(same, boxes=("d1",))})
+    assert told_twice(other) == {}

@@ -1,0 +1,79 @@
+"""The rule for a misfit at its edges, against scipy's chi square."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from fitting.signal.misfit import (
+    CORRELATED,
+    SHARE,
+    Correlation,
+    Misfit,
+    correlation,
+    far_off,
+    misfit_of,
+)
+
+
+@pytest.mark.parametrize(
+    ("p_value", "share", "found"),
+    [
+        (2.0 * CORRELATED, 0.5, Misfit.NONE),
+        (0.5 * CORRELATED, 0.9 * SHARE, Misfit.CORRELATED),
+        (0.5 * CORRELATED, 1.1 * SHARE, Misfit.REFUSED),
+    ],
+)
+def test_correlated_residuals_are_judged_by_their_share(
+    p_value: float, share: float, found: Misfit
+) -> None:
+    assert Correlation(p_value=p_value, share=share).misfit is found
+
+
+def test_what_the_simulation_may_be_off_by_is_no_fault_of_the_model() -> None:
+    assert Correlation(p_value=1e-9, share=0.08, excused=0.1).misfit is Misfit.NONE
+
+
+@pytest.mark.parametrize(
+    ("freedom", "ratio", "correlated_p", "found"),
+    [
+        (4, 4.1, 1.0, Misfit.NONE),  # by chance once in 400
+        (8, 4.1, 1.0, Misfit.REFUSED),
+        (8, 4.1, math.nan, Misfit.REFUSED),
+        (12, 3.9, 1.0, Misfit.UNDERESTIMATED),
+        (20, 9.0, 0.5, Misfit.UNDERESTIMATED),
+        (20, 9.0, 0.01, Misfit.REFUSED),
+        (20, 9.0, math.nan, Misfit.REFUSED),
+        (100, 100.0, 0.01, Misfit.UNDERESTIMATED),
+        (100, 1.9, 0.5, Misfit.NONE),
+        (1000, 1.5, 0.5, Misfit.NONE),
+    ],
+)
+def test_uncorrelated_residuals_are_judged_by_chi_square(
+    freedom: float, ratio: float, correlated_p: float, found: Misfit
+) -> None:
+    square = ratio * freedom
+    p_value = float(chi2.sf(square, freedom))
+    assert misfit_of(square, freedom, p_value, correlated_p) is found
+
+
+def test_the_structured_part_is_that_without_the_white_noise() -> None:
+    """A sine of 10 % beside white noise of 30 %: 0.1/sqrt(2) of the largest amplitude."""
+    noise = 0.3 * np.random.default_rng(1).standard_normal(20_000)
+    sine = 0.1 * np.sin(np.linspace(0.0, 40.0, noise.size))
+    found = correlation(noise + sine, noise + sine)
+    assert found.share == pytest.approx(0.1 / math.sqrt(2.0), rel=0.05)
+    assert found.misfit is Misfit.REFUSED
+    assert correlation(noise, noise).misfit is Misfit.NONE
+
+
+def test_single_residuals_far_off_are_told_from_larger_noise() -> None:
+    """One of 60 that has pulled a constant along, and three times as much noise."""
+    white = np.random.default_rng(2).standard_normal(200)
+    white[17] = 60.0
+    slopes = np.ones((200, 1))
+    assert far_off(white - 3.0, slopes) == (17,)
+    assert far_off(3.0 * np.random.default_rng(3).standard_normal(200), slopes) == ()
