@@ -23,6 +23,8 @@ class Kind(StrEnum):
     shift = "shift"
     noise_level = "noise_level"
     equivalent_solution = "equivalent_solution"
+    posterior_incomplete = "posterior_incomplete"
+    posterior_unchecked = "posterior_unchecked"
 
 
 @dataclass(frozen=True, kw_only=True)

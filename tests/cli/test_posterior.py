@@ -33,7 +33,6 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     assert cost.code == 0, cost.err
     assert cost.out.startswith("expected: ")
     assert "evaluations of the model" in cost.out
-    assert "a surrogate takes 0 to " in cost.out
     assert not (tmp_path / "out").exists()
 
     first = told(*words, "--steps", "200")
