@@ -42,6 +42,7 @@ from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.finding import Finding
 from fitting.text.notation import listed, number, span, unit_text
 
 __all__ = [
@@ -289,6 +290,11 @@ class Valued(ABC):
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a reader must know."""
         return tuple(warned.sentence for warned in self.inferred.warnings)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What a reader must know as records: kind, severity, subject, numbers."""
+        return self.inferred.findings
 
     @cached_property
     def result(self) -> Result:

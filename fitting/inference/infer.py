@@ -58,6 +58,7 @@ from fitting.inference.warnings import (
 )
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
+from fitting.text.finding import Finding
 from fitting.text.notation import listed, number, settings_words
 
 #: Minima of a search from which the most likely point is looked for.
@@ -72,7 +73,7 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `ending` the same in words;
-    `warnings` what a reader must know;
+    `warnings` what a reader must know, `findings` the same as records;
     `reported` (n,) are all parameters as they are reported; `sweeps` what the sweeps show;
     `quadratures` what complex values tell. `fit` is the one that all of it is about: not the one
     that was given, where a lower J was found on the way.
@@ -91,6 +92,7 @@ class Inference:
     reported: FloatArray
     sweeps: SweepFindings
     quadratures: Quadratures = field(default_factory=Quadratures)
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

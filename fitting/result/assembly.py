@@ -76,6 +76,7 @@ def result_of(
         plan=plan,
         quadratures=inference.quadratures,
         ending=inference.ending,
+        findings=inference.findings,
     )
 
 

@@ -23,6 +23,7 @@ from fitting.inference.values import DerivedResult, Floats, OffsetResult, Parame
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import Scalar
 from fitting.text.files import write_whole
+from fitting.text.finding import Finding
 from fitting.text.records import read_json, write_json
 
 STATUSES = ("converged", "not converged", "interrupted", "does not describe the data")
@@ -193,6 +194,8 @@ class Result:
     """What was solved inside complex sweeps, and quality factors behind a wiring."""
     ending: Ending = field(default_factory=Ending)
     """`status` in words, and what they rest on, as terminal and page tell them."""
+    findings: tuple[Finding, ...] = ()
+    """What a reader has to know, decided once: for programs, as `warnings` are for people."""
 
     @property
     def fitted_values(self) -> dict[str, float]:

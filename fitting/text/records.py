@@ -75,6 +75,9 @@ def _decode(kind: Any, data: Any, where: str) -> Any:
         values = [member.value for member in kind]
         _check(data in values, data, f"one of {', '.join(map(str, values))}", where)
         return kind(data)
+    if origin is typing.Literal:
+        _check(data in arguments, data, f"one of {', '.join(map(str, arguments))}", where)
+        return data
     if dataclasses.is_dataclass(kind):
         return _decode_record(kind, data, where)
     if origin is tuple:
