@@ -16,6 +16,7 @@ from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.local import LocalProcesses
 from fitting.engine.threads import one_thread
+from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
@@ -112,6 +113,7 @@ def identified(
         at="the campaign's start and reference values" if fitted is None else "a fit",
         knowledge=knowledge,
         provenance=provenance,
+        findings=equivalent_findings(knowledge),
     )
 
 

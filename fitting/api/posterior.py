@@ -460,10 +460,12 @@ class _Job:
 
     def _reached(self, walk: Walk) -> Reached:
         """How far a walk is, held against what the fit accepts."""
-        knowledge = self._fit.knowledge
-        accepted: Mapping[str, Accepted] | None = None if self.bent else {}
+        knowledge, parameters = self._fit.knowledge, self.problem.record.parameters
+        accepted: Mapping[str, Accepted] | None = {}
         if knowledge is not None:
-            accepted = accepted_by(knowledge)
+            accepted = accepted_by(knowledge, parameters)
+        if self.bent and any(p.name not in accepted for p in parameters if not p.experiments):
+            accepted = None
         return reached(self.target, self.minima, walk, self._fit.most_likely, accepted)
 
     def _outputs(self, found: Reached) -> dict[str, FloatArray]:

@@ -27,6 +27,7 @@ from fitting.inference.contradictions import contradicted
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
 from fitting.inference.equivalent_fits import (
+    equivalent_findings,
     is_reason,
     reason_sentences,
 )
@@ -193,6 +194,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, read.missing),
         ),
+        findings=equivalent_findings(knowledge),
         reported=estimates.reported,
         sweeps=sweeps,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),

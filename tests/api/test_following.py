@@ -18,6 +18,7 @@ from tests.support import closed_posteriors as closed
 def always(monkeypatch: pytest.MonkeyPatch) -> None:
     """First walks whatever the posterior, and short ones."""
     monkeypatch.setattr("fitting.api.posterior.GOOD", 1.1)
+    monkeypatch.setattr("fitting.api.posterior.LEARNING", 1)
 
 
 def fitted(problem: ff.Problem) -> ff.Fit:
@@ -36,15 +37,15 @@ def test_a_chain_behind_first_walks_goes_on_as_if_it_had_not_been_interrupted(
 ) -> None:
     problem = ring()
     at = fitted(problem)
-    whole = ff.posterior(problem, at, ff.Sampling(steps=220))
+    whole = ff.posterior(problem, at, ff.Sampling(steps=220, walkers=8))
 
     def stop(words: str) -> None:
         if "correlation times" in words:
             raise KeyboardInterrupt
 
-    ff.posterior(problem, at, ff.Sampling(steps=220), out=tmp_path, progress=stop)
+    ff.posterior(problem, at, ff.Sampling(steps=220, walkers=8), out=tmp_path, progress=stop)
     assert (tmp_path / CHAIN_FILE).is_file()
-    ended = ff.posterior(problem, at, ff.Sampling(steps=220, resume=True), out=tmp_path)
+    ended = ff.posterior(problem, at, ff.Sampling(steps=220, walkers=8, resume=True), out=tmp_path)
     assert np.array_equal(ended.draws, whole.draws)
     assert ended.summary.accepted == pytest.approx(whole.summary.accepted)
     assert ended.summary.findings == whole.summary.findings
@@ -57,7 +58,7 @@ def test_noise_that_is_not_known_makes_student_s_t_behind_first_walks_too() -> N
     problem = closed.problem(formula, [closed.parameter("p", -20.0, 20.0, 1.0)], seen, np.zeros(12))
     told: list[str] = []
     at = ff.profile(fitted(problem))  # what the draws have to come near
-    found = ff.posterior(problem, at, progress=told.append)
+    found = ff.posterior(problem, at, ff.Sampling(walkers=12), progress=told.append)
     assert any("first walk" in words for words in told)
     assert found.status == "converged"
     # rows are relative, z/z* - 1: weights 1/z*^2
@@ -78,10 +79,10 @@ def test_while_draws_are_made_it_says_so_and_how_far_they_are(
     """The line stays until the next one: none may tell what has ended while another thing runs."""
     monkeypatch.setattr("fitting.inference.posterior.summary.LONG_ENOUGH", 1e9)
     problem, told = ring(), list[str]()
-    ff.posterior(problem, fitted(problem), ff.Sampling(steps=220), progress=told.append)
+    ff.posterior(problem, fitted(problem), ff.Sampling(steps=220, walkers=8), progress=told.append)
     begun = next(k for k, words in enumerate(told) if words.startswith("drawing steps 1 to 200"))
     assert told[begun] == "drawing steps 1 to 200, of 220 at most"
-    assert told[begun - 1] == "first walk, 2 of 2"
+    assert told[begun - 1] == "first walk, 1 of 1"
     assert told[begun + 1].startswith("160 steps are ")
     further = f"drawing steps 201 to 220, of 220 at most; so far {told[begun + 1]}"
     assert told[begun + 2] == further

@@ -37,7 +37,7 @@ def test_a_chain_in_one_of_two_minima_is_not_converged() -> None:
     """All walkers agree about the narrow well; the broad one has 0.86 of the mass."""
     made = closed.wells(start=13.0)
     at = ff.profile(fitted(made))
-    found = ff.posterior(made, at, ff.Sampling(steps=1000))
+    found = ff.posterior(made, at, ff.Sampling(steps=300))
     assert found["p"].rhat < 1.01
     assert found.status == "not converged"
     assert math.isnan(found["p"].median)
@@ -50,7 +50,7 @@ def test_a_chain_in_one_of_two_minima_is_not_converged() -> None:
 
 def test_draws_of_both_minima_are_converged_beside_the_same_profiles() -> None:
     made = closed.wells(start=13.0)
-    found = ff.posterior(made, ff.profile(fitted(made)))
+    found = ff.posterior(made, ff.profile(fitted(made)), ff.Sampling(walkers=12))
     assert found.status == "converged"
     assert found.summary.findings == ()
 
@@ -61,8 +61,9 @@ def test_a_bent_posterior_beside_no_profiles_is_not_converged() -> None:
     names = [parameter("p1", -2.0, 2.0, 1.0), parameter("p2", -2.0, 2.0, 0.1)]
     made = problem(formula, names, np.array([1.0]), np.array([0.05]))
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fitting.api.posterior.LEARNING", 1)
         patch.setattr("fitting.inference.posterior.summary.LONG_ENOUGH", 0.0)
         patch.setattr("fitting.inference.posterior.summary.AGREE", math.inf)
-        found = ff.posterior(made, fitted(made), ff.Sampling(steps=200))
+        found = ff.posterior(made, fitted(made), ff.Sampling(steps=200, walkers=8))
     assert found.status == "not converged"
     assert [finding.kind for finding in found.summary.findings] == ["posterior_unchecked"]

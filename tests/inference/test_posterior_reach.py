@@ -61,10 +61,6 @@ def test_a_gap_between_two_solutions_is_no_gap_but_a_missing_one_is() -> None:
     assert missed(both, draws(9.0, 11.0)) == 70.0
 
 
-def test_values_beyond_the_bounds_are_asked_of_no_draw() -> None:
-    assert missed(Accepted((20.0, 130.0), 120.0), draws(10.0, 99.0)) is None
-
-
 def test_a_value_a_period_off_is_the_same() -> None:
     known = Accepted((0.5, 99.5), 4.0)
     turning = target(period=100.0)
@@ -74,9 +70,12 @@ def test_a_value_a_period_off_is_the_same() -> None:
     assert away is not None
 
 
-def knowledge(inflation: float = 1.0, ends: tuple[str, str] = ("crossed", "bound")) -> Knowledge:
-    """Dchi^2 = (d - 40)^2/100 of a fit whose noise was widened by so much."""
-    values = (20.0, 30.0, 40.0, 50.0, 60.0)
+def knowledge(inflation: float = 1.0, beside: float = 5.0) -> Knowledge:
+    """Dchi^2 = (d - 40)^2/100 of a fit whose noise was widened by so much, and 120 that fits.
+
+    Where d is above 45, another value has to be `beside`.
+    """
+    values = (20.0, 30.0, 40.0, 50.0, 60.0, 120.0)
     profile = Profile(
         kind="parameter",
         unit="",
@@ -85,48 +84,53 @@ def knowledge(inflation: float = 1.0, ends: tuple[str, str] = ("crossed", "bound
         interval68=(30.0, 50.0),
         interval95=(20.4, 100.0),
         box=(0.0, 100.0),
-        ends=ends,
+        ends=("crossed", "bound"),
         shrinkage=0.0,
         verdict=Verdict.OPEN,
         precision=math.nan,
         reason="",
         values=values,
-        delta=tuple((v - 40.0) ** 2 / 100.0 for v in values),
-        path={},
+        delta=(4.0, 1.0, 0.0, 1.0, 4.0, 0.3),
+        path={"d": values, "e": (5.0, 5.0, 5.0, beside, beside, beside)},
     )
     other = Equivalent(
-        parameters={"d": 77.0}, derived={}, delta=1.0, origin="start", sentence="", where=""
+        parameters={"d": 77.0, "e": 5.0}, derived={}, delta=1.0, origin="start", sentence=""
     )
-    elsewhere = replace(other, parameters={"d": 88.0}, where="reflection = true")
+    elsewhere = replace(other, parameters={"d": 88.0, "e": 5.0}, where="reflection = true")
+    beyond = replace(other, parameters={"d": 99.0, "e": 30.0})
     plain: dict[str, Any] = {"directions": (), "without_effect": (), "sentences": ()}
     return Knowledge(
         data=True,
         chi_square=4.0,
         freedom=4.0,
         adequacy=Adequacy(chi_square=4.0, freedom=4.0, p_value=0.4, describes=True),
-        most_likely={"d": 40.0},
+        most_likely={"d": 40.0, "e": 5.0},
         effort=Effort(1, 0, 1),
         inflation=inflation,
         parameters={"d": profile},
         derived={},
-        equivalents=(other, elsewhere),
+        equivalents=(other, elsewhere, beyond),
         **plain,
     )
 
 
-def test_accepted_are_points_of_the_profile_ends_that_fit_and_other_minima() -> None:
-    found = accepted_by(knowledge())["d"]
-    assert sorted(found.values) == [20.4, 30.0, 40.0, 50.0, 77.0, 100.0]
+BOUNDS = (parameter("d", 0.0, 100.0, 50.0), parameter("e", 0.0, 10.0, 5.0))
+
+
+def test_accepted_are_points_of_the_profile_and_other_minima() -> None:
+    """What fits beyond a bound counts at it; a minimum beyond the bounds is none of theirs."""
+    found = accepted_by(knowledge(), BOUNDS)["d"]
+    assert sorted(found.values) == [30.0, 40.0, 50.0, 77.0, 100.0]
     assert found.width == pytest.approx(79.6)
 
 
-def test_an_end_that_nobody_saw_fit_is_not_accepted() -> None:
-    """A branch that was cut for its cost goes to the end of the bounds for lack of knowledge."""
-    found = accepted_by(knowledge(ends=("lost", "cost")))["d"]
-    assert sorted(found.values) == [30.0, 40.0, 50.0, 77.0]
+def test_what_fits_only_with_another_value_beyond_its_bounds_is_not_accepted() -> None:
+    """Profiles are scanned beyond the bounds of all parameters; draws are not there."""
+    found = accepted_by(knowledge(beside=12.0), BOUNDS)["d"]
+    assert sorted(found.values) == [30.0, 40.0, 77.0]
 
 
 def test_draws_take_the_noise_as_stated_and_so_does_what_they_have_to_come_near() -> None:
     """Noise that the fit widened by 2.5: Dchi^2 of the stated noise is 6.25 times as much."""
-    found = accepted_by(knowledge(inflation=2.5))["d"]
-    assert sorted(found.values) == [40.0, 77.0]
+    found = accepted_by(knowledge(inflation=2.5), BOUNDS)["d"]
+    assert sorted(found.values) == [40.0, 77.0, 100.0]

@@ -94,8 +94,13 @@ def problem() -> Problem:
 def test_a_whole_fit_lists_it_too() -> None:
     response = RowsResponse(lambda p: SIGMA * square(p))
     fit = solve_problem(problem(), lambda chosen: response, Options(Schedule(starts=2)))
-    knowledge = infer(fit).knowledge
+    inferred = infer(fit)
+    knowledge = inferred.knowledge
     assert knowledge is not None
+    [finding] = [f for f in inferred.findings if f.kind == "equivalent_solution"]
+    assert (finding.severity, finding.subject) == ("warning", "a")
+    assert finding.numbers["a"] == pytest.approx(-knowledge.most_likely["a"], abs=0.06)
+    assert finding.numbers["delta_chi2"] < 3.84
     both = [knowledge.most_likely["a"], *values(knowledge, "a")]
     assert sorted(both) == pytest.approx([-TRUE, TRUE], abs=0.06)
 

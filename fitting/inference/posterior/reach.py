@@ -12,12 +12,12 @@ draw is closer than a tenth of the width of the profile's interval.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter
+from fitting.campaign.parameters import SLACK, Parameter
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.posterior.minima import Target
 from fitting.inference.posterior.turns import told_value
@@ -27,8 +27,6 @@ from fitting.text.notation import number, unit_text
 
 #: Share of the profile's interval within which a draw has to be.
 NEAR = 0.1
-#: Ends of a branch at which the end of the interval was seen to fit, not assumed.
-SEEN = ("crossed", "held", "bound", "round")
 
 
 @dataclass(frozen=True)
@@ -58,38 +56,63 @@ class Missed:
         )
 
 
-def accepted_by(knowledge: Knowledge) -> dict[str, Accepted]:
-    """Values that a fit accepts, by name of the parameter.
+def accepted_by(knowledge: Knowledge, parameters: Sequence[Parameter]) -> dict[str, Accepted]:
+    """Values inside the bounds that a fit accepts, by name of the parameter.
+
+    Profiles are scanned beyond the bounds, where no draw comes: what fits only with another value
+    beyond its own is left out, and a value beyond its own counts at that bound.
 
     Args:
         knowledge: of the fit, with its profiles.
+        parameters: that are drawn, with their bounds.
     """
+    bounds = {p.name: _bounds(p) for p in parameters}
+    others = [e.parameters for e in knowledge.equivalents if not e.where]
+    others = [place for place in others if _is_inside(place, bounds)]
     found = {}
     for name, profile in knowledge.parameters.items():
         low, high = profile.interval95
-        others = [e.parameters[name] for e in knowledge.equivalents if not e.where]
-        values = (*_accepted(profile, knowledge.inflation), *others)
+        values = [place[name] for place in others if name in place]
+        if name in bounds:
+            values += _along(name, profile, knowledge.inflation, bounds)
         if high > low and math.isfinite(high - low):
-            found[name] = Accepted(tuple(filter(math.isfinite, values)), high - low)
+            found[name] = Accepted(tuple(values), high - low)
     return found
 
 
-def _accepted(profile: Profile, inflation: float) -> list[float]:
-    """Values along a profile, and the ends of its interval where these were seen to fit."""
-    points = zip(profile.values, profile.delta, strict=True)
-    values = [v for v, delta in points if delta * inflation**2 <= ROOT_95**2]
-    if inflation == 1.0:
-        ends = zip(profile.interval95, profile.ends, strict=True)
-        values += [value for value, end in ends if end in SEEN]
+def _along(
+    name: str, profile: Profile, inflation: float, bounds: Mapping[str, tuple[float, float]]
+) -> list[float]:
+    """Accepted values along a profile."""
+    values = []
+    for k, (value, delta) in enumerate(zip(profile.values, profile.delta, strict=True)):
+        place = {other: path[k] for other, path in profile.path.items() if other != name}
+        if delta * inflation**2 <= ROOT_95**2 and _is_inside(place, bounds):
+            values.append(float(np.clip(value, *bounds[name])))
     return values
+
+
+def _bounds(parameter: Parameter) -> tuple[float, float]:
+    """Of a value with a period none: a turn leads back inside."""
+    if parameter.period is not None:
+        return -math.inf, math.inf
+    return parameter.lower, parameter.upper
+
+
+def _is_inside(place: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether no value of a place lies beyond its bounds, but for rounding."""
+    for name, value in place.items():
+        low, high = bounds.get(name, (-math.inf, math.inf))
+        slack = SLACK * (high - low) if math.isfinite(high - low) else 0.0
+        if not low - slack <= value <= high + slack and not math.isnan(value):
+            return False
+    return True
 
 
 def missed_by(
     target: Target, begins: FloatArray, draws: FloatArray, accepted: Mapping[str, Accepted]
 ) -> Missed | None:
     """The accepted value that is the farthest from all draws; None where each has one near it.
-
-    Values beyond the bounds are none that draws could come near.
 
     Args:
         target: the posterior.
@@ -113,9 +136,9 @@ def missed_by(
 
 
 def _inside(parameter: Parameter, begin: float, values: tuple[float, ...]) -> list[float]:
-    """Values in the bounds, as draws have them: a period may lead there."""
+    """Values as draws have them; of a box that holds no whole period those that a turn leads to."""
     if parameter.period is None:
-        return [v for v in values if parameter.lower <= v <= parameter.upper]
+        return list(values)
     period, low = parameter.period, parameter.lower
     inside = [v for v in values if low + np.mod(v - low, period) <= parameter.upper]
     return [told_value(parameter, begin, v) for v in inside]
