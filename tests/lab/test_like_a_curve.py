@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ import fitting as ff
 from fitting.api.choices import CURVES
 from fitting.api.synthesis import LockIns
 from fitting.text.errors import BadInput
-from tests.support.in_process import told
 
 
 @pytest.mark.parametrize("kind", CURVES)
@@ -51,9 +49,9 @@ def test_a_truth_of_no_curve_is_refused_with_its_file(tmp_path: Path) -> None:
             ff.synthesize(path)
 
 
-def test_an_ensemble_like_a_crossing_is_made(tmp_path: Path, swift_modes_fmu: Path) -> None:
-    ff.synthesize_curves("crossing", out=tmp_path / "map")
-    shutil.copy(swift_modes_fmu, tmp_path / "own.fmu")
-    words = ("--like", tmp_path / "map" / "campaign.toml", "--fmu", tmp_path / "own.fmu")
-    ended = told("ensemble", *words, "--laboratories", "2", "--out", tmp_path / "o", "--dry-run")
-    assert ended.code == 0, ended.err
+def test_an_ensemble_like_a_crossing_has_a_seed_for_each_laboratory(tmp_path: Path) -> None:
+    made = ff.synthesize_curves("crossing", seed=5, out=tmp_path, noise=0.02)
+    many = ff.Laboratories(tmp_path / "campaign.toml", 2, seed=5)
+    files = [many.one(k, many.source).made().files["map.csv"] for k in (0, 1)]
+    assert _rows(str(files[0])) == _rows(str(made.files["map.csv"]))
+    assert _rows(str(files[1])) != _rows(str(files[0]))

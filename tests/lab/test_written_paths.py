@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import fitting as ff
-from fitting.campaign import read_campaign
 from tests.lab import test_sweep_plan, test_tone_plan
 from tests.support.in_process import told
 
@@ -34,7 +33,7 @@ def test_a_plan_that_is_measured_elsewhere_names_the_same_fmu(
     plan = with_own_fmu(planned(tmp_path / "plan"), "../own.fmu")
     made = ff.synthesize("crossing", plan=plan, out=tmp_path / out)
     assert made.files
-    written = read_campaign(tmp_path / out / "campaign.toml")
+    written = ff.read_campaign(tmp_path / out / "campaign.toml")
     assert written.file.fmu.file is not None
     assert written.file.fmu.file.resolve() == (tmp_path / "own.fmu").resolve()
     assert not Path(tables(tmp_path / out)["fmu"]["file"]).is_absolute()
@@ -72,7 +71,7 @@ def test_a_sweep_in_another_folder_is_written_beside_the_campaign(tmp_path: Path
     plan.write_text(text, "utf-8")
     ff.synthesize("crossing", plan=plan, out=tmp_path / "a" / "measured")
     assert tables(tmp_path / "a" / "measured")["sweep"]["file"] == "sweep.csv"
-    read = read_campaign(tmp_path / "a" / "measured" / "campaign.toml")
+    read = ff.read_campaign(tmp_path / "a" / "measured" / "campaign.toml")
     assert read.files
 
 
