@@ -461,11 +461,12 @@ class _Job:
     def _reached(self, walk: Walk) -> Reached:
         """How far a walk is, held against what the fit accepts."""
         knowledge, parameters = self._fit.knowledge, self.problem.record.parameters
-        accepted: Mapping[str, Accepted] | None = {}
+        known: Mapping[str, Accepted] = {}
         if knowledge is not None:
-            accepted = accepted_by(knowledge, parameters)
-        if self.bent and any(p.name not in accepted for p in parameters if not p.experiments):
-            accepted = None
+            known = accepted_by(knowledge, parameters)
+        shared = [p.name for p in parameters if not p.experiments]
+        blind = self.bent and not all(name in known for name in shared)
+        accepted = None if blind else known
         return reached(self.target, self.minima, walk, self._fit.most_likely, accepted)
 
     def _outputs(self, found: Reached) -> dict[str, FloatArray]:

@@ -38,7 +38,7 @@ def test_a_chain_in_one_of_two_minima_is_not_converged() -> None:
     made = closed.wells(start=13.0)
     at = ff.profile(fitted(made))
     found = ff.posterior(made, at, ff.Sampling(steps=300))
-    assert found["p"].rhat < 1.01
+    assert found.values["p"].rhat < 1.01
     assert found.status == "not converged"
     assert math.isnan(found["p"].median)
     [finding] = found.summary.findings

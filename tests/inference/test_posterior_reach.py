@@ -50,7 +50,8 @@ def test_an_end_that_fits_and_that_no_draw_is_near_is_missed() -> None:
     assert missed(whole, draws(40.0, 99.0)) == 0.0  # the farthest of two
     found = missed_by(target(), np.array([math.nan]), draws(5.0, 56.6), {"d": whole})
     assert found is not None
-    assert (found.name, found.nearest) == ("d", pytest.approx(56.6))
+    assert found.name == "d"
+    assert found.nearest == pytest.approx(56.6)
 
 
 def test_a_gap_between_two_solutions_is_no_gap_but_a_missing_one_is() -> None:
