@@ -55,7 +55,7 @@ def test_one_changed_cell_is_refused_and_its_file_is_named(
 def test_asked_for_it_goes_on_with_changed_data(fitted: Path, copied: Path, tmp_path: Path) -> None:
     sweep = copied / "sweep.csv"
     sweep.write_text(f"{sweep.read_text('utf-8')}\n", "utf-8")
-    words = [
+    words: list[str | Path] = [
         *("posterior", copied / "campaign.toml", "--at", fitted / "fit" / "result.json"),
         *("--out", tmp_path / "out", "--dry-run", "--workers", "1"),
     ]
