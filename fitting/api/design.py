@@ -41,6 +41,7 @@ from fitting.design.ways import (
 from fitting.design.weighing import DesignGoal, weigh, weigh_ways
 from fitting.engine.threads import one_thread
 from fitting.result.result import Result, read_result
+from fitting.result.same_data import require_same_data
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -189,7 +190,7 @@ def design(
 
     Raises:
         BadInput: no campaign, limits that are wider than the campaign's own or mean nothing, a
-            fit of another problem.
+            fit of another problem or of other data.
         FmuFailure: the FMU failed.
     """
     asked = Goal(goal) if isinstance(goal, str) else goal
@@ -422,4 +423,5 @@ def _set_out(
     where = str(at) if isinstance(at, str | Path) else "at"
     fitted = read_result(Path(at)) if isinstance(at, str | Path) else at
     result = fitted.result if isinstance(fitted, Valued) else fitted
+    require_same_data(result, [bound])
     return replace(goal, start=start_of(result, bound, where))

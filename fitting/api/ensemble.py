@@ -28,6 +28,7 @@ from fitting.engine.place import Where, opened
 from fitting.engine.run import run
 from fitting.fmu.models import provide_fmu
 from fitting.lab.bench import Bench
+from fitting.lab.curves import Curve
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import bench_of
 from fitting.lab.writer import CAMPAIGN_NAME
@@ -74,7 +75,7 @@ class Laboratories:
         BadInput: no such laboratory, or numbers out of their range.
     """
 
-    truth: Bench | PumpedBench | Path | str = "q1"
+    truth: Bench | PumpedBench | Curve | Path | str = "q1"
     count: int = 100
     seed: int = 1
     changes: Mapping[str, Any] = field(default_factory=dict)
@@ -87,11 +88,11 @@ class Laboratories:
             )
 
     @property
-    def source(self) -> Bench | PumpedBench | str:
+    def source(self) -> Bench | PumpedBench | Curve | str:
         """The truth without any path, as other machines can use it."""
         return str(self.truth) if str(self.truth) in CURVES else bench_of(self.truth)
 
-    def one(self, number: int, source: Bench | PumpedBench | str) -> Laboratory:
+    def one(self, number: int, source: Bench | PumpedBench | Curve | str) -> Laboratory:
         """One of the laboratories, as other machines can make it.
 
         Args:
@@ -443,7 +444,7 @@ class _Sources:
         try:
             return self._of_tables(read_toml(path), path)
         except BadInput as error:
-            return str(error)
+            return f"{error}"
 
     def of_text(self, text: str, path: Path) -> NeededFile | str:
         """The FMU of a campaign that is no file yet."""
@@ -453,7 +454,8 @@ class _Sources:
         table = tables.get("fmu")
         table = table if isinstance(table, Mapping) else {}
         model, file = table.get("model"), table.get("file")
-        place = path.parent / file if isinstance(file, str) else None
+        # one FMU whose path is written in two ways is one
+        place = (path.parent / file).resolve() if isinstance(file, str) else None
         key = (model if isinstance(model, str) else None, place)
         if key == (None, None):
             return f"{path}: [fmu]: names neither a model nor a file"
@@ -462,7 +464,7 @@ class _Sources:
                 named = WrittenFmu(model=key[0], file=place)
                 self._known[key] = NeededFile.of(provide_fmu(named, self._built))
             except BadInput as error:
-                self._known[key] = str(error)
+                self._known[key] = f"{error}"
         return self._known[key]
 
 
@@ -472,8 +474,8 @@ def _usual_workers() -> int:
 
 def _provenance(job: _Job) -> dict[str, str]:
     """Where the rows come from: nothing in it depends on where they ran."""
-    fmus = dict.fromkeys(i.fmu for i in job.items if isinstance(i.fmu, NeededFile))
-    named = [f"{Path(f.path).name}, SHA-256 {f.digest}" for f in fmus]
+    fmus = (i.fmu for i in job.items if isinstance(i.fmu, NeededFile))
+    named = list(dict.fromkeys(f"{Path(f.path).name}, SHA-256 {f.digest}" for f in fmus))
     shown = [*named[:3], *([f"and {len(named) - 3} more"] if len(named) > 3 else [])]
     return {
         "command": "fitting.ensemble",

@@ -19,6 +19,7 @@ from fitting.api.problem import Problem
 from fitting.campaign.file import WrittenFmu
 from fitting.engine.files import NeededFile, place_of
 from fitting.lab.bench import Bench
+from fitting.lab.curves import Curve
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import SyntheticFiles, synthesize, synthesize_curves
 from fitting.lab.true_values import nearest, true_values
@@ -35,7 +36,7 @@ _log = logging.getLogger(__name__)
 class Laboratory:
     """A virtual laboratory: what is measured, its seed, and numbers that are different."""
 
-    truth: Bench | PumpedBench | str
+    truth: Bench | PumpedBench | Curve | str
     seed: int
     changes: Mapping[str, Any] = field(default_factory=dict)
 
@@ -218,7 +219,7 @@ def _value(v: Value, true: float) -> EnsembleValue:
 
 def _failed(item: Item, error: Exception, folder: str) -> EnsembleRow:
     """The row of an item without a fit; where it ran is not told, which differs from run to run."""
-    words = str(error)
+    words = f"{error}"
     if not isinstance(error, BadInput | FmuFailure):
         words = f"a fault of this program: {type(error).__name__}: {words}"
     words = words.replace(f"{folder}/", "").replace(folder, "")

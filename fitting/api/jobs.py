@@ -16,6 +16,7 @@ from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.local import LocalProcesses
 from fitting.engine.threads import one_thread
+from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
@@ -23,6 +24,7 @@ from fitting.report.artists import Artists, Begun
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
+from fitting.result.same_data import require_same_data
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -68,7 +70,7 @@ def identify(
         part of the measurements says alone: ``identify(problem.part({"depth": 0.0}))``.
 
     Raises:
-        BadInput: the problem cannot be planned, or the fit is of another one.
+        BadInput: the problem cannot be planned, or the fit is of another one, or of other data.
         FmuFailure: the FMU failed.
     """
     asked = IdentificationOptions(expected=expected, bootstrap=bootstrap, seed=seed, budget=budget)
@@ -87,11 +89,13 @@ def identified(
         asked: Limits, and who is told.
 
     Raises:
-        BadInput: the problem cannot be planned, or the fit is of another one.
+        BadInput: the problem cannot be planned, or the fit is of another one, or of other data.
         FmuFailure: the FMU failed.
     """
     check_problem("identify", problem)
     fitted = at.result if isinstance(at, Valued) else at
+    if fitted is not None and not asked.expected:  # else no measured value is looked at
+        require_same_data(fitted, list(problem.record.campaigns.values()))
     if fitted is not None:
         asked = replace(asked, values=fitted.fitted_values, alternative=fitted.alternative)
     record = problem.record
@@ -109,6 +113,7 @@ def identified(
         at="the campaign's start and reference values" if fitted is None else "a fit",
         knowledge=knowledge,
         provenance=provenance,
+        findings=equivalent_findings(knowledge),
     )
 
 

@@ -15,6 +15,7 @@ from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.summary import Interval
 from fitting.inference.values import DerivedResult
 from fitting.result.result import Result
+from fitting.result.same_data import require_same_data
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed, settings_words
@@ -24,7 +25,10 @@ __all__ = ["KnownFit"]
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFit:
-    """What a fit knows: its minima (who, place), values and intervals by name, derived outputs."""
+    """What a fit knows: its minima (who, place), values and intervals by name, derived outputs.
+
+    `result` is the record that it was read from, None of a fit of this process.
+    """
 
     places: tuple[tuple[str, FloatArray], ...]
     most_likely: Mapping[str, float]
@@ -33,6 +37,7 @@ class KnownFit:
     alternative: Mapping[str, Scalar]
     knowledge: Knowledge | None
     sha256: str
+    result: Result | None = None
 
     @classmethod
     def of(cls, at: Valued | Result, names: Sequence[str]) -> KnownFit:
@@ -78,6 +83,7 @@ class KnownFit:
             alternative=chosen,
             knowledge=knowledge,
             sha256=sha256,
+            result=at if isinstance(at, Result) else None,
         )
 
     def require(self, problem: Problem) -> None:
@@ -87,7 +93,7 @@ class KnownFit:
             problem: that is drawn from.
 
         Raises:
-            BadInput: other parameters, another FMU, or none that has a value of each.
+            BadInput: other parameters, another FMU, other data, or none that has a value of each.
         """
         wanted = set(problem.names)
         missing = sorted(wanted ^ set(self.most_likely))
@@ -101,6 +107,8 @@ class KnownFit:
                 "posterior: the fit is of another FMU: found sha256 "
                 f"{problem.fmu.description.sha256[:12]}, wanted {self.sha256[:12]}"
             )
+        if self.result is not None:
+            require_same_data(self.result, list(problem.record.campaigns.values()), whole=True)
 
     def chosen(self, problem: Problem) -> Problem:
         """The problem with the alternative that the fit reports.

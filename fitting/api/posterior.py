@@ -30,12 +30,11 @@ from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.chain import Walk, sampler_library, walked
 from fitting.inference.posterior.first_walks import LEARNING, about_walk, evaluations
-from fitting.inference.posterior.follow import Follow
 from fitting.inference.posterior.kept import Kept, keep, kept_in
-from fitting.inference.posterior.learnt import TRIED, fits, learning, learnt, worth
+from fitting.inference.posterior.learnt import TRIED, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.outputs import outputs_of, read_outputs
-from fitting.inference.posterior.pace import pace_of
+from fitting.inference.posterior.reach import Accepted, accepted_by
 from fitting.inference.posterior.start import Mixture
 from fitting.inference.posterior.summary import (
     CONVERGED,
@@ -174,21 +173,19 @@ class PosteriorCost:
     """What draws will cost: ``evaluations`` of the model, least and most, and seconds of each.
 
     Of ``walkers``, from ``minima``; ``seconds_each`` was measured where the walkers begin, which is
-    a batch of as many evaluations. ``surrogate_s`` is what a surrogate takes beside them for all
-    steps, as measured on one of the same size; it is made where the posterior is bent alone.
+    a batch of as many evaluations.
     """
 
     walkers: int
     minima: int
     evaluations: tuple[int, int]
     seconds_each: float
-    surrogate_s: float
 
     @property
     def seconds(self) -> tuple[float, float]:
-        """Least, without a surrogate, and most, with one, s."""
+        """Least and most, s."""
         least, most = self.evaluations
-        return least * self.seconds_each, most * self.seconds_each + self.surrogate_s
+        return least * self.seconds_each, most * self.seconds_each
 
 
 @one_thread()
@@ -207,7 +204,8 @@ def posterior(
 
     The prior is uniform in the box of the parameters, with a Gaussian where one has its own. The
     chain is long enough at 50 of its correlation times, if its walkers agree (split R at most
-    1.01); else it is called not converged, and no interval is told.
+    1.01), and draws come near every value that the fit's own profiles accept; else it is called not
+    converged, and no interval is told. A bent posterior takes a fit that has profiles.
 
     Args:
         problem: What is looked for, and from what; noise of rows that is not known is integrated
@@ -239,7 +237,7 @@ def posterior(
 def posterior_cost(
     problem: Problem, at: Valued | Result, options: Sampling | None = None
 ) -> PosteriorCost:
-    """What `posterior` will cost, from one evaluation of every walker and a walk on a surrogate.
+    """What `posterior` will cost, from one evaluation of every walker.
 
     Args:
         problem: As `posterior` takes it.
@@ -256,7 +254,6 @@ def posterior_cost(
     begun = time.perf_counter()
     job.begin()
     each = (time.perf_counter() - begun) / (job.evaluations - set_out)
-    pace = pace_of(job.target, job.mixture, job.walkers)
     return PosteriorCost(
         walkers=job.walkers,
         minima=sum(m.copy_of < 0 for m in job.minima),
@@ -265,7 +262,6 @@ def posterior_cost(
             set_out + job.learning + job.walkers * (1 + asked.steps),
         ),
         seconds_each=each,
-        surrogate_s=pace.learning_s + asked.steps * pace.step_s,
     )
 
 
@@ -367,10 +363,10 @@ class _Job:
         found = minima_of(self.target, self._fit.places)
         self.minima = found[: self.walkers]
         self.mixture = Mixture.of(self.minima)
-        self.follow: Follow | None = None
+        self.bent = False
 
     def set_out(self, progress: Callable[[str], None]) -> tuple[FloatArray, FloatArray]:
-        """Where the walk begins, with proposals that follow the posterior where it is bent.
+        """Where the walk begins; the mixture follows first walks where the posterior is bent.
 
         Args:
             progress: is called with a line.
@@ -379,38 +375,20 @@ class _Job:
         begin, random = self.begin(), np.random.RandomState(self.asked.seed % 2**32 + 1)
         if worth(self.mixture, self._in_box, random) > GOOD:
             return begin
+        self.bent, about_minima = True, self.mixture
         best = self.target.in_units(self.minima[0].centre)
         target = replace(self.target, rows=lambda p: self._rows(p, best))
-        self.follow, begin = learnt(target, begin, self.mixture, random, progress)
-        if self.follow is None:
-            return self._first_walks(begin, random, progress)
-        self.mixture = self.follow.mixture
-        return begin
-
-    def _first_walks(
-        self,
-        begin: tuple[FloatArray, FloatArray],
-        random: np.random.RandomState,
-        progress: Callable[[str], None],
-    ) -> tuple[FloatArray, FloatArray]:
-        """Where first walks end; the mixture follows them, as no surrogate does."""
-        about_minima = self.mixture
         for k in range(LEARNING):
             progress(f"first walk, {k + 1} of {LEARNING}")
             first = walked(self._in_box, self.mixture, begin, FIRST, (self.asked.seed, k, 1))
             begin = first.places[-1], first.log[-1]
-            self.mixture = about_walk(self.target, first, about_minima, self._in_box, random)
+            self.mixture = about_walk(target, first, about_minima, self._in_box, random)
         return begin
 
     @property
     def learning(self) -> int:
         """Evaluations before draws begin, at most."""
-        parameters = self.problem.record.parameters
-        n = len(parameters)
-        rows = self.problem.record.data.sigma.size + sum(bool(p.prior_sigma) for p in parameters)
-        if not fits(n, rows):
-            return TRIED + evaluations(self.walkers, n, FIRST)
-        return TRIED + learning(self.walkers, n)
+        return TRIED + evaluations(self.walkers, len(self.problem.names), FIRST)
 
     def begin(self) -> tuple[FloatArray, FloatArray]:
         """Places (walkers, n) in units of the box to begin at, and ln of the posterior there."""
@@ -451,9 +429,9 @@ class _Job:
                     keep(
                         path,
                         self._fingerprint,
-                        Kept(walk, self.mixture, self.follow, self.evaluations, self.failed),
+                        Kept(walk, self.mixture, self.bent, self.evaluations, self.failed),
                     )
-                found = reached(self.target, self.minima, walk, self._fit.most_likely)
+                found = self._reached(walk)
                 said = found.told(self.problem.names)
                 progress(said)
                 if found.converged:
@@ -465,7 +443,7 @@ class _Job:
             status = INTERRUPTED
         if walk is None:
             raise RuntimeError("a chain without a part")
-        found = found or reached(self.target, self.minima, walk, self._fit.most_likely)
+        found = found or self._reached(walk)
         outputs: Mapping[str, FloatArray] = {}
         if status == CONVERGED:
             progress("derived outputs at the draws")
@@ -479,6 +457,17 @@ class _Job:
             draws=found.draws,
             log=walk.log[found.discarded :],
         )
+
+    def _reached(self, walk: Walk) -> Reached:
+        """How far a walk is, held against what the fit accepts."""
+        knowledge, parameters = self._fit.knowledge, self.problem.record.parameters
+        known: Mapping[str, Accepted] = {}
+        if knowledge is not None:
+            known = accepted_by(knowledge, parameters)
+        shared = [p.name for p in parameters if not p.experiments]
+        blind = self.bent and not all(name in known for name in shared)
+        accepted = None if blind else known
+        return reached(self.target, self.minima, walk, self._fit.most_likely, accepted)
 
     def _outputs(self, found: Reached) -> dict[str, FloatArray]:
         """Derived outputs that the fit has, at draws that are nearly independent, (k,) each."""
@@ -496,7 +485,7 @@ class _Job:
             begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
             seed = (self.asked.seed, done)
             progress(f"drawing steps {done + 1} to {total}, of {self.asked.steps} at most")
-            part = walked(self._in_box, self.mixture, begin, total - done, seed, self.follow)
+            part = walked(self._in_box, self.mixture, begin, total - done, seed)
             walk = part if walk is None else walk.with_more(part)
             yield walk
 
@@ -506,7 +495,7 @@ class _Job:
         kept = kept_in(path, self._fingerprint)
         if kept is None:
             return None
-        self.mixture, self.follow = kept.mixture, kept.follow
+        self.mixture, self.bent = kept.mixture, kept.bent
         self.evaluations += kept.evaluations
         self.failed += kept.failed
         return kept.walk
@@ -581,6 +570,7 @@ class _Job:
             failed=self.failed,
             accepted=walk.accepted,
             seed=self.asked.seed,
+            findings=found.findings if found.is_enough else (),
             notes=(*self._notes(), *_of_periods(record.parameters, found.begins)),
             provenance={
                 "FMU": self.problem.fmu.description.model_name if self.problem.has_fmu else "none",

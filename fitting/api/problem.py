@@ -47,6 +47,7 @@ from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
 from fitting.measurements.noise.spectra import NoiseSpectrum
 from fitting.measurements.traces.traces import Trace
+from fitting.result.provenance import sha256_of
 from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
@@ -541,10 +542,7 @@ def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
     first = campaigns[0]
     for other in campaigns[1:]:
         one, two = first.file.fmu, other.file.fmu
-        if (one.model, one.file and one.file.resolve()) != (
-            two.model,
-            two.file and two.file.resolve(),
-        ):
+        if not (one.model == two.model and _is_one_file(one.file, two.file)):
             raise BadInput(
                 f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
                 f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
@@ -555,3 +553,15 @@ def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
                 f"{one.interface or 'none'}; wanted the same in campaigns that are fitted together"
             )
     return first.file.fmu
+
+
+def _is_one_file(one: Path | None, other: Path | None) -> bool:
+    """Whether two paths lead to one content, however they are written; or none is there."""
+    if one is None or other is None:
+        return one is other
+    if one.resolve() == other.resolve():
+        return True
+    try:
+        return one.stat().st_size == other.stat().st_size and sha256_of(one) == sha256_of(other)
+    except OSError:  # complained of where it is opened
+        return False

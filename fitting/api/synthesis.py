@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fitting.api.choices import CURVES, PUMPED, SERIES, TRUTH_NAME
+from fitting.lab.curves import Curve, kind_of
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.pumped import PumpedBench, PumpedSweeps
@@ -13,12 +14,14 @@ __all__ = [
     "PUMPED",
     "SERIES",
     "TRUTH_NAME",
+    "Curve",
     "LockIns",
     "PhaseDetectors",
     "PumpedBench",
     "PumpedSweeps",
     "Synthetic",
     "SyntheticFiles",
+    "kind_of",
     "synthesize",
     "synthesize_curves",
 ]

@@ -127,6 +127,16 @@ class Parameter:
         return self.role in ("model", "coefficient")
 
     @property
+    def is_searched(self) -> bool:
+        """Whether it is searched for other minima: no nuisance that a prior alone holds.
+
+        A prior of a value that the model depends on may be far wider than the data leave it: two
+        of its values may fit alike. Offsets of single experiments and factors on a scale are
+        made with a prior as narrow as what they stand for.
+        """
+        return self.prior_sigma is None or (self.moves_model and not self.experiments)
+
+    @property
     def experiments(self) -> tuple[str, ...]:
         """Labels of the experiments that it acts in; empty: everywhere, in the sweep too."""
         return () if self.experiment is None else (self.experiment, *self.further)

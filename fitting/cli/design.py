@@ -6,6 +6,7 @@ import argparse
 import shlex
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import fitting as ff
 from fitting.api.choices import CRITERIA
@@ -14,8 +15,12 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
+from fitting.cli.words.earlier_fit import add_at, fit_at
 from fitting.cli.words.values import folder_name, positive_time, seed, whole_number, worker_count
 from fitting.text.results_folder import remove_earlier
+
+if TYPE_CHECKING:
+    from fitting.result.result import Result
 
 NAME = "design"
 DOCUMENT = "design.json"
@@ -35,12 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="further campaigns of the same FMU and parameters that have been measured",
     )
     parser.add_argument("--out", type=Path, help="folder for results (out/next_<its folder>)")
-    parser.add_argument(
-        "--at",
-        type=Path,
-        metavar="RESULT.json",
-        help="a fit to set out from (the fit nearest to the references)",
-    )
+    add_at(parser, "a fit to set out from (the fit nearest to the references)")
     parser.add_argument(
         "--candidates",
         type=Path,
@@ -101,7 +101,7 @@ def _design(
     from fitting.report.words.design import design_lines
 
     limits = args.candidates[0] if args.candidates else None
-    found = ff.design(problem, goal, limits=limits, at=args.at, progress=tell)
+    found = ff.design(problem, goal, limits=limits, at=_at(args), progress=tell)
     found = found.made_by(_command(args))
     tell("writing")
     written = found.write(_out(args), report=not args.no_report)
@@ -125,7 +125,7 @@ def _ways(
     limits = {path.stem: path for path in args.candidates}
     if len(limits) < len(args.candidates):
         raise ff.BadInput("--candidates: two files of one name, by which the kinds are told apart")
-    found = ff.ways(problem, goal, limits=limits, at=args.at, progress=tell)
+    found = ff.ways(problem, goal, limits=limits, at=_at(args), progress=tell)
     found = found.made_by(_command(args))
     tell("writing")
     ways, *campaigns = found.write(_out(args), report=not args.no_report)
@@ -137,6 +137,11 @@ def _ways(
     ]
 
 
+def _at(args: argparse.Namespace) -> Result | Path | None:
+    """The fit by its file, which complaints name; itself where its data may be others."""
+    return fit_at(args) if args.changed_data else args.at
+
+
 def _command(args: argparse.Namespace) -> str:
     words = ["fmu-fit", NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
     for name in ("out", "at", "target", "criterion", "number"):
@@ -145,6 +150,7 @@ def _command(args: argparse.Namespace) -> str:
             words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
     for path in args.candidates:
         words += ["--candidates", path.as_posix()]
+    words += ["--changed-data"] if args.changed_data else []
     words += [] if args.time is None else ["--time", f"{args.time!r}s"]
     if args.seed != 1:
         words += ["--seed", str(args.seed)]

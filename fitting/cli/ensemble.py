@@ -88,6 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
     )
+    parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
     parser.add_argument(
         "--dry-run",
         action="store_true",

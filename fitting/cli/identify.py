@@ -15,6 +15,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
+from fitting.cli.words.earlier_fit import add_at, fit_at
 from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
 from fitting.text.results_folder import remove_earlier
 
@@ -29,12 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument("campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file")
     parser.add_argument("--out", type=Path, help="folder for results (out/identify_<its folder>)")
-    parser.add_argument(
-        "--at",
-        type=Path,
-        metavar="RESULT.json",
-        help="a fit to set out from (the campaign's start and reference values)",
-    )
+    add_at(parser, "a fit to set out from (the campaign's start and reference values)")
     parser.add_argument(
         "--expected",
         action="store_true",
@@ -84,13 +80,12 @@ def run(args: argparse.Namespace) -> int:
     from fitting.api.jobs import IdentificationOptions, identified, with_part
     from fitting.cli.running.remaining import Remaining, counted
     from fitting.report.words.identification import identification_lines
-    from fitting.result.result import read_result
     from fitting.text.records import write_json
 
     settings = _settings(args.beside)
     campaign = ff.read_campaign(args.campaign)
     out = _out(args)
-    fitted = read_result(args.at) if args.at is not None else None
+    fitted = fit_at(args)
     with fmu_for([campaign], out, args.workers) as fmu:
         problem = ff.Problem.of(campaign, fmu)
         if settings:
@@ -149,5 +144,9 @@ def _command(args: argparse.Namespace) -> str:
         if value:
             words += [f"--{name}", str(value)]
     words += [word for text in args.beside for word in ("--beside", text)]
-    words += [f"--{n.replace('_', '-')}" for n in ("expected", "no_report") if getattr(args, n)]
+    words += [
+        f"--{n.replace('_', '-')}"
+        for n in ("expected", "changed_data", "no_report")
+        if getattr(args, n)
+    ]
     return shlex.join(words)

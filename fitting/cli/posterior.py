@@ -9,6 +9,7 @@ from fitting.api.choices import LEAST_STEPS, LEAST_WALKERS
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import add_isolate
+from fitting.cli.words.earlier_fit import add_at
 from fitting.cli.words.values import even_number, joint_name, seed, whole_number, worker_count
 
 NAME = "posterior"
@@ -29,12 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="campaign file; several of one sample together, as they were fitted",
     )
-    parser.add_argument(
-        "--at",
-        type=Path,
+    add_at(
+        parser,
+        "the fit of these campaigns: walkers begin at all minima that it knows",
         required=True,
-        metavar="RESULT.json",
-        help="the fit of these campaigns: walkers begin at all minima that it knows",
     )
     parser.add_argument("--out", type=Path, help="folder for results (out/posterior_<its folder>)")
     parser.add_argument(

@@ -164,8 +164,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measured(measured: Any) -> str:
-    from fitting.api.synthesis import PumpedSweeps
+    from fitting.api.synthesis import Curve, PumpedSweeps, kind_of
 
+    if isinstance(measured, Curve):
+        return kind_of(measured)
     if isinstance(measured, PumpedSweeps):
         return f"{len(measured.bench.settings)} sweeps"
     return f"{len(measured.bench.pairs_hz)} drive pairs"

@@ -5,7 +5,6 @@ The new campaign is the old one, table by table, but for the experiments, the dr
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +20,8 @@ from fitting.design.times import written_times
 from fitting.design.trace_campaign import edit_for_traces, recording_files
 from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
-from fitting.text.notation import hertz, number, prefixed
+from fitting.text.files import path_from
+from fitting.text.notation import hertz, in_its_unit, number, prefixed
 from fitting.text.tables import read_text
 from fitting.text.toml import Tables, inline, put, rewritten
 
@@ -82,7 +82,7 @@ def _campaign(
         tables["title"] = f"Next: {design.title}"
         if "file" in tables["fmu"]:
             named = bound.path.parent / str(tables["fmu"]["file"])
-            tables["fmu"]["file"] = Path(os.path.relpath(named, folder)).as_posix()
+            tables["fmu"]["file"] = path_from(folder, named)
         kept = _kept_table(bound, limits)
         for name in bound.measurements:
             if name != kept:
@@ -225,8 +225,8 @@ def _experiments(design: Design, bound: BoundCampaign, limits: Limits, command: 
     units = bound.setup.laws.controls
     head += [f"{name} ({units[name]})" if name in units else name for name in columns]
     filled = _measured_columns(design, limits)
-    head += [f"{name} ({unit})" for name in filled]
-    head += [f"{_sigma(k)} ({unit})" for k in range(len(first.peaks_v))]
+    head += [f"{name} ({unit or 1})" for name in filled]
+    head += [f"{_sigma(k)} ({unit or 1})" for k in range(len(first.peaks_v))]
     lines = [
         f"# Next measurements. Fill in the columns {'X_* and Y_*' if limits.phases else 'peak_*'}; "
         "replace sigma_* by what you find.",
@@ -254,13 +254,13 @@ def _amplitudes(design: Design) -> tuple[float, str]:
 def _what(p: Proposal, design: Design) -> str:
     """One proposal as an instruction, in plain ASCII."""
     factor, unit = _amplitudes(design)
-    peaks = " and ".join(f"{number(a / factor, 3)}" for a in p.peaks_v) + f" {unit}"
+    peaks = in_its_unit(" and ".join(number(a / factor, 3) for a in p.peaks_v), unit)
+    sigma = in_its_unit(number(p.expected.mean, 3), design.unit)
     spectra = "one spectrum" if p.repeats == 1 else f"average {p.repeats} spectra"
     offsets = " and ".join(f"{f - p.centre_hz:+.4g}" for f in p.tones_hz)
     return (
         f"next{p.rank}: {p.output}, {spectra}, drive level x {p.level:g}, tones {offsets} Hz from "
-        f"{hertz(p.centre_hz)}; expected {peaks}; sigma({design.target}) is then "
-        f"{number(p.expected.mean, 3)} {design.unit} on average"
+        f"{hertz(p.centre_hz)}; expected {peaks}; sigma({design.target}) is then {sigma} on average"
     ).replace("\u00a0", " ")
 
 

@@ -183,7 +183,7 @@ def design_csv(design: Design) -> str:
         driven = ["first frequency (Hz)", "last frequency (Hz)", "points"]
     if design.is_of_traces:
         return _recordings_csv(design)
-    unit, volts = design.unit or "1", design.amplitude_unit
+    unit, volts = design.unit or "1", design.amplitude_unit or "1"
     names = list(design.proposals[0].settings) if design.proposals else []
     head = ["rank", *driven, "resonance (Hz)", "output"]
     head += ["level", *names, "spectra", *(f"peak {i + 1} ({volts})" for i in range(peaks))]
@@ -204,7 +204,7 @@ def design_csv(design: Design) -> str:
 
 
 def _recordings_csv(design: Design) -> str:
-    unit, volts = design.unit or "1", design.amplitude_unit
+    unit, volts = design.unit or "1", design.amplitude_unit or "1"
     head = ["rank", "trace", "output", "length (s)", "spacing (s)", "samples"]
     head += [f"largest ({volts})", f"sigma ({volts})"]
     head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]

@@ -12,7 +12,7 @@ from fitting.design.result import Design, Proposal
 from fitting.design.sweeps import frequencies_hz
 from fitting.design.times import written_times
 from fitting.text.arrays import Scalar
-from fitting.text.notation import hertz, listed, number, prefixed
+from fitting.text.notation import hertz, in_its_unit, listed, number, prefixed
 from fitting.text.toml import Tables, inline, put
 
 SWEEPS_NAME = "sweeps.csv"
@@ -141,9 +141,10 @@ def _what(p: Proposal, design: Design) -> str:
     first, last = p.tones_hz
     factor, unit = prefixed(p.peaks_v[0], design.amplitude_unit)
     controls = ", ".join(f"{name} = {value}" for name, value in p.settings.items())
+    expected = in_its_unit(number(p.peaks_v[0] / factor, 3), unit)
+    sigma = in_its_unit(number(p.expected.mean, 3), design.unit)
     said = (
         f"next{p.rank}: {p.output} at {controls}, {p.points} points over {hertz(last - first)}; "
-        f"expected {number(p.peaks_v[0] / factor, 3)} {unit} at most; sigma({design.target}) is "
-        f"then {number(p.expected.mean, 3)} {design.unit} on average"
+        f"expected {expected} at most; sigma({design.target}) is then {sigma} on average"
     )
     return said.replace("\u00a0", " ").replace("\u00b5", "u")

@@ -18,7 +18,7 @@ from fitting.fmu.variables import VariableLike
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.traces.record import FOUND
 from fitting.measurements.traces.waveform import Recorded
-from fitting.text.notation import prefixed
+from fitting.text.notation import in_its_unit, prefixed
 from fitting.text.toml import Tables, inline, put
 
 #: Keys of a table that tell of the file so far.
@@ -132,9 +132,11 @@ def _what(p: Proposal, design: Design) -> str:
     asked = _recording(p)
     factor, unit = prefixed(p.peaks_v[0], design.amplitude_unit)
     like = f"as trace '{asked.trace}'" if asked.trace else "as the trace so far"
+    expected = in_its_unit(f"{p.peaks_v[0] / factor:.3g}", unit)
+    sigma = in_its_unit(f"{p.expected.mean:.3g}", design.unit)
     said = (
         f"next{p.rank}: {p.output} {like}, {asked.samples} samples every {asked.spacing_s:.9g} s "
-        f"over {asked.length_s:.9g} s; expected {p.peaks_v[0] / factor:.3g} {unit} at most; "
-        f"sigma({design.target}) is then {p.expected.mean:.3g} {design.unit} on average"
+        f"over {asked.length_s:.9g} s; expected {expected} at most; "
+        f"sigma({design.target}) is then {sigma} on average"
     )
     return said.replace("\u00b5", "u")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.fmu import FmuWorkers
+from fitting.text.files import path_from
 
 
 @dataclass(frozen=True)
@@ -40,10 +41,4 @@ def relative_path(path: Path, folder: Path | None) -> str:
         path: of a file.
         folder: where the campaign stands; None: the path is absolute.
     """
-    absolute = Path(os.path.abspath(path))
-    if folder is None:
-        return absolute.as_posix()
-    try:
-        return Path(os.path.relpath(absolute, os.path.abspath(folder))).as_posix()
-    except ValueError:  # on another drive
-        return absolute.as_posix()
+    return Path(os.path.abspath(path)).as_posix() if folder is None else path_from(folder, path)

@@ -26,7 +26,7 @@ from fitting.fit.likelihood.lockstep import Exhausted, Request
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.search.minima import DESCENTS, SCREENED, screened
-from fitting.fit.search.twins import Twin, find_twins
+from fitting.fit.search.twins import Twin, find_twins, twins_but_for_priors
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.adequacy import (
     adequacy_of,
@@ -146,9 +146,7 @@ def determine(
     """
     options = options or InferenceOptions()
     parameters = objective.parameters
-    twins = options.twins
-    if twins is None:
-        twins = find_twins(Evaluator(objective), options.seed)
+    twins = _all_twins(objective, options)
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
     likelihood = _likelihood(objective, solution, noise, tuple(boxes), data=options.data)
     evaluator = _evaluator(likelihood, solution, options)
@@ -214,6 +212,13 @@ def determine(
         effort=spent,
         bootstrap=resampled,
     )
+
+
+def _all_twins(objective: Objective, options: InferenceOptions) -> list[Twin]:
+    """The model's symmetries, and those of the data that priors break: other minima begin there."""
+    evaluator = Evaluator(objective)
+    exact = find_twins(evaluator, options.seed) if options.twins is None else options.twins
+    return [*exact, *twins_but_for_priors(evaluator, options.seed)]
 
 
 def _evaluator(

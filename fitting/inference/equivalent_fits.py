@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
+from fitting.text.finding import Finding, Kind
+
 #: What reasons say, by which they are found again.
 EXCHANGE = "up to an exchange"
 #: Beyond an interval by less than this share of its width a value is still the same: two fits of
@@ -74,3 +77,36 @@ def reason_sentences(reasons: Mapping[str, str]) -> list[str]:
         reasons: by name of the value.
     """
     return [f"{name}: {reason}." for name, reason in reasons.items()]
+
+
+def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
+    """Other fits that are as good, a finding each: its values in their units, and `delta_chi2`.
+
+    The subject is the alternative that leads there, else the parameter that is the most of its
+    standard errors away.
+
+    Args:
+        knowledge: of the fit; None: no profiles were scanned.
+    """
+    if knowledge is None:
+        return ()
+    return tuple(
+        Finding(
+            kind=Kind.equivalent_solution,
+            severity="warning" if other.possible else "note",
+            subject=other.where or _farthest(knowledge, other),
+            numbers={**other.parameters, "delta_chi2": other.delta},
+        )
+        for other in knowledge.equivalents
+    )
+
+
+def _farthest(knowledge: Knowledge, other: Equivalent) -> str:
+    """The parameter whose value at another fit is the most standard errors away."""
+
+    def off(name: str) -> float:
+        profile = knowledge.parameters[name]
+        far = abs(other.parameters[name] - profile.best)
+        return far / profile.sigma if profile.sigma > 0.0 else 0.0
+
+    return max((n for n in other.parameters if n in knowledge.parameters), key=off, default="")

@@ -33,6 +33,7 @@ from fitting.inference.contradictions import contradicted
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
 from fitting.inference.equivalent_fits import (
+    equivalent_findings,
     is_reason,
     reason_sentences,
 )
@@ -213,7 +214,10 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         reported=estimates.reported,
         sweeps=sweeps,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
-        findings=findings_of(fit, adequacy, joint if is_best else None, causes),
+        findings=(
+            *findings_of(fit, adequacy, joint if is_best else None, causes),
+            *(equivalent_findings(knowledge) if describes else ()),
+        ),
     )
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,10 +23,10 @@ from fitting.lab.modes import CoupledModes
 from fitting.lab.names import CROSSING, CURVES, DEMODULATED, TIME_SERIES, TRUTH_NAME
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.time_series import StringTrace
-from fitting.lab.truth import REMARK
+from fitting.lab.truth import REMARK, values_of
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 from fitting.text.toml import toml_text
 
 
@@ -339,8 +340,8 @@ class AvoidedCrossing:
 Curve = WiredResonance | AvoidedCrossing | StringTrace | StringPhasors
 C = TypeVar("C", bound=Curve)
 
-#: Table of truth.toml that holds the record.
-CURVE = "curve"
+#: Tables of truth.toml that hold the record, one of them.
+CURVE, TRACE = "curve", "trace"
 FEW_LEVELS = {
     "nu_start": 1e-6,
     "beta": 0.01,
@@ -386,6 +387,41 @@ def changed_curve(made: C, kind: str, changes: Mapping[str, Any]) -> C:
                 f"{name}: has no meaning for the curve {kind!r}, wanted {', '.join(sorted(known))}"
             )
     return replace(made, **changes)
+
+
+def curve_of(tables: Mapping[str, Any], file: Path) -> Curve | None:
+    """The curve that a truth file describes; None where it describes none.
+
+    Args:
+        tables: of the file.
+        file: of complaints.
+
+    Raises:
+        BadInput: numbers that no such curve has, or some of them missing.
+    """
+    section = next((name for name in (CURVE, TRACE) if name in tables), None)
+    if section is None:
+        return None
+    kind = values_of(tables, section, ["kind"], file)["kind"]
+    if kind not in CURVES:
+        raise BadInput(
+            f"{file}: [{section}] kind: found {shown(kind)}, wanted one of {', '.join(CURVES)}"
+        )
+    made = _built_in(kind)
+    names = [field.name for field in fields(made) if field.name in tables[section]]
+    try:
+        return replace(made, **values_of(tables, section, names, file))
+    except (TypeError, BadInput) as error:
+        raise BadInput(f"{file}: does not describe a virtual laboratory: {error}") from error
+
+
+def kind_of(curve: Curve) -> str:
+    """What a curve is called, one of `CURVES`.
+
+    Args:
+        curve: of the virtual laboratory.
+    """
+    return CROSSING if isinstance(curve, AvoidedCrossing) else curve.kind
 
 
 def _built_in(kind: str) -> Curve:

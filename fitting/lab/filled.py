@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Collection, MutableMapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from fitting.campaign.file import WrittenSweep
 from fitting.lab.writer import csv_text
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.files import path_from
 from fitting.text.tables import Column, Table
-from fitting.text.toml import Tables
+from fitting.text.toml import Tables, rewritten
 from fitting.text.units import convert
 
 
@@ -86,6 +88,35 @@ def mark_synthetic(tables: Tables) -> None:
     tables["synthetic"] = True
     if "synthetic" not in tables.get("title", "synthetic"):
         tables["title"] = f"{tables['title']} (synthetic)"
+
+
+def carried(text: str, source: Path, folder: Path, written: Collection[str]) -> str:
+    """A campaign's text whose paths lead from another folder to where they led.
+
+    What is written beside it is named by its own name; every other file, as the FMU, stays where it
+    is.
+
+    Args:
+        text: of the campaign.
+        source: folder that its paths are seen from.
+        folder: that it will stand in.
+        written: names of the files that are written beside it.
+    """
+
+    def there(table: str, value: str) -> str:
+        beside = table != "fmu" and Path(value).name in written
+        return Path(value).name if beside else path_from(folder, source / value)
+
+    def edit(tables: Tables) -> None:
+        for name, table in tables.items():
+            for one in table if isinstance(table, list) else [table]:
+                value = one.get("file") if isinstance(one, MutableMapping) else None
+                if isinstance(value, str) and there(name, value) != value:
+                    one["file"] = there(name, value)
+
+    plain = tomllib.loads(text)
+    edit(plain)
+    return text if plain == tomllib.loads(text) else rewritten(text, edit)
 
 
 def sweep_beside(path: Path, sweep: WrittenSweep | None) -> dict[str, bytes]:

@@ -9,7 +9,6 @@ on each quadrature: X + i Y = e^(i phase) e^(-i 2 pi (u - u0) tau) S + n, or its
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,12 +18,12 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from fitting.campaign.file import WrittenCampaign, WrittenDesign, read_campaign_file
-from fitting.lab.curves import CURVE, AvoidedCrossing, changed_curve
+from fitting.lab.curves import CURVE, AvoidedCrossing, changed_curve, curve_of
 from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts
 from fitting.lab.names import CROSSING, PUMPED, TRUTH_NAME
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_truth
-from fitting.lab.truth import REMARK, values_of
+from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.measurements.complex.control_table import ComplexControlSweepTable
 from fitting.measurements.control.table import ControlSweepTable
@@ -181,22 +180,14 @@ def swept_laboratory(truth: object) -> SweptLaboratory:
         tables = read_toml(file)
         if PUMPED in tables:
             return PumpedLaboratory(pumped_bench_of(tables, file))
-        if tables.get(CURVE, {}).get("kind") == CROSSING:
-            return CrossingLaboratory(_crossing_of(tables, file))
+        curve = curve_of(tables, file)
+        if isinstance(curve, AvoidedCrossing):
+            return CrossingLaboratory(curve)
         truth = file
     raise BadInput(
         f"{truth}: is no laboratory of sweeps over a control; wanted one of "
         f"{CROSSING!r} or {PUMPED!r}"
     )
-
-
-def _crossing_of(tables: Mapping[str, Any], file: Path) -> AvoidedCrossing:
-    known = dataclasses.fields(AvoidedCrossing)
-    names = [f.name for f in known if f.name in tables[CURVE]]
-    try:
-        return AvoidedCrossing(**values_of(tables, CURVE, names, file))
-    except (TypeError, BadInput) as error:
-        raise BadInput(f"{file}: does not describe a virtual laboratory: {error}") from error
 
 
 def is_crossing(truth: object) -> bool:

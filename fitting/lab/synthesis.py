@@ -10,8 +10,9 @@ from typing import Any
 
 from fitting.lab.bench import Bench, Instrument, measure
 from fitting.lab.benches import bench_named, changed
-from fitting.lab.curves import CURVE, curve_named
+from fitting.lab.curves import Curve, changed_curve, curve_named, curve_of, kind_of
 from fitting.lab.duffing import CubicModes
+from fitting.lab.filled import carried
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.names import PUMPED, SYNTHETIC_FILES, TRUTH_NAME
@@ -36,10 +37,15 @@ from fitting.text.toml import read_toml
 
 @dataclass(frozen=True, kw_only=True)
 class SyntheticFiles:
-    """A synthetic campaign: content of truth.toml as ``truth``, ``files`` by relative name."""
+    """A synthetic campaign: content of truth.toml as ``truth``, ``files`` by relative name.
+
+    ``source`` is the folder that paths in the campaign are seen from until it is written, None
+    where it names no file but those.
+    """
 
     truth: Mapping[str, Any]
     files: Mapping[str, str | bytes]
+    source: Path | None = None
 
     def write(self, folder: Path) -> Path:
         """Write the files below a folder; returns the path of the campaign.
@@ -50,9 +56,13 @@ class SyntheticFiles:
         Raises:
             BadInput: a file cannot be written, or is there and was not synthesized.
         """
-        with results_folder(folder, "synthesize", self.files):
-            write_all(folder, self.files)
-            remove_earlier(folder, (*self.files, *SYNTHETIC_FILES))
+        files = dict(self.files)
+        if self.source is not None:
+            text = str(files[CAMPAIGN_NAME])
+            files[CAMPAIGN_NAME] = carried(text, self.source, folder, tuple(files))
+        with results_folder(folder, "synthesize", files):
+            write_all(folder, files)
+            remove_earlier(folder, (*files, *SYNTHETIC_FILES))
         return folder / CAMPAIGN_NAME
 
 
@@ -62,7 +72,8 @@ class Synthetic(SyntheticFiles):
 
     It is a record of the bench's own: ``readings`` hold the arrays of the campaign, ``sweep`` (of a
     series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`,
-    of planned sweeps a `PlannedSweep` each, of tones at values of a control `PlannedTones`.
+    of a curve that curve, of planned sweeps a `PlannedSweep` each, of tones at values of a control
+    `PlannedTones`.
     """
 
     measured: Any
@@ -111,7 +122,7 @@ def synthesize_curves(
 
 
 def synthesize(
-    truth: Bench | PumpedBench | Path | str = "q1",
+    truth: Bench | PumpedBench | Curve | Path | str = "q1",
     *,
     seed: int = 1,
     instrument: Instrument | None = None,
@@ -127,8 +138,8 @@ def synthesize(
 
     Args:
         truth: What is measured: "q1" or "q2" (the paper's series), "duffing" (its string driven
-            hard), "pumped" (its sweeps under a parametric pump), a bench, or the path of a
-            synthetic campaign or of its truth.toml; of a plan of sweeps "pumped", "crossing", or
+            hard), "pumped" (its sweeps under a parametric pump), a bench or curve, or the path of
+            a synthetic campaign or of its truth.toml; of a plan of sweeps "pumped", "crossing", or
             the path of such a campaign, of tones at values of a control the latter.
         seed: Seed of all noise, a whole number of at least 0; the same seed gives the same numbers.
         instrument: How the series is read; None: as the bench has it.
@@ -158,6 +169,9 @@ def synthesize(
             laboratory = swept_laboratory(truth).changed(changes)
             return _written(_planned_tones(laboratory, plan, seed, command), out)
         found = bench_of(truth)
+        if isinstance(found, Curve):
+            _refuse_of_curve(found, instrument, plan)
+            return _written(_curve(found, changes, seed, command), out)
         if isinstance(found, PumpedBench):
             _refuse_of_pumped(instrument, plan)
             return _written(_pumped(changed_pumped(found, **changes), seed, command), out)
@@ -209,6 +223,21 @@ def _refuse_of_pumped(instrument: Instrument | None, plan: Path | None) -> None:
         )
 
 
+def _refuse_of_curve(curve: Curve, instrument: Instrument | None, plan: Path | None) -> None:
+    for name, given in (("instrument", instrument), ("plan", plan)):
+        if given is not None:
+            raise BadInput(
+                f"{name}: has no meaning for the curve {kind_of(curve)!r}, which is driven by no "
+                "pairs of tones; wanted none"
+            )
+
+
+def _curve(curve: Curve, changes: Mapping[str, Any], seed: int, command: str) -> Synthetic:
+    changed_one = changed_curve(curve, kind_of(curve), changes)
+    files = changed_one.files(seed, head_lines(seed, command))
+    return Synthetic(measured=changed_one, truth=tomllib.loads(files[TRUTH_NAME]), files=files)
+
+
 def _pumped(bench: PumpedBench, seed: int, command: str) -> Synthetic:
     measured, truth, files = pumped_files(bench, seed, command)
     return Synthetic(measured=measured, truth=truth, files=files)
@@ -224,25 +253,26 @@ def _planned(bench: Bench, path: Path, seed: int, command: str) -> Synthetic:
     plan = Plan(path)
     measured = plan.measure(bench, seed)
     files = plan.files(measured, command)
-    return Synthetic(measured=measured, truth=truth_tables(measured), files=files)
+    truth = truth_tables(measured)
+    return Synthetic(measured=measured, truth=truth, files=files, source=path.parent)
 
 
 def _planned_sweeps(laboratory: SweptLaboratory, path: Path, seed: int, command: str) -> Synthetic:
     plan = SweepPlan(path, laboratory)
     measured = plan.measure(seed)
     truth, files = plan.files(measured, seed, command)
-    return Synthetic(measured=measured, truth=truth, files=files)
+    return Synthetic(measured=measured, truth=truth, files=files, source=path.parent)
 
 
 def _planned_tones(laboratory: SweptLaboratory, path: Path, seed: int, command: str) -> Synthetic:
     plan = TonePlan(path, laboratory)
     measured = plan.measure(seed)
     truth, files = plan.files(measured, seed, command)
-    return Synthetic(measured=measured, truth=truth, files=files)
+    return Synthetic(measured=measured, truth=truth, files=files, source=path.parent)
 
 
-def bench_of(truth: Bench | PumpedBench | Path | str) -> Bench | PumpedBench:
-    """A bench as it is, by its name, or by its truth file or the campaign beside that.
+def bench_of(truth: Bench | PumpedBench | Curve | Path | str) -> Bench | PumpedBench | Curve:
+    """A bench or curve as it is, by its name, or by its truth file or the campaign beside that.
 
     Args:
         truth: a laboratory, or the file that describes one.
@@ -250,16 +280,14 @@ def bench_of(truth: Bench | PumpedBench | Path | str) -> Bench | PumpedBench:
     Raises:
         BadInput: no such bench or file.
     """
-    if isinstance(truth, Bench | PumpedBench):
+    if isinstance(truth, Bench | PumpedBench | Curve):
         return truth
     path = Path(truth)
     if path.suffix != ".toml":
         return PumpedBench() if str(truth) == PUMPED else bench_named(str(truth))
     file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
     tables = read_toml(file)
-    if CURVE in tables:
-        raise BadInput(
-            f"{file}: is the truth of a curve, which is driven by no pairs of tones; wanted that "
-            "of a series"
-        )
+    curve = curve_of(tables, file)
+    if curve is not None:
+        return curve
     return pumped_bench_of(tables, file) if PUMPED in tables else read_bench(file)

@@ -16,7 +16,7 @@ from fitting.report.words.design import (
     equal_fits_sentences,
     promise_sentence,
 )
-from fitting.text.notation import hertz, number, prefixed
+from fitting.text.notation import hertz, number, prefixed, with_unit
 
 Figures = tuple[FigureFile, ...]
 
@@ -122,7 +122,7 @@ def proposal_table(design: Design) -> Table:
     smallest = min((min(p.peaks_v) for p in design.proposals), default=1.0)
     volts, volt = prefixed(smallest, design.amplitude_unit)
     factor, unit = prefixed(design.before.mean, design.unit)
-    sigma = f"σ({design.target}) ({unit})"
+    sigma = with_unit(f"σ({design.target})", unit)
     driven: tuple[Column[Proposal | None], ...] = (
         _of("from, to" if design.is_of_sweeps else "tones", lambda p: hertz(*p.tones_hz)),
         _of("around", _around, role="words"),
@@ -138,7 +138,7 @@ def proposal_table(design: Design) -> Table:
         Column("", lambda p: "so far" if p is None else str(p.rank), role="name"),
         _of("observed", lambda p: p.output),
         *driven,
-        _of(f"peaks ({volt})", lambda p: ", ".join(number(a / volts, 3) for a in p.peaks_v)),
+        _of(with_unit("peaks", volt), lambda p: ", ".join(number(a / volts, 3) for a in p.peaks_v)),
         Column(f"{sigma} here", lambda p: _sigma(_expected(p, design).at, factor)),
         Column("average", lambda p: _sigma(_expected(p, design).mean, factor)),
         Column("worst", lambda p: _sigma(_expected(p, design).worst, factor)),

@@ -109,8 +109,13 @@ def _files(problem: Problem) -> dict[str, str]:
     """SHA-256 of every file read, by its path as seen from the first campaign's folder."""
     folder = _first(problem).path.parent
     paths = [path for bound in problem.campaigns.values() for path in (bound.path, *bound.files)]
-    return {Path(os.path.relpath(path, folder)).as_posix(): _sha256(path) for path in paths}
+    return {Path(os.path.relpath(path, folder)).as_posix(): sha256_of(path) for path in paths}
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal; empty where there is none.
+
+    Args:
+        path: of the file.
+    """
     return hashlib.sha256(read_whole(path)).hexdigest() if path.is_file() else ""

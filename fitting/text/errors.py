@@ -22,6 +22,10 @@ class BadInput(Exception):
     def __str__(self) -> str:
         return "\n".join(map(str, self.args))
 
+    def __format__(self, spec: str) -> str:
+        """All of them in one sentence: what is put into another complaint is one line again."""
+        return format("; ".join(map(str, self.args)), spec)
+
 
 #: Characters of a found value in a complaint.
 LONGEST_FOUND = 200

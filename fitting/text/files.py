@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import stat
 from collections.abc import Mapping
 from pathlib import Path
@@ -103,6 +104,22 @@ def write_whole(path: Path, content: str | bytes) -> None:
     else:
         folder.write(path, data)
     _log.debug("written: %s", path)
+
+
+def path_from(folder: Path, path: Path) -> str:
+    """A path as seen from a folder, with slashes on every system; absolute on another drive.
+
+    Links are resolved first: what leads upwards from a folder behind one begins where that is.
+
+    Args:
+        folder: that holds what names the path; it need not be there yet.
+        path: of a file.
+    """
+    there = path.parent.resolve() / path.name
+    try:
+        return Path(os.path.relpath(there, folder.resolve())).as_posix()
+    except ValueError:
+        return there.as_posix()
 
 
 def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:

@@ -25,6 +25,8 @@ class Kind(StrEnum):
     noise_level = "noise_level"
     drift_exchanged = "drift_exchanged"
     equivalent_solution = "equivalent_solution"
+    posterior_incomplete = "posterior_incomplete"
+    posterior_unchecked = "posterior_unchecked"
 
 
 @dataclass(frozen=True, kw_only=True)

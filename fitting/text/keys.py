@@ -61,7 +61,7 @@ def refusing(*key: str) -> Iterator[None]:
     try:
         yield
     except BadInput as error:
-        raise Refused(str(error).removeprefix(":").strip(), *key) from error
+        raise Refused(f"{error}".removeprefix(":").strip(), *key) from error
 
 
 @dataclass(frozen=True)

@@ -149,6 +149,26 @@ def unit_text(unit: str) -> str:
     return "" if unit in _NO_UNIT else _MICRO.sub("µ", unit)
 
 
+def with_unit(what: str, unit: str) -> str:
+    """What a head or an axis is of, with its unit behind it where it has one: "f (Hz)", "r".
+
+    Args:
+        what: in words.
+        unit: as it is shown.
+    """
+    return f"{what} ({unit_text(unit)})" if unit_text(unit) else what
+
+
+def in_its_unit(text: str, unit: str) -> str:
+    """A number with its unit behind it where it has one: "3.2 Hz", "0.1".
+
+    Args:
+        text: the number as it is shown.
+        unit: as it is shown.
+    """
+    return f"{text} {unit_text(unit)}".rstrip()
+
+
 #: A prefix written as the letter u, or as the Greek letter, which is another character.
 _MICRO = re.compile(r"(?<![A-Za-z])u(?=(?:V|A|m|s|Hz|N|W|g|F|H|J|Pa|T|C|rad)\b)|μ")
 

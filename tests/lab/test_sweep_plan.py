@@ -195,9 +195,3 @@ def test_numbers_of_the_laboratory_may_be_others(tmp_path: Path) -> None:
     assert true_values(made.truth)["d1"] == 5.0
     with pytest.raises(BadInput, match=r"theta_rad: .*'crossing'"):
         ff.synthesize("crossing", plan=plan, theta_rad=1.0)
-
-
-def test_the_truth_of_a_curve_is_no_series_of_tones(tmp_path: Path) -> None:
-    ff.synthesize_curves("crossing", out=tmp_path)
-    with pytest.raises(BadInput, match=r"truth\.toml"):
-        ff.synthesize(tmp_path / "campaign.toml")

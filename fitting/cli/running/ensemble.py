@@ -13,6 +13,7 @@ from fitting.api.ensemble import Progress, finished_items, first_campaign
 from fitting.cli.ensemble import NAME, USUAL
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
+from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import complaints_of_options
 from fitting.cli.words.values import bounded_number, default_workers
 from fitting.report.tables.ensemble import document, terminal
@@ -50,7 +51,8 @@ def fit_all(args: argparse.Namespace) -> int:
         tell("tables, figure and report")
         found = replace(found, provenance={**found.provenance, "command": _command(args)})
         # who asks for an end waits for no figure
-        files = ff.write_ensemble(found, args.out, drawn=found.status == FINISHED)
+        drawn = found.status == FINISHED and not args.no_report
+        files = ff.write_ensemble(found, args.out, drawn=drawn)
     remove_earlier(args.out, ("fmu/*.fmu",))
     hand_over(args, document(found))
     if args.resume and last:
@@ -59,7 +61,7 @@ def fit_all(args: argparse.Namespace) -> int:
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
     if found.status != FINISHED:
         print(f"{found.status}: {found.message}")
-        print(f"go on with: {_command(args, placed=True)}")
+        print(f"go on with: {command_again(args)}")
         return 1
     return 1 if found.failures else 0
 
@@ -157,8 +159,8 @@ def _where(state: Progress, passed_s: float) -> str:
     return words
 
 
-def _command(args: argparse.Namespace, *, placed: bool = False) -> str:
-    """The command; ``placed``: with where it runs, and to go on."""
+def _command(args: argparse.Namespace) -> str:
+    """The command without where it runs: the same fits made elsewhere are the same bytes."""
     words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaigns)]
     for name in ("series", "like", "laboratories", "seed", "fmu", "starts"):
         value = getattr(args, name)
@@ -170,10 +172,4 @@ def _command(args: argparse.Namespace, *, placed: bool = False) -> str:
         words += ["--value", name]
     words += ["--quick"] if args.quick else []
     words += ["--no-profiles"] if args.no_profiles else []
-    if placed:
-        words += ["--out", args.out.as_posix()]
-        for name in ("workers", "scheduler"):
-            if getattr(args, name) is not None:
-                words += [f"--{name}", str(getattr(args, name))]
-        words.append("--resume")
     return shlex.join(words)

@@ -13,9 +13,11 @@ from fitting.cli.posterior import NAME
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
+from fitting.cli.words.again import command_again
+from fitting.cli.words.earlier_fit import fit_at
 from fitting.report.tables.posterior import posterior_lines
 from fitting.report.words.cost import time_words
-from fitting.result.result import read_result
+from fitting.result.result import Result
 from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
 
@@ -31,7 +33,7 @@ def draw(args: argparse.Namespace, out: Path) -> int:
         BadInput: campaign, fit or FMU are not what they should be, or emcee is missing.
         FmuFailure: the FMU failed where the fit ended.
     """
-    at, asked = read_result(args.at), _sampling(args)
+    at, asked = _fit(args), _sampling(args)
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     with (
         fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu,
@@ -52,7 +54,8 @@ def draw(args: argparse.Namespace, out: Path) -> int:
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
     if found.status == "converged":
         return 0
-    print(f"go on with: {_command(args, further=found.summary.steps)}")
+    enough = args.steps if found.summary.steps < args.steps else 4 * args.steps
+    print(f"go on with: {command_again(args, steps=enough)}")
     return 1
 
 
@@ -66,7 +69,7 @@ def tell_cost(args: argparse.Namespace) -> int:
         BadInput: as `draw`.
         FmuFailure: likewise.
     """
-    at, asked = read_result(args.at), _sampling(args)
+    at, asked = _fit(args), _sampling(args)
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     with (
         Scratch() as folder,
@@ -86,26 +89,26 @@ def tell_cost(args: argparse.Namespace) -> int:
         f"measured: {1e3 * found.seconds_each:.3g} ms an evaluation, where the walkers begin; "
         "points outside of the box cost nothing"
     )
-    if found.surrogate_s > 0.0:
-        print(
-            f"of this time, a surrogate takes {time_words((0.0, found.surrogate_s))} beside the "
-            "model: nothing where the posterior is not bent"
-        )
     return 0
+
+
+def _fit(args: argparse.Namespace) -> Result:
+    found = fit_at(args)
+    if found is None:
+        raise RuntimeError("the parser requires a fit")
+    return found
 
 
 def _sampling(args: argparse.Namespace) -> ff.Sampling:
     return ff.Sampling(walkers=args.walkers, steps=args.steps, seed=args.seed, resume=args.resume)
 
 
-def _command(args: argparse.Namespace, *, further: int = 0) -> str:
-    """The command; ``further``: to go on beyond so many steps."""
+def _command(args: argparse.Namespace) -> str:
     words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
-    steps = args.steps if not further or further < args.steps else 4 * args.steps
-    for name, value in (("at", args.at.as_posix()), ("out", args.out), ("walkers", args.walkers)):
+    for name in ("at", "out", "walkers"):
+        value = getattr(args, name)
         if value is not None:
-            words += [f"--{name}", str(value)]
-    words += ["--steps", str(steps), "--seed", str(args.seed)]
-    words += ["--isolate"] if args.isolate else []
-    words += ["--resume"] if further or args.resume else []
-    return shlex.join(words)
+            words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
+    words += ["--steps", str(args.steps), "--seed", str(args.seed)]
+    flags = [name for name in ("isolate", "changed_data", "resume") if getattr(args, name)]
+    return shlex.join([*words, *(f"--{name.replace('_', '-')}" for name in flags)])

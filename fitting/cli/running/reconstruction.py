@@ -22,6 +22,7 @@ from fitting.cli.running.laps import Laps
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
+from fitting.cli.words.again import command_again
 from fitting.report.words.answer import CUT_SHORT, NO_PROFILES
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
@@ -91,7 +92,7 @@ def _reconstructed(
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
     if not ended.done:
         remove_earlier(out, PASSING)
-        print(f"go on with: {_command(args, resume=True)}")
+        print(f"go on with: {command_again(args)}")
         return 1
     if not args.no_report:
         with status_line(NAME, remaining.left) as tell:
@@ -194,9 +195,7 @@ class _Ending(NamedTuple):
 def _way_on(args: argparse.Namespace, memory: KeptLevels) -> str:
     """Where finished levels are kept: how to go on from them."""
     count = len(memory)
-    return f"; {count} finished levels are kept, go on with: {_command(args, resume=True)}" * (
-        count > 0
-    )
+    return f"; {count} finished levels are kept, go on with: {command_again(args)}" * (count > 0)
 
 
 def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
@@ -274,7 +273,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     return _Ending(found, result, done)
 
 
-def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
+def _command(args: argparse.Namespace) -> str:
     words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
     for name in (
         "out",
@@ -285,6 +284,7 @@ def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
         "seed",
         "starts",
         "bootstrap",
+        "start",
         "style",
         "budget",
     ):
@@ -293,8 +293,6 @@ def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
             words += [f"--{name}", str(value)]
     for text in args.external:
         words += ["--external", text]
-    flags = [name for name in ("quick", "no_profiles", "no_report") if getattr(args, name)]
-    if args.resume or resume:
-        flags.append("resume")
-    words += [f"--{name.replace('_', '-')}" for name in flags]
+    flags = ("quick", "no_profiles", "no_report", "isolate", "resume")
+    words += [f"--{name.replace('_', '-')}" for name in flags if getattr(args, name)]
     return shlex.join(words)

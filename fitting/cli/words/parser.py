@@ -93,7 +93,9 @@ def parsed(given: Sequence[str]) -> argparse.Namespace:
     parser = parser_of(() if named is None else (named,))
     if named is not None:
         _refuse_unknown(given, named)
-    return parser.parse_args(given)
+    found = parser.parse_args(given)
+    found.given = tuple(given)  # to go on with
+    return found
 
 
 def parser_of(names: Sequence[str]) -> Parser:

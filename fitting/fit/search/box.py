@@ -1,7 +1,8 @@
 """The box of a problem as a unit cube: points that fill it evenly, and how far apart they are.
 
 A positive parameter that may be ten times larger or smaller is spread in its logarithm, a periodic
-one over one period. What has a prior of its own is no unknown of the search: it stays at its start.
+one over one period. What the model depends on is searched whether it has a prior or not, as far as
+that may reach; offsets of single experiments that have one stay at their start.
 """
 
 from __future__ import annotations
@@ -14,13 +15,16 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.text.arrays import BoolArray, FloatArray
 
+#: How far a prior reaches from its middle, in standard deviations: beyond, nothing fits as well.
+PRIOR_SIGMAS = 3.0
+
 
 class Box:
     """Box of the parameters that are looked for, seen as a cube of unit edges."""
 
     def __init__(self, parameters: Sequence[Parameter]) -> None:
         self.parameters = parameters
-        self.free = np.array([p.prior_sigma is None for p in parameters])
+        self.free = np.array([p.is_searched for p in parameters], dtype=bool)
         self.lower, self.upper = search_bounds(parameters)
         self._ends = np.array([_ends(p) for p in parameters]).reshape(-1, 2)
         self._log: BoolArray = np.array([p.spans_decades for p in parameters], dtype=bool)
@@ -113,10 +117,22 @@ def _spread(ends: FloatArray, u: float | FloatArray, is_log: bool | BoolArray) -
 
 def _goes_round(parameter: Parameter) -> bool:
     period = parameter.period
-    return period is not None and parameter.upper - parameter.lower >= period * (1.0 - 1e-9)
+    low, high = _searched_range(parameter)
+    return period is not None and high - low >= period * (1.0 - 1e-9)
 
 
 def _ends(parameter: Parameter) -> tuple[float, float]:
+    low, high = _searched_range(parameter)
     if _goes_round(parameter):
-        return parameter.lower, parameter.lower + (parameter.period or math.inf)
-    return parameter.lower, parameter.upper
+        return low, low + (parameter.period or math.inf)
+    return low, high
+
+
+def _searched_range(parameter: Parameter) -> tuple[float, float]:
+    """The bounds; of a value that has a prior and is searched, as far as that may reach."""
+    low, high = parameter.lower, parameter.upper
+    if parameter.prior_sigma is None or not parameter.is_searched:
+        return low, high
+    reach = PRIOR_SIGMAS * parameter.prior_sigma
+    near = max(low, parameter.reference - reach), min(high, parameter.reference + reach)
+    return near if near[0] < near[1] else (low, high)

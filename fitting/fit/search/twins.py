@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,15 @@ class Twin:
         """Whether it moves angles by half turns and nothing else."""
         turns = self.shifts / math.pi
         return _keeps(self) and bool(np.all(np.abs(turns - np.round(turns)) < SAME))
+
+    def leaves(self, index: IntArray) -> bool:
+        """Whether it leaves these parameters as they are.
+
+        Args:
+            index: numbers of parameters.
+        """
+        stay = (self.order[index] == index) & (self.signs[index] == 1.0)
+        return bool(np.all(stay & (self.shifts[index] == 0.0)))
 
     def of(self, parameters: Sequence[Parameter], x: FloatArray) -> FloatArray | None:
         """The twin of a search vector in the box, the image nearest to it; None outside.
@@ -103,6 +112,30 @@ def find_twins(evaluator: Evaluator, seed: int, other: Objective | None = None) 
         found = []
     evaluator.counts += target.counts
     return found
+
+
+def twins_but_for_priors(evaluator: Evaluator, seed: int) -> list[Twin]:
+    """Symmetries of the measured rows that a prior breaks: there a fit is less likely by it alone.
+
+    Empty where no searched parameter has a prior, and where the model fails at a point of the box.
+
+    Args:
+        evaluator: of the objective; counts what is evaluated.
+        seed: of the points that are tried.
+    """
+    parameters = evaluator.objective.parameters
+    held = [p.is_searched and p.prior_sigma is not None for p in parameters]
+    if not any(held):
+        return []
+    bare = tuple(
+        replace(p, prior_sigma=None) if has_prior else p
+        for p, has_prior in zip(parameters, held, strict=True)
+    )
+    without = Evaluator(replace(evaluator.objective, parameters=bare))
+    found = find_twins(without, seed)
+    evaluator.counts += without.counts
+    index = np.flatnonzero(held)
+    return [twin for twin in found if not twin.leaves(index)]
 
 
 def _unchanged(

@@ -21,6 +21,7 @@ from fitting.fit.likelihood.descent import (
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
+from fitting.fit.search.box import Box
 from fitting.inference.likelihood.inverses import Branches, inverses, told_twice
 from fitting.inference.likelihood.limits import released
 from fitting.inference.likelihood.profiles import (
@@ -657,9 +658,9 @@ def other_minima(
         begins: search vectors to descend from, (n,) each.
     """
     likelihood = optimum.likelihood
-    # what has a prior of its own is looked for near the best
-    has_prior = likelihood.inverse_prior_sigma > 0.0
-    starts = [np.where(has_prior, optimum.expansion.x, begin) for begin in begins]
+    # offsets that a prior holds are looked for near the best
+    searched = Box(likelihood.parameters).free
+    starts = [np.where(searched, begin, optimum.expansion.x) for begin in begins]
     threshold = reach(ROOT_95, optimum.noise_freedom) ** 2
 
     def search(x: FloatArray) -> Task[Expansion | None]:

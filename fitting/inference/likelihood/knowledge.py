@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from fitting.inference.verdict import Verdict, in_boxes
 from fitting.signal.misfit import CORRELATED
 from fitting.text.arrays import Scalar
+from fitting.text.finding import Finding
 
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
@@ -277,7 +278,8 @@ class PartAlone:
 class Identification:
     """What `fmu-fit identify` writes: where it set out from (`at`), and what it found.
 
-    `part`: what some of the measurements determine alone, if that was asked.
+    `part`: what some of the measurements determine alone, if that was asked. `findings` are what a
+    reader must know, for programs.
     """
 
     title: str
@@ -286,3 +288,4 @@ class Identification:
     knowledge: Knowledge
     provenance: Mapping[str, str]
     part: PartAlone | None = None
+    findings: tuple[Finding, ...] = ()

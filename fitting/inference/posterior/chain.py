@@ -1,10 +1,9 @@
 """The sampler, the one door to ``emcee``: walkers that move by each other and by a mixture.
 
 Half of the steps propose a point of a mixture that does not change; the others are stretches
-(Goodman and Weare) and differences of walkers (ter Braak), which need no shape to be known. Where
-the posterior is bent, four steps of five follow a surrogate of it instead, and the rest are these.
-Each leaves the posterior as it is: whatever mixture and surrogate are worth, the draws are those of
-the posterior in the end.
+(Goodman and Weare) and differences of walkers (ter Braak), which need no shape to be known. Each
+leaves the posterior as it is: whatever the mixture is worth, the draws are those of the posterior
+in the end.
 
 Sources: D. Foreman-Mackey, D. Hogg, D. Lang, J. Goodman, PASP 125 (2013) 306; C. ter Braak,
 Statistics and Computing 16 (2006) 239.
@@ -18,15 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from fitting.inference.posterior.follow import Follow
 from fitting.inference.posterior.start import Mixture
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
 #: Shares of steps by the mixture, by stretches, by differences.
 MIXED, STRETCHED, DIFFERENCE = 0.5, 0.25, 0.25
-#: Share of steps that follow a surrogate where there is one; the others have what is left.
-FOLLOWED = 0.8
 
 #: ln of the posterior of points in units of the box, (k, n) -> (k,).
 LogPosterior = Callable[[FloatArray], FloatArray]
@@ -85,7 +81,6 @@ def walked(
     begin: tuple[FloatArray, FloatArray],
     steps: int,
     seed: tuple[int, ...],
-    follow: Follow | None = None,
 ) -> Walk:
     """So many steps of all walkers; the same seed takes the same ones.
 
@@ -95,7 +90,6 @@ def walked(
         begin: Places (walkers, n) in units of the box, and ln of the posterior there (walkers,).
         steps: How many.
         seed: Of the draws: of the chain, and of this part of it.
-        follow: What follows a bent posterior; None: nothing.
 
     Raises:
         BadInput: ``emcee`` is not installed.
@@ -113,9 +107,6 @@ def walked(
         (emcee.moves.StretchMove(), STRETCHED),
         (emcee.moves.DEMove(), DIFFERENCE),
     ]
-    if follow is not None:
-        rest = [(move, (1.0 - FOLLOWED) * share) for move, share in moves]
-        moves = [(emcee.moves.MHMove(follow.proposed), FOLLOWED), *rest]
     sampler = emcee.EnsembleSampler(walkers, n, log_posterior, moves=moves, vectorize=True)
     random = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(seed)))
     state = emcee.State(places, log_prob=log, random_state=random.get_state())

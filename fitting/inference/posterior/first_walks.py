@@ -1,9 +1,8 @@
-"""A mixture that follows a bent posterior of many parameters or residuals: about places of a walk.
+"""A mixture that follows a bent posterior: about places of a first walk.
 
-Where a surrogate would be too large (`learnt.fits`), residuals and derivatives at places of a first
-walk make parts of a mixture, as `learnt` makes them of places of a surrogate, all of one reach. It
-is the one whose mixture needs the fewest proposals for a draw (`learnt.worth`). The first walk is
-left out of the draws, and the mixture is not changed after it.
+Residuals and derivatives at places of a first walk make parts of a mixture (`learnt.about`), all of
+one reach: that whose mixture needs the fewest proposals for a draw (`learnt.worth`). The first walk
+is left out of the draws, and the mixture is not changed after it.
 """
 
 from __future__ import annotations
@@ -13,10 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from fitting.inference.posterior.chain import Walk
-from fitting.inference.posterior.learnt import KEPT, TRIED, about, known_at, worth
+from fitting.inference.posterior.learnt import KEPT, TRIED, Places, about, known_at, worth
 from fitting.inference.posterior.minima import Target
 from fitting.inference.posterior.start import Mixture
-from fitting.inference.posterior.surrogate import Places
 from fitting.text.arrays import FloatArray
 
 #: First walks from which is learnt; places of every walker, and steps between them.
@@ -42,7 +40,7 @@ def about_walk(
         rng: of proposals that are tried.
     """
     late = walk.places[-1 : walk.steps // 2 : -EVERY][:PLACES]
-    known = known_at(target, late.reshape(-1, late.shape[-1]), any_size=True)
+    known = known_at(target, late.reshape(-1, late.shape[-1]))
     if known is None:
         return minima
     made = [_of_reach(known, reach).beside(minima, 1.0 - KEPT) for reach in REACHES]
@@ -50,7 +48,7 @@ def about_walk(
 
 
 def _of_reach(known: Places, reach: float) -> Mixture:
-    centres, roots = about(known.places, known.rows, known.slopes, reach)
+    centres, roots = about(known, reach)
     return Mixture(centres, roots, np.full(len(centres), 1.0 / len(centres)))
 
 
@@ -62,5 +60,6 @@ def evaluations(walkers: int, n: int, steps: int) -> int:
         n: parameters.
         steps: of a first walk.
     """
-    each = walkers * steps + walkers * PLACES * (2 * n + 1) + (1 + len(REACHES)) * TRIED
+    # one more of each place for the scatter of unknown noise
+    each = walkers * steps + walkers * PLACES * (2 * n + 2) + (1 + len(REACHES)) * TRIED
     return LEARNING * each

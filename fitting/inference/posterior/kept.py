@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fitting.inference.posterior.chain import Walk
-from fitting.inference.posterior.follow import Follow
 from fitting.inference.posterior.start import Mixture
-from fitting.inference.posterior.surrogate import Places, Surrogate
-from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.files import NoFile, read_whole, write_whole
 
-NAMES = ("job", "places", "log", "accepted", "counts", "centres", "roots", "weights")
-#: Of a surrogate; none of them where there is none.
-FOLLOWED = ("known_places", "known_rows", "known_slopes", "periods", "length")
+NAMES = ("job", "places", "log", "accepted", "counts", "bent", "centres", "roots", "weights")
 
 
 @dataclass(frozen=True)
 class Kept:
-    """A walk, its proposals, what it cost: `evaluations`, `failed` of which had no value."""
+    """A walk, its proposals, what it cost: `evaluations`, `failed` of which had no value.
+
+    `bent` where a mixture about the minima alone would seldom have hit the posterior.
+    """
 
     walk: Walk
     mixture: Mixture
-    follow: Follow | None
+    bent: bool
     evaluations: int
     failed: int
 
@@ -46,7 +43,6 @@ def keep(path: Path, job: str, kept: Kept) -> None:
         BadInput: the file cannot be written.
     """
     content = io.BytesIO()
-    arrays = _followed(kept.follow)
     np.savez(
         content,
         allow_pickle=False,
@@ -58,7 +54,7 @@ def keep(path: Path, job: str, kept: Kept) -> None:
         roots=kept.mixture.roots,
         weights=kept.mixture.weights,
         counts=np.array([kept.evaluations, kept.failed]),
-        **arrays,
+        bent=np.array(kept.bent),
     )
     write_whole(path, content.getvalue())
 
@@ -80,8 +76,6 @@ def kept_in(path: Path, job: str) -> Kept | None:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             found = {name: file[name] for name in NAMES}
-            found |= {name: file[name] for name in FOLLOWED if name in file.files}
-            follow = _follow(found)
     except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
         raise BadInput(f"{path}: is no chain of draws that can be gone on from") from error
     if str(found["job"]) != job:
@@ -91,25 +85,5 @@ def kept_in(path: Path, job: str) -> Kept | None:
         )
     walk = Walk(places=found["places"], log=found["log"], accepted=float(found["accepted"]))
     evaluations, failed = map(int, found["counts"])
-    return Kept(walk, _mixture(found), follow, evaluations, failed)
-
-
-def _mixture(found: Mapping[str, FloatArray]) -> Mixture:
-    return Mixture(found["centres"], found["roots"], found["weights"])
-
-
-def _followed(follow: Follow | None) -> dict[str, FloatArray]:
-    """Arrays of a surrogate; its mixture is that of the walk."""
-    if follow is None:
-        return {}
-    known, surrogate = follow.surrogate.known, follow.surrogate
-    arrays = (known.places, known.rows, known.slopes, surrogate.periods, surrogate.length)
-    return {name: np.array(array) for name, array in zip(FOLLOWED, arrays, strict=True)}
-
-
-def _follow(found: Mapping[str, FloatArray]) -> Follow | None:
-    if FOLLOWED[0] not in found:
-        return None
-    places, rows, slopes, periods, length = (found[name] for name in FOLLOWED)
-    known = Places(places=places, rows=rows, slopes=slopes)
-    return Follow(Surrogate(known=known, periods=periods, length=float(length)), _mixture(found))
+    mixture = Mixture(found["centres"], found["roots"], found["weights"])
+    return Kept(walk, mixture, bool(found["bent"]), evaluations, failed)

@@ -121,41 +121,17 @@ class Mixture:
         Args:
             table: points in units of the box, (k, n).
         """
-        return np.asarray(log_sum(self.log_parts(table)))
+        logs = self._log_parts(table)
+        most = np.max(logs, axis=0)
+        return np.asarray(most + np.log(np.sum(np.exp(logs - most), axis=0)))
 
-    def log_parts(self, table: FloatArray) -> FloatArray:
-        """ln of every part of q, (K, k), but for the same constant.
-
-        Args:
-            table: points in units of the box, (k, n).
-        """
+    def _log_parts(self, table: FloatArray) -> FloatArray:
+        """ln of every part of q, (K, k), but for the same constant, at points (k, n)."""
         n = table.shape[1]
-        squares = self._squares(self._stacked @ table.T - self._turned_centres)
-        return np.asarray(self._sizes[:, None] - 0.5 * (FREEDOM + n) * np.log1p(squares / FREEDOM))
-
-    def steps(self, whose: IntArray, rng: np.random.RandomState) -> FloatArray:
-        """Gaussian steps as wide as parts are, (k, n).
-
-        Args:
-            whose: numbers of the parts, (k,).
-            rng: of the steps.
-        """
-        normal = rng.standard_normal((len(whose), self.centres.shape[1], 1))
-        return np.asarray(np.linalg.solve(self.roots[whose], normal)[..., 0])
-
-    def log_steps(self, steps: FloatArray) -> FloatArray:
-        """ln of the density of steps as wide as every part is, (K, k), but for a constant.
-
-        Args:
-            steps: (k, n), in units of the box.
-        """
-        squares = self._squares(self._stacked @ steps.T)
-        return np.asarray(self._determinants[:, None] - 0.5 * squares)
-
-    def _squares(self, turned: FloatArray) -> FloatArray:
-        """|R u|^2 of (K n, k), (K, k)."""
+        turned = self._stacked @ table.T - self._turned_centres
         parts = turned.reshape(*self.centres.shape, -1)
-        return np.asarray(np.einsum("kip,kip->kp", parts, parts))
+        squares = np.einsum("kip,kip->kp", parts, parts)
+        return np.asarray(self._sizes[:, None] - 0.5 * (FREEDOM + n) * np.log1p(squares / FREEDOM))
 
     @cached_property
     def _stacked(self) -> FloatArray:
@@ -170,28 +146,14 @@ class Mixture:
     @cached_property
     def _sizes(self) -> FloatArray:
         """ln of weight and |det R|, (K,)."""
-        return np.asarray(np.log(self.weights) + self._determinants)
-
-    @cached_property
-    def _determinants(self) -> FloatArray:
-        """ln |det R|, (K,)."""
         diagonals = np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
-        return np.asarray(np.sum(np.log(diagonals), axis=1))
+        return np.asarray(np.log(self.weights) + np.sum(np.log(diagonals), axis=1))
 
     def _about(self, whose: IntArray, rng: np.random.RandomState) -> FloatArray:
-        steps = self.steps(whose, rng)
+        normal = rng.standard_normal((len(whose), self.centres.shape[1], 1))
+        steps = np.linalg.solve(self.roots[whose], normal)[..., 0]
         wide = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, whose.size))
         return np.asarray(self.centres[whose] + wide[:, None] * steps)
-
-
-def log_sum(logs: FloatArray) -> FloatArray:
-    """ln of the sum over the first axis of what is given by its ln, finite for each of the others.
-
-    Args:
-        logs: (K, ...).
-    """
-    most = np.max(logs, axis=0)
-    return np.asarray(most + np.log(np.sum(np.exp(logs - most), axis=0)))
 
 
 def _reflected(table: FloatArray) -> FloatArray:

@@ -12,9 +12,11 @@ import numpy as np
 from fitting.inference.posterior.chain import Walk
 from fitting.inference.posterior.diagnostics import autocorrelation_time, split_rhat
 from fitting.inference.posterior.minima import Target, about
+from fitting.inference.posterior.reach import Accepted, Missed, missed_by
 from fitting.inference.posterior.start import Minimum
 from fitting.inference.posterior.turns import begins_of, told, told_interval, told_value
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number
 
 #: Steps over the longest correlation time, and R, at which there are enough draws.
@@ -22,6 +24,7 @@ LONG_ENOUGH, AGREE = 50.0, 1.01
 #: Share of a chain that is left out at its beginning.
 LEFT_OUT = 0.2
 CONVERGED, NOT_CONVERGED, INTERRUPTED = "converged", "not converged", "interrupted"
+UNCHECKED = "the posterior is bent, and the fit has no profiles that show what the draws miss"
 #: Ends of the intervals as shares of the draws: half of what a Gaussian has beyond one sigma.
 ENDS68, ENDS95 = (0.158655, 0.841345), (0.025, 0.975)
 
@@ -125,6 +128,7 @@ class PosteriorSummary:
     model were asked for, `failed` of them had no value, which counts as impossible; `accepted` is
     the share of proposals that were taken. `alternative` are the discrete settings. `derived` are
     outputs of the model, none where the draws have not converged; reading them is not counted.
+    `findings` are what keeps draws that are enough by themselves from having converged.
     """
 
     title: str
@@ -142,6 +146,7 @@ class PosteriorSummary:
     accepted: float
     seed: int
     notes: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
     derived: Mapping[str, PosteriorOutput] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
 
@@ -151,6 +156,8 @@ class Reached:
     """How far a walk is: `draws` (steps, walkers, n) in their units, `taus` and `rhats` (n,).
 
     Draws of a value with a period are told in that which begins at `begins` (n,), NaN of others.
+    `missed` is a value that the fit accepts and no draw is near; `unchecked` where a bent posterior
+    has no profiles to be compared with, so that nothing shows what the draws miss.
     """
 
     draws: FloatArray
@@ -158,9 +165,16 @@ class Reached:
     discarded: int
     taus: FloatArray
     rhats: FloatArray
+    missed: Missed | None = None
+    unchecked: bool = False
 
     @property
     def converged(self) -> bool:
+        """Whether there are enough draws, the walkers agree, and nothing is missed by all."""
+        return self.is_enough and self.missed is None and not self.unchecked
+
+    @property
+    def is_enough(self) -> bool:
         """Whether there are enough draws, and the walkers agree."""
         enough = len(self.draws) >= LONG_ENOUGH * float(np.max(self.taus))
         return enough and float(np.max(self.rhats)) <= AGREE
@@ -173,15 +187,33 @@ class Reached:
         """
         slow, apart = int(np.argmax(self.taus)), int(np.argmax(self.rhats))
         times = len(self.draws) / float(self.taus[slow])
+        missed = f"; {self.missed.words}" if self.missed is not None else ""
+        if self.unchecked:
+            missed = f"; {UNCHECKED}"
         return (
             f"{len(self.draws)} steps are {number(times, 3)} correlation times of {names[slow]} "
             f"(wanted {LONG_ENOUGH:g}), R = {self.rhats[apart]:.3f} of {names[apart]} "
-            f"(wanted {AGREE:g} at most)"
+            f"(wanted {AGREE:g} at most){missed}"
         )
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What keeps the draws from having converged beside their number."""
+        if self.missed is not None:
+            numbers = {"value": self.missed.value, "nearest": self.missed.nearest}
+            kind, subject = Kind.posterior_incomplete, self.missed.name
+            return (Finding(kind=kind, severity="error", subject=subject, numbers=numbers),)
+        if self.unchecked:
+            return (Finding(kind=Kind.posterior_unchecked, severity="error", subject=""),)
+        return ()
 
 
 def reached(
-    target: Target, minima: Sequence[Minimum], walk: Walk, likely: Mapping[str, float]
+    target: Target,
+    minima: Sequence[Minimum],
+    walk: Walk,
+    likely: Mapping[str, float],
+    accepted: Mapping[str, Accepted] | None = None,
 ) -> Reached:
     """How far a walk is.
 
@@ -190,17 +222,22 @@ def reached(
         minima: The one of the largest mass first.
         walk: All its steps so far.
         likely: What the fit reports, by name: in the period of it a value is told.
+        accepted: Values that the fit accepts, by name, which draws have to come near; None: the
+            posterior is bent, and nobody knows them.
     """
     discarded = int(LEFT_OUT * walk.steps)
     draws = about(target, minima[0], target.in_units(walk.places[discarded:]))
     columns = [draws[..., i] for i in range(draws.shape[-1])]
     begins = begins_of(target, draws, likely)
+    draws = told(target, begins, draws)
     return Reached(
-        draws=told(target, begins, draws),
+        draws=draws,
         begins=begins,
         discarded=discarded,
         taus=np.array([autocorrelation_time(c) for c in columns]),
         rhats=np.array([split_rhat(c) for c in columns]),
+        missed=missed_by(target, begins, draws, accepted or {}),
+        unchecked=accepted is None,
     )
 
 

@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from fitting.design.result import Design, Kind, Proposal
 from fitting.report.plot.axes import BLUE, GREY, ORANGE, RED, axes_of, ink, log_axis
-from fitting.text.notation import hertz, mathtext, on_log_axis, prefixed
+from fitting.text.notation import hertz, mathtext, on_log_axis, prefixed, with_unit
 
 #: Kinds of candidates that a plot has room for, the best of them.
 MOST_KINDS = 16
@@ -49,7 +49,7 @@ def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
         )
     log_axis(axes)
     _span_a_decade(axes)
-    axes.set_ylabel(f"σ({mathtext(design.target)}) ({unit})")
+    axes.set_ylabel(with_unit(f"σ({mathtext(design.target)})", unit))
     axes.set_xticks(count, ["so far", *(_what(p) for p in design.proposals)])
     axes.tick_params(axis="x", labelsize="x-small")
     axes.set_xlabel("measured one after the other")
@@ -90,7 +90,8 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_yticks(range(len(kinds)), [_kind(k) for k in kinds])
-    axes.set_xlabel(f"expected σ({mathtext(design.target)}), average over equal fits ({unit})")
+    what = f"expected σ({mathtext(design.target)}), average over equal fits"
+    axes.set_xlabel(with_unit(what, unit))
     return axes
 
 

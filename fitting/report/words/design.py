@@ -6,7 +6,7 @@ import math
 
 from fitting.design.result import Design, Expected, Proposal, ProposedRecording
 from fitting.design.ways import Way, Ways
-from fitting.text.notation import hertz, how_many, number, prefixed, span
+from fitting.text.notation import hertz, how_many, number, prefixed, span, with_unit
 
 
 def promise_sentence(design: Design) -> str:
@@ -104,7 +104,7 @@ def design_lines(design: Design) -> list[str]:
 
     lines = [design.title + (" [synthetic]" if marked else ""), ""]
     lines.append(
-        f"expected standard deviation of {design.target} ({unit}): at the point given, on "
+        f"expected standard deviation of {with_unit(design.target, unit)}: at the point given, on "
         "(geometric) average and at worst over points that fit as well"
     )
     lines.append(f"{'':52} {'here':>8} {'mean':>8} {'worst':>8}")
@@ -149,9 +149,9 @@ def ways_lines(ways: Ways) -> list[str]:
     return [
         ways.title + (" [synthetic]" if marked else ""),
         "",
-        f"with {ways.time_s:g} s of the laboratory: expected standard deviation of {ways.target} "
-        f"({unit}), at the point given, on (geometric) average and at worst over points that fit "
-        "as well",
+        f"with {ways.time_s:g} s of the laboratory: expected standard deviation of "
+        f"{with_unit(ways.target, unit)}, at the point given, on (geometric) average and at worst "
+        "over points that fit as well",
         f"{'':44} {'takes':>8} {'here':>8} {'mean':>8} {'worst':>8}",
         row("so far", "", ways.before),
         *(row(_way_words(way), f"{number(way.takes_s, 4)} s", way.expected) for way in ways.ways),

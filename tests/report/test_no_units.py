@@ -1,0 +1,26 @@
+"""A design whose values have no unit: no empty brackets anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+
+from fitting.design.result import design_csv
+from fitting.report import plot
+from fitting.report.design import proposal_table
+from fitting.report.words.design import design_lines
+from tests.support import plot_records
+
+
+def test_a_design_without_units_has_no_empty_brackets() -> None:
+    design = replace(plot_records.design(), target="r", unit="", amplitude_unit="")
+    figure, axes = plt.subplots(2)
+    plot.expected_errors(design, ax=axes[0])
+    plot.candidates(design, ax=axes[1])
+    labels = [text for one in axes for text in (one.get_xlabel(), one.get_ylabel())]
+    plt.close(figure)
+    heads = [head.name for head in proposal_table(design).heads]
+    for text in (*design_lines(design), *labels, *heads, design_csv(design)):
+        assert "()" not in text
+        assert "( " not in text
