@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -41,9 +42,10 @@ def test_killed_asked_to_end_and_gone_on_with_it_is_the_same_table(
         job.send(signal.SIGTERM)
         code, printed, err = job.ended()
         assert job.left_behind() == []
-    assert (second.code, "another fmu-fit command is writing there" in second.err) == (2, True)
+    assert (second.code, f"{out}: " in second.err) == (2, True)
     assert code == 1, err
-    assert "go on with: fmu-fit ensemble --series transmission --laboratories 400" in printed
+    [goes_on] = [line for line in printed.splitlines() if "fmu-fit ensemble " in line]
+    assert {"transmission", "400", "--resume"} <= set(goes_on.split())
     assert "Traceback" not in err
     found = json.loads((out / "ensemble.json").read_text())
     assert (found["status"], len(found["rows"])) == ("interrupted", rows(out))
@@ -66,9 +68,7 @@ def check_table(out: Path, fmu: Path, count: int) -> None:
         alone = ff.ensemble(of, fmu, options, executor=pool)
     assert (out / "ensemble.csv").read_text() == csv_of(alone)
     assert (out / "figures" / "1_ensemble.svg").exists()
-    page = (out / "report.html").read_text()
-    assert "Clopper and Pearson" in page
-    assert "--change points=15" in page
+    assert "--change points=15" in (out / "report.html").read_text()
     assert not list(out.glob("**/*.fmu"))
 
 
@@ -77,42 +77,41 @@ def test_without_a_worker_to_start_the_cost_is_told_and_nothing_written(
 ) -> None:
     ended = told("ensemble", *LINES, "--fmu", swift_fmu, "--out", tmp_path / "out", "--dry-run")
     assert ended.code == 0, ended.err
-    assert ended.out.startswith("100 items, each about as the first:\nexpected: ")
-    assert "all of them on one process" in ended.out
+    assert ended.out.startswith("100 items")
+    assert "expected: " in ended.out
     assert not (tmp_path / "out").exists()
 
 
 def test_the_cost_of_going_on_is_that_of_what_is_left(swift_fmu: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     words = ("ensemble", *LINES, "--fmu", swift_fmu, "--out", out, "--laboratories")
-    assert told(*words, "2").code == 0
+    assert told(*words, "1").code == 0
     with (out / ITEMS_FILE).open("a") as file:
-        file.write('{"row":{"index":2,"lab')  # as kill -9 leaves it
+        file.write('{"row":{"index":1,"lab')  # as kill -9 leaves it
     before = (out / ITEMS_FILE).read_bytes()
-    ended = told(*words, "5", "--resume", "--dry-run")
+    ended = told(*words, "4", "--resume", "--dry-run")
     assert ended.code == 0, ended.err
-    assert ended.out.startswith("5 items, 2 of them finished; the other 3, each about as the first")
-    assert "all that are left on one process" in ended.out
+    assert re.findall(r"\d+", ended.out.partition("expected: ")[0]) == ["4", "1", "3"]
     assert (out / ITEMS_FILE).read_bytes() == before
-    done = told(*words, "2", "--resume", "--dry-run")
-    assert done.out == "2 items, all of them finished: nothing is left to do\n"
+    done = told(*words, "1", "--resume", "--dry-run")
+    assert (done.code, re.findall(r"\d+", done.out)) == (0, ["1"])
 
 
 REFUSED = [
-    ([], "found nothing to fit, wanted campaigns, --series or --like"),
-    (["x.toml", "--series", "q1"], "found campaigns and --series or --like"),
-    (["x.toml", "--seed", "3"], "--seed: has no meaning here"),
-    (["x.toml", "--change", "a=1"], "--change: has no meaning here"),
+    ([], "--series or --like"),
+    (["x.toml", "--series", "q1"], "--series or --like"),
+    (["x.toml", "--seed", "3"], "--seed: "),
+    (["x.toml", "--change", "a=1"], "--change: "),
     (["--series", "q1", "--change", "drift_hz"], "--change drift_hz: found ''"),
     (["--series", "q1", "--change", "drifts=3"], "drifts"),
     (["--series", "notch", "--change", "points=nan"], "--change points=nan: found 'nan'"),
-    (["--series", "q1", "--no-profiles", "--value", "d1"], "--value: has no meaning"),
-    (["--series", "q1", "--laboratories", "0"], "wanted a whole number of at least 1"),
-    (["--series", "q1", "--workers", "2", "--scheduler", "tcp://a:1"], "not allowed with"),
-    (["--series", "transmission", "--value", "lambda"], "no value 'lambda'; there is: Q_plus"),
-    (["--like", "none.toml"], "truth.toml: no such file"),
-    (["none"], "none: no such file"),
-    (["--series", "q1", "--fmu", "none.fmu"], "none.fmu: no such file"),
+    (["--series", "q1", "--no-profiles", "--value", "d1"], "--value: "),
+    (["--series", "q1", "--laboratories", "0"], "--laboratories: found '0'"),
+    (["--series", "q1", "--workers", "2", "--scheduler", "tcp://a:1"], "--scheduler: "),
+    (["--series", "transmission", "--value", "lambda"], "'lambda'; there is: Q_plus"),
+    (["--like", "none.toml"], "truth.toml: "),
+    (["none"], "none: "),
+    (["--series", "q1", "--fmu", "none.fmu"], "none.fmu: "),
 ]
 
 

@@ -124,12 +124,18 @@ class Scene:
                 shutil.copy(path, folder / path.name)
 
 
-def built(folder: Path) -> Scene:
-    """The scene in an empty folder."""
-    made = build_fmu.build("CoupledOscillator", folder / "build")
+def built(folder: Path, fmu: Path | None = None) -> Scene:
+    """The scene in an empty folder.
+
+    Args:
+        folder: that is empty.
+        fmu: the model, built as a native twin; None: it is built here as a user builds it.
+    """
     place = folder / "scene"
     place.mkdir()
-    made.rename(place / FMU)
+    if fmu is None:
+        fmu = build_fmu.build("CoupledOscillator", folder / "build")
+    shutil.copy(fmu, place / FMU)
     for name, text in texts().items():
         (place / name).write_text(text, "utf-8")
     return Scene(place)

@@ -1,4 +1,4 @@
-"""The short half of the table of faults: every kind that needs no process of its own.
+"""A sample of the table of faults: of every kind that needs no process of its own.
 
 The whole table is `python -m tests.bench.bench_faults`.
 """
@@ -16,8 +16,8 @@ from tests.faults.scene import Scene, built
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return built(tmp_path_factory.mktemp("faults"))
+def scene(tmp_path_factory: pytest.TempPathFactory, swift_fmu: Path) -> Scene:
+    return built(tmp_path_factory.mktemp("faults"), swift_fmu)
 
 
 def test_without_a_fault_the_campaign_is_fitted(scene: Scene, tmp_path: Path) -> None:
@@ -27,7 +27,7 @@ def test_without_a_fault_the_campaign_is_fitted(scene: Scene, tmp_path: Path) ->
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.in_process], ids=str)
 def test_faults_are_told_and_nothing_is_left(kind: Kind, scene: Scene, tmp_path: Path) -> None:
-    found = {case.name: problems(case, scene, tmp_path / "case") for case in kind.short_half()}
+    found = {case.name: problems(case, scene, tmp_path / "case") for case in kind.sample()}
     assert {name: what for name, what in found.items() if what} == {}
     assert len(found) > 10
 
