@@ -98,8 +98,8 @@ def test_the_line_below_any_head_is_found(name: str, tmp_path: Path) -> None:
     found = recognised(path)
     assert tuple(column.role for column in found.columns) == tuple(roles)
     assert found.points == F.size
-    unit = "" if any(c.unit for c in found.columns if c.role == "frequency") else "Hz"
-    line = ff.line(path, columns=ff.Columns(unit_frequency=unit))
+    assert not {"frequency", "phase"} & set(found.without_unit)
+    line = ff.line(path)
     assert line.frequency_hz == pytest.approx(F0, abs=0.1)
     assert line.width_hz == pytest.approx(WIDTH, rel=1e-3)
 
