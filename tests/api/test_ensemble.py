@@ -19,6 +19,7 @@ from fitting.api.ensemble import Progress
 from fitting.api.written import ITEMS_FILE
 from fitting.report.tables.ensemble import csv_of, document, markdown
 from fitting.text.records import json_text
+from fitting.text.results_folder import open_folder_of, results_folder
 from tests.support.clusters import cluster_of_two
 
 COUNT = 4
@@ -89,8 +90,12 @@ def test_one_that_is_interrupted_goes_on_and_can_be_made_larger(
     assert (part.status, len(part.rows), part.total) == ("interrupted", 2, 3)
     journal = tmp_path / ITEMS_FILE
     assert len(journal.read_text().splitlines()) == 3
-    with journal.open("a") as file:
-        file.write('{"row":{"index":2,"label":"seed 5","sta')
+    torn = '{"row":{"index":2,"label":"seed 5","status":"finished"}}\n'
+    with results_folder(tmp_path, "ensemble"):  # a process that is killed has noted the whole line
+        folder = open_folder_of(journal)
+        assert folder is not None
+        folder.add_to(journal, torn)
+    journal.write_bytes(journal.read_bytes()[:-20])
     states: list[Progress] = []
     with ThreadPoolExecutor(2) as pool:
         found = ff.ensemble(

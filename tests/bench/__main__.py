@@ -23,7 +23,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -111,12 +111,14 @@ def ended(one: Run, longest_s: float | None = None) -> Ended:
         one: benchmark and settings.
         longest_s: for each of its commands; None: as long as they take.
     """
+    spent_s = 0.0
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
-        for words in one.command.preparation:
+        for words in [*one.command.preparation, one.words]:
             found = run(words, Path(name), longest_s)
+            spent_s += found.processor_s
             if found.code:
-                return found
-        return run(one.words, Path(name), longest_s)
+                break
+    return replace(found, processor_s=spent_s)
 
 
 def chosen(args: argparse.Namespace) -> Iterator[Run]:

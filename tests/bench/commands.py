@@ -169,7 +169,7 @@ COMMANDS = (
         "an ensemble that is interrupted and loses a worker",
         full=("--fmu native/CoupledOscillator.fmu",),
         smoke="--laboratories 4 --fmu native/CoupledOscillator.fmu",
-        before=("python ROOT/build_fmu.py CoupledOscillator --native --out native",),
+        before=("python ROOT/build_fmu.py --model CoupledOscillator --native --out native",),
     ),
     Command("traces", "coverage of traces", smoke="1"),
     Command(
