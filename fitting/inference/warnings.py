@@ -305,7 +305,7 @@ def _inflation(status: Status, misfit: Misfitting) -> list[str]:
         return [
             f"The residuals are uncorrelated, but {number(adequacy.noise_factor, 3)} times as "
             f"large as the stated noise (χ² = {number(adequacy.chi_square, 3)} on "
-            f"{freedom_words(number(adequacy.freedom, 3))}): the noise was stated too small. "
+            f"{freedom_words(number(adequacy.freedom, 3))}): it was stated too small. "
             "Errors are scaled by that factor."
         ]
     if adequacy is not None and adequacy.outliers:  # these are named, and explain it
