@@ -85,7 +85,7 @@ KINDS: dict[str, Callable[[int], Made]] = {"line": line, "exchange": exchange}
 def ranks(kind: str, seed: int) -> dict[str, Any]:
     """Ranks by name, the share of the minima, and what it cost; in a process of its own."""
     problem, truth = KINDS[kind](seed)
-    at = ff.fit(problem, ff.Tikhonov(levels=4, misfit="squares"), starts=1)
+    at = ff.profile(ff.fit(problem, ff.Tikhonov(levels=4, misfit="squares"), starts=1))
     found = ff.posterior(problem, at, ff.Sampling(seed=seed))
     table = found.thinned
     chosen = table[np.linspace(0, len(table) - 1, DRAWS).astype(int)]
