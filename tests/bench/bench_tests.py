@@ -18,9 +18,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -76,7 +77,7 @@ def report(
         peak_mb: largest memory of all processes together, MB; 0 where it is not known.
         most: rows of a table.
     """
-    files: Counter[str] = Counter()
+    files: dict[str, float] = defaultdict(float)
     counts: Counter[str] = Counter()
     for name, seconds in tests.items():
         files[name.split("::")[0]] += seconds
@@ -84,22 +85,27 @@ def report(
     lines = [
         f"{len(tests)} tests, {whole_s:.0f} s of processor time, peak memory {peak_mb:.0f} MB",
         *("", "| file | tests | s |", "|---|---|---|"),
-        *(f"| {name} | {counts[name]} | {s:.1f} |" for name, s in files.most_common(most)),
+        *(f"| {name} | {counts[name]} | {s:.1f} |" for name, s in _largest(files, most)),
         *("", "| test | s |", "|---|---|"),
-        *(f"| {name} | {s:.1f} |" for name, s in Counter(tests).most_common(most)),
+        *(f"| {name} | {s:.1f} |" for name, s in _largest(tests, most)),
         *("", "| fixture | s |", "|---|---|"),
-        *(f"| {name} | {s:.1f} |" for name, s in Counter(fixtures).most_common(most)),
+        *(f"| {name} | {s:.1f} |" for name, s in _largest(fixtures, most)),
     ]
     return "\n".join(lines)
 
 
-def _sums(rows: Sequence[Mapping[str, float | str]], kind: str) -> Counter[str]:
+def _largest(sums: Mapping[str, float], most: int) -> list[tuple[str, float]]:
+    """The dearest, with their seconds."""
+    return sorted(sums.items(), key=lambda row: -row[1])[:most]
+
+
+def _sums(rows: Sequence[Mapping[str, Any]], kind: str) -> dict[str, float]:
     """Processor time by name of all rows of a kind, s."""
-    sums: Counter[str] = Counter()
+    sums: dict[str, float] = defaultdict(float)
     for row in rows:
         if row["kind"] == kind:
-            sums[str(row["name"])] += row["s"]  # type: ignore[assignment]
-    return sums
+            sums[row["name"]] += row["s"]
+    return dict(sums)
 
 
 def _waited_for_s() -> float:
