@@ -123,6 +123,7 @@ COMMANDS = (
         full=("--count 320 --longest 60 --most 40",),
         smoke="--count 20 --longest 10 --most 1 --tests tests/signal/test_rational.py",
     ),
+    Command("nightly", "tests of which every run of the checks takes a sample", smoke="--smoke"),
     Command("noise", "coverage of noise spectra", smoke="2 10"),
     Command("noise_bias", "bias of the widths of noise spectra", smoke="4 10", quick=True),
     Command(
@@ -162,6 +163,11 @@ COMMANDS = (
             "--only laboratories",
         ),
         smoke="--only points --size 101",
+    ),
+    Command(
+        "statements",
+        "statements of the program that the tests run",
+        smoke="tests/text/test_formula.py",
     ),
     Command("tests", "processor time of the tests", smoke="tests/text"),
     Command(
