@@ -12,12 +12,14 @@ import hypothesis
 import pytest
 
 import build_fmu
+from fitting.engine import process
 from fitting.fmu.worker import process as worker_process
 from tests.support.c_hosts import compile_program
 from tests.support.fmus import Instance, Unpacked, unpack
 from tests.support.processes import Clock
 from tests.support.shipped_runs import ShippedRun, shipped_run
 from tests.support.twins import swift_model, swiftly_built, twin_of
+from tests.support.warm_starts import WarmStarts
 
 # no claim about time: a busy machine is no fault of the code
 hypothesis.settings.register_profile(
@@ -27,6 +29,24 @@ hypothesis.settings.register_profile(
     suppress_health_check=[hypothesis.HealthCheck.too_slow],
 )
 hypothesis.settings.load_profile("untimed")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _warm() -> Iterator[WarmStarts]:
+    """Workers are forks of a process that has imported what they need."""
+    warm = WarmStarts(process._started)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process, "_started", warm)
+        yield warm
+    warm.close()
+
+
+@pytest.fixture(autouse=True)
+def _cold_where_marked(request: pytest.FixtureRequest, _warm: WarmStarts) -> Iterator[None]:
+    """Tests of how workers are started, and of their memory, have them as users have them."""
+    _warm.is_wanted = request.node.get_closest_marker("cold_start") is None
+    yield
+    _warm.is_wanted = True
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,10 @@ from fitting.text.errors import FmuFailure, NoAnswer
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.processes import is_gone, is_stopped, wait_until
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+pytestmark = [
+    pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX"),
+    pytest.mark.cold_start,
+]
 
 ROOT = Path(__file__).parents[2]
 PULLED = Run(

@@ -14,6 +14,8 @@ from fitting.fmu import FmuWorkers, Run
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.processes import is_gone, wait_until
 
+pytestmark = pytest.mark.cold_start
+
 ROOT = Path(__file__).parents[2]
 PULLED = Run(
     start_values={"force": 1.0},
