@@ -428,12 +428,13 @@ def _distinct(names: Sequence[str]) -> list[str]:
     """The names, numbered where they are empty or there twice."""
     made: list[str] = []
     taken: set[str] = set()
+    following: dict[str, int] = {}  # number to be tried next: many columns may have one name
     for i, name in enumerate(names):
-        first = name or f"column {i + 1}"
-        k = 2
-        distinct = first
+        first = distinct = name or f"column {i + 1}"
+        k = following.get(first.lower(), 2)
         while distinct.lower() in taken:
             distinct, k = f"{first} {k}", k + 1
+        following[first.lower()] = k
         made.append(distinct)
         taken.add(distinct.lower())
     return made
