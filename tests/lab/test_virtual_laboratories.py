@@ -89,7 +89,8 @@ def test_closed_form_answers_as_the_fmu_does(tmp_path: Path) -> None:
         )
 
 
-@pytest.mark.parametrize("seed", [pytest.param(2000, marks=NIGHTLY), 2001])
+@NIGHTLY
+@pytest.mark.parametrize("seed", [2000, 2001])
 def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_path: Path) -> None:
     """The other mode may be damped without end: the data end the width below, and below alone."""
     laboratory = KINDS["pairs"](seed)
