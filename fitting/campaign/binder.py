@@ -10,7 +10,7 @@ from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, did_you_mean, gathered
-from fitting.text.units import base_unit, convert, dimension_of, parse_quantity
+from fitting.text.units import dimension_of, parse_quantity, to_base
 from fitting.text.written import Written, in_unit
 
 #: What names that are no variables of the FMU may be as well: what a law names.
@@ -250,7 +250,7 @@ def _check_linear(name: str, unit: str, where: str) -> None:
     """Complain of a control quantity whose unit no law could work in."""
     dimension_of(unit, where=where)
     try:
-        convert(1.0, unit, base_unit(unit), where=where)
+        to_base(1.0, unit, where=where)
     except BadInput as error:
         raise BadInput(
             f"{where}: the control quantity '{name}' is in the logarithmic unit '{unit}'; wanted a "

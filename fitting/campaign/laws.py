@@ -20,7 +20,7 @@ import numpy as np
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, did_you_mean, gathered
 from fitting.text.formula import Formula, alike
-from fitting.text.units import base_unit, convert, dimension_of, parse_quantity
+from fitting.text.units import dimension_of, parse_quantity, to_base
 from fitting.text.written import Written, as_written
 
 #: Answers of laws that are kept.
@@ -63,9 +63,8 @@ def in_base(unit: str, where: str) -> InBase:
     Raises:
         BadInput: there is no such unit, or it is a logarithmic one.
     """
-    base = base_unit(unit)
-    offset = convert(0.0, unit, base, where=where)
-    return InBase(convert(1.0, unit, base, where=where) - offset, offset)
+    offset = to_base(0.0, unit, where=where)
+    return InBase(to_base(1.0, unit, where=where) - offset, offset)
 
 
 @dataclass(frozen=True)

@@ -124,6 +124,23 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     return _finite(value, unit, wanted, partial(_converted, source=source, target=target), where)
 
 
+def to_base(value: float, unit: str, *, where: str) -> float:
+    """``value`` from ``unit`` to SI base units, as formulas are computed: 1 degC is 274.15 K.
+
+    Args:
+        value: in ``unit``.
+        unit: as it was written.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: there is no such unit, or it is a logarithmic one.
+    """
+    source, target = _pair(unit, None)
+    if source is None or target is None or not _has_offset(source, target):
+        return convert(value, unit, None, where=where)
+    return _finite(value, unit, None, partial(_converted, source=source, target=target), where)
+
+
 def convert_difference(value: float, unit: str, wanted: str | None, *, where: str) -> float:
     """A difference of two values from ``unit`` to ``wanted``: 1 degC is 1 K, rounded once.
 

@@ -118,6 +118,9 @@ COMMANDS = (
         quick=True,
     ),
     Command(
+        "misfit_rule", "false acceptances and refusals of a misfit", smoke="--drawn 60", quick=True
+    ),
+    Command(
         "mutants",
         "faults put into the code that tests notice",
         full=("--count 320 --longest 60 --most 40",),

@@ -105,7 +105,19 @@ def test_ideal_parts_have_their_closed_form(name: str, parameter: str, value: fl
     np.testing.assert_allclose(trace.amplitude * np.exp(1j * trace.phase), value, atol=1e-11)
 
 
-@pytest.mark.parametrize("path", TDMS, ids=lambda path: path.name)
+#: It holds the same signal three times, at three rates.
+SEVERAL = "Digital_Input.tdms"
+
+
+def test_of_several_recordings_of_labview_one_has_to_be_named() -> None:
+    [path] = [path for path in TDMS if path.name == SEVERAL]
+    with pytest.raises(BadInput, match=r"3 recordings.*20000 points.*400 points.*8 points"):
+        recognised(path)
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in TDMS if path.name != SEVERAL], ids=lambda path: path.name
+)
 def test_recordings_of_labview_are_called_so(path: Path) -> None:
     found = recognised(path)
     assert found.words.startswith("TDMS, ")
