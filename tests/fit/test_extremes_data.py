@@ -257,7 +257,10 @@ COMMANDS = {
     "tiny, no lambda": (
         Scene(crest=1e-300, noise=1e-3, peaks=False, theta=math.pi / 4.0),
         0,
-        True,
+        False,
+    ),
+    "tiny, with a report": nightly(
+        Scene(crest=1e-300, noise=1e-3, peaks=False, theta=math.pi / 4.0), 0, True
     ),
     "far": (replace(WHOLE, tones=(), use="fit", fitted=FAR), 1, False),
     "1 Hz": (replace(WHOLE, eta_plus=1.0, eta_minus=1.5, d1=0.2, d2=0.24), 0, False),

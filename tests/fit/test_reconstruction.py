@@ -37,6 +37,7 @@ from fitting.text.results_folder import results_folder
 from tests.fit.test_result import read_rows
 from tests.support import closed_form
 from tests.support.datasets import drafted, linear, through
+from tests.support.in_process import told
 from tests.support.processes import MOST_S
 from tests.support.reconstruction import ReconstructionOptions, reconstruct, reconstruct_through
 from tests.support.shipped_runs import ShippedRun
@@ -482,8 +483,7 @@ def record_and_stop(self, step):
     record(self, step)
     os.kill(os.getpid(), how)
 
-if how:
-    checkpoint.Checkpoint.record = record_and_stop
+checkpoint.Checkpoint.record = record_and_stop
 sys.exit(reconstruct.run(arguments(*sys.argv[2:])))
 """
 
@@ -496,9 +496,9 @@ def test_a_run_that_is_killed_goes_on_where_it_was(swift_fmu: Path, tmp_path: Pa
     campaign = small_campaign(tmp_path / "campaign", swift_fmu)
     words = [str(campaign), "--workers", "1", "--quick", "--no-report", "--no-profiles"]
 
-    def go(folder: str, how: int, *more: str) -> subprocess.CompletedProcess[str]:
+    def go(folder: str, how: int) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, str(script), str(how), *words, "--out", str(tmp_path / folder), *more],
+            [sys.executable, str(script), str(how), *words, "--out", str(tmp_path / folder)],
             env=os.environ | {"PYTHONPATH": str(ROOT)},
             cwd=ROOT,
             text=True,
@@ -517,9 +517,9 @@ def test_a_run_that_is_killed_goes_on_where_it_was(swift_fmu: Path, tmp_path: Pa
     assert read_result(tmp_path / "stopped" / "result.json").status == "interrupted"
     ends = []
     for folder in ("killed", "stopped"):
-        resumed = go(folder, 0, "--resume")
-        assert resumed.returncode == 0, resumed.stderr
-        assert "levels found" in resumed.stdout
+        resumed = told("reconstruct", *words, "--out", tmp_path / folder, "--resume")
+        assert resumed.code == 0, resumed.err
+        assert "levels found" in resumed.out
         ends.append(read_result(tmp_path / folder / "result.json"))
     one, two = (
         without_times(replace(e, provenance=replace(e.provenance, command="", fmu_file="")))
