@@ -20,6 +20,7 @@ from fitting.campaign import read_campaign
 from fitting.cli.main import main
 from fitting.fmu import FmuWorkers
 from fitting.result.result import Result, read_result
+from fitting.signal.misfit import CORRELATED
 from fitting.text.errors import BadInput
 from tests.support.extreme_scenes import (
     Fitted,
@@ -148,7 +149,7 @@ def test_a_sweep_that_holds_two_peaks(fitted: Fit) -> None:
     scene = Scene(eta_minus=6.9404e6, sweep=(-4.0, 8.0))
     result = fitted(scene)
     assert result.line is not None
-    assert result.line.fits[0].structure_p < 1e-12
+    assert result.line.fits[0].structure_p < CORRELATED  # 6e-9 of 41 points, 1e-23 of 61
     assert said(result, "by itself")
     scene = replace(scene, scale="fit")
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-8)

@@ -87,10 +87,15 @@ def one_mode(strength: float, drive: float = 1.0, quality: float = 200.0) -> dic
     return scene | alone | {"A1": force}
 
 
-def error_and_bound(fmu: Instance, scene: dict[str, float], **settings: float) -> FloatArray:
-    """Return the largest error and the documented bound, over the amplitude of mode 1."""
+def error_and_bound(
+    fmu: Instance, scene: dict[str, float], rtol: float = 1e-10, **settings: float
+) -> FloatArray:
+    """Return the largest error and the documented bound, over the amplitude of mode 1.
+
+    What the reference lacks grows with the number of periods: ``rtol`` per step, less for a high Q.
+    """
     times = np.linspace(0.0, 0.9 / scene["d1"], 301)[1:]
-    truth = duffing_reference.motion(fmu_parameters(scene), times, rtol=1e-10)
+    truth = duffing_reference.motion(fmu_parameters(scene), times, rtol=rtol)
     found = run(fmu, times, **scene, **settings)
     amplitudes = np.abs(truth.q).max(axis=0)
     assert truth.error < 1e-7 * amplitudes.max()
@@ -143,7 +148,9 @@ def test_envelope_follows_the_full_equations_within_its_bound(
 def test_envelope_error_falls_as_the_square_of_the_shift(fmu: Instance) -> None:
     """Everything in line widths alike, eps = 1/Q: averaging to first order would fall as 1/Q."""
     qualities = np.array([50.0, 100.0, 200.0])  # below, the next order takes a third of it away
-    found = [error_and_bound(fmu, two_tones(q, 1.0), tolerance=1e-10) for q in qualities]
+    found = [
+        error_and_bound(fmu, two_tones(q, 1.0), rtol=2e-9 / q, tolerance=1e-10) for q in qualities
+    ]
     slope = np.polyfit(np.log(qualities), np.log([error for error, *_ in found]), 1)[0]
     assert slope == pytest.approx(-2.0, abs=0.15)
 

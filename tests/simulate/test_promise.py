@@ -217,7 +217,7 @@ def test_cubic_scenes_keep_what_is_promised(
     tones = (scene.u1, scene.u2) if scene.A2 else (scene.u1,)
     drive = Drive(start_values=scene.parameters, tones_hz=tones, outputs=("q1_hybrid",))
     kinds = set()
-    for accuracy in (1e-2, 1e-4 if scene.A2 else 1e-5):
+    for accuracy in (1e-2, 1e-4 if scene.A2 else 1e-6):
         plan = planned(drive, accuracy, cubic_workers)
         found = plan.read(cubic_workers.run(plan.runs)[0])
         error = float(np.max(np.abs(found[:, 0] / truth[:, 0] - 1.0)))
@@ -227,12 +227,15 @@ def test_cubic_scenes_keep_what_is_promised(
     assert kinds == ({2} if scene.A2 else {1, 2})
 
 
-@pytest.mark.parametrize(("accuracy", "solver"), [(3e-5, 1), (1e-5, 2)])
+@pytest.mark.parametrize(("accuracy", "solver"), [(1e-5, 1), (3e-6, 2)])
 def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
     accuracy: float, solver: int, cubic_workers: FmuWorkers
 ) -> None:
-    """At Q 50 averaging leaves out a quarter of its bound: measured that fits 3e-5, not 1e-5."""
-    scene = cubic_scene(50.0, 0.2, 100.0, 90.0, two=False)
+    """Averaging leaves out 2.2e-6 of its bound of 6e-4: measured (twice) that fits 1e-5, not 3e-6.
+
+    At Q 10 it is far above what the other decisions of a forced plan of 1e-6 may leave out.
+    """
+    scene = cubic_scene(10.0, 0.2, 100.0, 90.0, two=False)
     truth = collocated(scene, 0.01, 64)
     np.testing.assert_allclose(collocated(scene, 0.01, 84), truth, rtol=1e-9)
     drive = Drive(start_values=scene.parameters, tones_hz=(scene.u1,), outputs=("q1_hybrid",))
@@ -249,10 +252,13 @@ def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
     assert stated > SHARES[Kind.MODEL] * accuracy  # by what is stated it would not have been taken
     # what is measured is an upper bound of what averaging does leave out, and less than is stated
     annotation = AccuracyAnnotation(force=("averaged envelope",), forbid=annotation.forbid)
-    plan = planned(drive, 1e-4, cubic_workers, annotation)
+    plan = planned(drive, 1e-6, cubic_workers, annotation)
     found = plan.read(cubic_workers.run(plan.runs)[0])
     left_out = float(np.max(np.abs(found[:, 0] / truth[:, 0] - 1.0)))
-    assert left_out < envelope.bound < stated
+    (forced,) = plan.budget.of(Kind.MODEL, "averaged envelope")
+    others = plan.promised - forced.bound
+    assert others < 0.2 * left_out  # so it is averaging that leaves this out
+    assert left_out + others < envelope.bound < stated
 
 
 def test_what_cannot_be_promised_is_said(cubic_workers: FmuWorkers) -> None:
