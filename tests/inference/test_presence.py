@@ -22,18 +22,18 @@ def fmu() -> ff.Fmu:
     return ff.Fmu("CoupledModes2", workers=1)
 
 
-def told(fmu: ff.Fmu, seed: int, noise: float, points: int = 61) -> ff.Inference:
+def told(fmu: ff.Fmu, seed: int, noise: float, budget: int | None = None) -> ff.Inference:
     """What the data say of a small map, by the closed form."""
-    lab = laboratory(seed, noise=noise, spectra=7, points=points)
+    lab = laboratory(seed, noise=noise, spectra=7, points=61)
     fit = ff.fit(lab.by_closed_form(fmu), METHOD, starts=3)
-    return ff.profile(fit, list(lab.couplings))
+    return ff.profile(fit, list(lab.couplings), budget=budget)
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.nightly)])
 def test_of_noise_nothing_is_said(fmu: ff.Fmu, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three times the largest amplitude: profiles had cut an interval of a per cent, elsewhere."""
     monkeypatch.setattr(evolution, "GENERATIONS", 1)  # nothing is found, however long it takes
-    found = told(fmu, seed, 3.0, points=31)
+    found = told(fmu, seed, 3.0, budget=20_000)
     assert str(found["lambda12"].verdict) == "no verdict"
     assert found.inferred.status.value != "converged"
     knowledge = found.inferred.knowledge

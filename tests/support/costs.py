@@ -9,8 +9,10 @@ descendants that still run; what a child that nobody waits for took after the la
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,14 +25,25 @@ def processor_s() -> float:
     """Processor time of this process and all its descendants so far, in s."""
     own = os.times()
     total = own.user + own.system + own.children_user + own.children_system
-    for child in psutil.Process().children(recursive=True):
+    for pid in _descendants(os.getpid()):
         try:
-            times = child.cpu_times()
+            times = psutil.Process(pid).cpu_times()
         except psutil.Error:  # it has ended meanwhile, and counts once it is waited for
             continue
         total += times.user + times.system
         total += getattr(times, "children_user", 0.0) + getattr(times, "children_system", 0.0)
     return total
+
+
+def _descendants(pid: int) -> list[int]:
+    """Processes that run below one, which may have ended itself."""
+    if not sys.platform.startswith("linux"):
+        return [child.pid for child in psutil.Process(pid).children(recursive=True)]
+    children: list[int] = []
+    with contextlib.suppress(OSError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            children += map(int, (task / "children").read_text("ascii").split())
+    return children + [further for child in children for further in _descendants(child)]
 
 
 class Costs:
