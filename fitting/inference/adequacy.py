@@ -37,6 +37,9 @@ from fitting.text.notation import freedom_words, number
 
 #: Parts of a curve whose residuals are compared in size where nobody states their noise.
 PARTS = 4
+#: Chi square by stated noise below which residuals of a curve tell nothing, however correlated: no
+#: move of parameters gains more, and within one standard error (Dchi^2 = 1) all fit alike.
+RESOLVED = 1.0
 #: Share of the rows of a measurement that a fit may take away where they are tested for structure.
 MOST_TAKEN = 0.25
 
@@ -60,8 +63,8 @@ def adequacy_of(
     """
     widening = 1.0 if structure is None else structure.widening
     found = _of_known_noise(optimum, widening)
-    if closer is not None and found.describes:
-        return closer
+    if closer is not None and (found.describes or found.is_correlated):
+        return closer  # says what the residuals that are correlated show
     if found.describes and scale_off > 1.0:
         return replace(found, describes=False, scale_off=scale_off)
     return found
@@ -157,7 +160,10 @@ def _along(optimum: Optimum, rows: FloatArray, stated: RowCovariance, taken: Flo
         # what rows share, as the error of a scale, is no structure
         white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
         left = white * stated.sigma[mine]
-        found = correlation(white, left * curve.share, equal=known or _is_equal(left))
+        if known and float(white @ white) < RESOLVED:
+            found = Correlation()
+        else:
+            found = correlation(white, left * curve.share, equal=known or _is_equal(left))
         excused = float(np.sqrt(np.mean((off[mine] * curve.share) ** 2)))
         found = replace(
             found,
