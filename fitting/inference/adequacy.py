@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import kruskal
+from scipy.special import gammaincc
 
 from fitting.campaign.parameters import Parameter, outside_box, to_model
 from fitting.fit.covariance import RowCovariance
@@ -37,6 +37,9 @@ from fitting.text.notation import freedom_words, number
 
 #: Parts of a curve whose residuals are compared in size where nobody states their noise.
 PARTS = 4
+#: Chi square by stated noise below which residuals of a curve tell nothing, however correlated: no
+#: move of parameters gains more, and within one standard error (Dchi^2 = 1) all fit alike.
+RESOLVED = 1.0
 #: Share of the rows of a measurement that a fit may take away where they are tested for structure.
 MOST_TAKEN = 0.25
 
@@ -60,8 +63,8 @@ def adequacy_of(
     """
     widening = 1.0 if structure is None else structure.widening
     found = _of_known_noise(optimum, widening)
-    if closer is not None and found.describes:
-        return closer
+    if closer is not None and (found.describes or found.is_correlated):
+        return closer  # says what the residuals that are correlated show
     if found.describes and scale_off > 1.0:
         return replace(found, describes=False, scale_off=scale_off)
     return found
@@ -157,7 +160,10 @@ def _along(optimum: Optimum, rows: FloatArray, stated: RowCovariance, taken: Flo
         # what rows share, as the error of a scale, is no structure
         white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
         left = white * stated.sigma[mine]
-        found = correlation(white, left * curve.share, equal=known or _is_equal(left))
+        if known and float(white @ white) < RESOLVED:
+            found = Correlation()
+        else:
+            found = correlation(white, left * curve.share, equal=known or _is_equal(left))
         excused = float(np.sqrt(np.mean((off[mine] * curve.share) ** 2)))
         found = replace(
             found,
@@ -179,10 +185,14 @@ def _is_equal(left: FloatArray) -> bool:
     news = left.copy()
     for lag, a in enumerate(autoregression(left, min(LAGS, left.size // 5)), start=1):
         news[lag:] -= a * left[:-lag]
-    parts = np.array_split(np.abs(news), PARTS)
+    ranks = np.argsort(np.argsort(np.abs(news))) + 1.0
+    parts = np.array_split(ranks, PARTS)
     if min(part.size for part in parts) < 2 or not np.any(news):
         return True
-    return bool(kruskal(*parts).pvalue >= STRUCTURED)
+    # Kruskal and Wallis, J. Am. Stat. Assoc. 47 (1952) 583: chi square of PARTS - 1
+    mean, size = 0.5 * (ranks.size + 1.0), ranks.size * (ranks.size + 1.0)
+    square = 12.0 / size * sum(part.size * (float(np.mean(part)) - mean) ** 2 for part in parts)
+    return bool(gammaincc(0.5 * (PARTS - 1), 0.5 * square) >= STRUCTURED)
 
 
 def judged(

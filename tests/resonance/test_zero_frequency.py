@@ -22,8 +22,11 @@ F = np.arange(0.0, 1300.0, 2.5)
 
 
 def density() -> FloatArray:
-    """A line on a floor, 60 periodograms averaged; the first point is what `welch` leaves of it."""
-    clean = 3e-9 * (WIDTH / 2) ** 2 / ((F - F0) ** 2 + (WIDTH / 2) ** 2) + 2e-12
+    """A mode on a floor, 60 periodograms averaged; the first point is what `welch` leaves of it.
+
+    Far from its top, as here, at 0 Hz, a mode of Q = 50 is no Lorentzian line.
+    """
+    clean = 3e-9 * np.abs(mode(F, F0, WIDTH)) ** 2 + 2e-12
     made = clean * np.random.default_rng(5).gamma(60.0, 1.0 / 60.0, F.size)
     made[0] = 0.0
     return made
