@@ -45,6 +45,12 @@ class Empty(Fmi2Slave):
         self.register_variable(Real("q1_hybrid", causality=Fmi2Causality.output))
         self.register_variable(Real("q2_hybrid", causality=Fmi2Causality.output))
 
+    def setup_experiment(self, start_time, *_):
+        pass
+
+    def value(self, name):  # of its status: what build_fmu.py asks of a model
+        return ""
+
     def do_step(self, current_time, step_size):
         return True
 """
@@ -94,7 +100,7 @@ def empty_slave(folder: Path) -> Unpacked:
     source = folder / "source"
     shutil.copytree(build_fmu.SOURCE / "documentation", source / "documentation")
     shutil.copy(build_fmu.SOURCE / "bridge.py", source)
-    (source / "__init__.py").write_text('MODELS = {"Empty": "empty"}\n')
+    (source / "__init__.py").write_text('MODELS, FAMILIES = {"Empty": "empty"}, {}\n')
     (source / "empty.py").write_text(EMPTY)
     return unpack(build_fmu.build("Empty", folder, source=source), folder / "empty")
 
