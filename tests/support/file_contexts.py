@@ -25,7 +25,8 @@ class _Contexts:
         if file != self._file and running is not None:
             self._file = file
             running.switch_context(file)
-            sys.monitoring.restart_events()  # type: ignore[attr-defined, unused-ignore]
+            if sys.version_info >= (3, 12):
+                sys.monitoring.restart_events()
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self) -> None:
