@@ -231,7 +231,7 @@ def _listed(series: Series, out: Path) -> Iterator[None]:
         if before is None:
             path.unlink(missing_ok=True)
         else:
-            path.write_bytes(before)
+            write_whole(path, before)  # the folder's record is told of it, too
         raise
 
 

@@ -147,15 +147,31 @@ def test_values_that_do_not_suit_the_files_are_refused(control: str, tmp_path: P
         series_of(paths, Columns(), control, tmp_path, joint=False)
 
 
-def test_a_map_that_cannot_be_drafted_leaves_nothing_behind(tmp_path: Path) -> None:
-    """One line that follows the control: no crossing."""
+def without_a_crossing(folder: Path) -> list[Path]:
+    """One line that follows the control."""
     paths = []
     for volts in VOLTS:
         r = np.abs(mode(F, 100_000.0 + 20.0 * volts, WIDTH) + noise(F.size, 1e-3, 1))
-        paths.append(write_csv(tmp_path / f"s_Vg={volts}V.csv", "f (Hz),R (V)", F, r))
+        paths.append(write_csv(folder / f"s_Vg={volts}V.csv", "f (Hz),R (V)", F, r))
+    return paths
+
+
+def test_a_map_that_cannot_be_drafted_leaves_nothing_behind(tmp_path: Path) -> None:
     with pytest.raises(BadInput):
-        init(paths, out=tmp_path / "o")
+        init(without_a_crossing(tmp_path), out=tmp_path / "o")
     assert not [p for p in (tmp_path / "o").glob("*") if p.suffix in (".toml", ".csv")]
+
+
+def test_a_list_that_is_put_back_is_still_that_of_the_command(tmp_path: Path) -> None:
+    """A draft that fails leaves an earlier one as it was, which may be drafted again."""
+    out, paths = tmp_path / "o", written(tmp_path, WAYS["file names"][0])
+    init(paths, out=out)
+    before = {path.name: path.read_bytes() for path in out.glob("[a-z]*.*")}
+    assert "spectra.csv" in before
+    with pytest.raises(BadInput):
+        init(without_a_crossing(tmp_path), out=out)
+    assert {path.name: path.read_bytes() for path in out.glob("[a-z]*.*")} == before
+    init(paths, out=out)
 
 
 def test_two_complex_sweeps_of_lines_apart_are_not_one_mode(tmp_path: Path) -> None:
