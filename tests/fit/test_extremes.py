@@ -18,13 +18,14 @@ import pytest
 from fitting.fmu import FmuWorkers
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
-from tests.support.extreme_scenes import POWERS, Fitted, Scene, fit, no_false_success
+from tests.support.extreme_scenes import Fitted, Scene, fit, no_false_success
 
 EPS = 2.0**-52
 Fit = Callable[[Scene], Result]
 
-#: A sweep that is fitted as a whole needs no maximum on its grid, and few points.
-WHOLE = Scene(scale="fit", points=15)
+#: A sweep that is fitted as a whole needs no maximum on its grid. In one of ten points no faults
+#: are looked for: of two lines without noise that takes longer than the fit.
+WHOLE = Scene(scale="fit", points=10)
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +141,7 @@ def test_amplitudes_beyond_the_range_of_numbers_are_told(
 
 def test_the_unit_of_a_frequency_changes_no_bit(fitted: Fit) -> None:
     scene = Scene(noise=1e-3, peaks=False, drift=3.0, points=15, nu=(1e-3, 1e-3, 1))
-    one, *others = (fitted(replace(scene, unit=unit)) for unit in POWERS)
+    one, *others = (fitted(replace(scene, unit=unit)) for unit in ("Hz", "kHz", "GHz"))
     for other in others:
         assert other.parameters == one.parameters
         assert other.derived == one.derived
@@ -203,17 +204,13 @@ def test_at_a_right_angle_the_other_damping_is_seen(fitted: Fit) -> None:
 
 def test_a_start_at_a_symmetric_angle_invents_no_angle(workers: FmuWorkers, tmp_path: Path) -> None:
     """There the data see the angle to second order alone: only profiles can tell."""
-    box = {
-        "theta": Fitted(-2.0 * math.pi, 2.0 * math.pi, 0.0, 1.0),
-        "d1": Fitted(10.0, 500.0, 90.0, 100.0),
-    }
-    scene = Scene(fitted=box, nu=(0.1, 0.1, 3))
+    box = {"theta": Fitted(-2.0 * math.pi, 2.0 * math.pi, 0.0, 1.0)}
+    scene = Scene(fitted=box, nu=(0.1, 0.1, 3), points=9)
     result = fit(scene, workers, tmp_path, profiles=True)
-    no_false_success(result, scene)
     angle = result.parameters["theta"]
-    assert angle.identifiable != "determined" or angle.value == pytest.approx(
-        scene.theta, abs=4 * angle.std
-    )
+    assert angle.identifiable == "one of several values"
+    assert abs(math.cos(angle.value)) == pytest.approx(abs(math.cos(scene.theta)), abs=1e-6)
+    assert angle.ci95[0] < scene.theta < angle.ci95[1]
 
 
 @pytest.mark.parametrize("nu", [1.0, nightly(1e-6), 1e-16])
@@ -231,7 +228,7 @@ def test_a_prior_stronger_than_the_data_is_told(fitted: Fit) -> None:
 
 
 def test_nu_through_22_decades(fitted: Fit) -> None:
-    scene = Scene(nu=(1e6, 1e-2, 12))
+    scene = Scene(nu=(1e6, 1e-11, 3))
     result = fitted(scene)
     assert result.history[-1].nu == pytest.approx(1e-16)
     assert width_error(result, scene) < 1e-8
