@@ -118,18 +118,21 @@ class Judged:
 Solve = Callable[[Laboratory, Path], ff.Inference]
 
 
-def by_closed_form(fmu: ff.Fmu, names: Sequence[str] | None = None) -> Solve:
+def by_closed_form(
+    fmu: ff.Fmu, names: Sequence[str] | None = None, method: ff.Tikhonov | None = None
+) -> Solve:
     """Fit and profile with the closed form in place of the FMU, whose variables are read alone.
 
     Args:
         fmu: whose place is taken.
         names: values that are profiled; None: all.
+        method: of the fit; None: the campaign's own.
     """
 
     def solve(laboratory: Laboratory, folder: Path) -> ff.Inference:
         record = ff.Problem.of(laboratory.write(folder), fmu).record
         problem = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
-        return ff.profile(ff.fit(problem), names)
+        return ff.profile(ff.fit(problem, method), names)
 
     return solve
 
