@@ -91,7 +91,7 @@ def swift_models(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def string_q1_run(tmp_path_factory: pytest.TempPathFactory) -> ShippedRun:
-    """The first shipped series, reconstructed by the command as a user runs it."""
+    """The first shipped series, reconstructed by the command with ``--quick``."""
     return shipped_run("string_q1", tmp_path_factory)
 
 

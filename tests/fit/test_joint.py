@@ -7,6 +7,7 @@ test of agreement are held to those of a chi square.
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -50,6 +51,7 @@ from tests.support.closed_form import (
 )
 from tests.support.datasets import drafted, linear
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
+from tests.support.small_campaign import of_pairs
 
 pytestmark = pytest.mark.usefixtures("swift_models")
 
@@ -322,11 +324,20 @@ def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 
     return reconstruct_through(workers, problem, identity, asked)
 
 
+def of_two_pairs(folder: Path) -> list[Path]:
+    """The shipped campaigns with two of their five pairs, so with two offsets: their files."""
+    paths = []
+    for name in ("string_q1", "string_q2"):
+        shutil.copytree(DATA / name, folder / name)
+        paths.append(folder / name / "campaign.toml")
+        of_pairs(paths[-1], 1, 5)
+    return paths
+
+
 def test_the_shipped_series_together_hold_the_widths_alone(swift_fmu: Path, tmp_path: Path) -> None:
     with FmuWorkers(swift_fmu, workers=2) as workers:
         variables = workers.description.variables
-        paths = [DATA / name / "campaign.toml" for name in ("string_q1", "string_q2")]
-        bounds = [bind(read_campaign(path), variables) for path in paths]
+        bounds = [bind(read_campaign(path), variables) for path in of_two_pairs(tmp_path)]
         result = quickly(workers, bounds, levels=1)
     assert result.parameters["theta"].identifiable == "not known"
     assert result.derived["lambda"].identifiable == "not known"
@@ -346,8 +357,8 @@ def test_the_shipped_series_together_hold_the_widths_alone(swift_fmu: Path, tmp_
     assert told.external[1].sigmas == pytest.approx(
         (width.value - 100.0) / math.hypot(width.std, 2.0), rel=1e-3
     )
-    write_result(told, tmp_path)
-    assert repr(read_result(tmp_path / "result.json")) == repr(told)
+    write_result(told, tmp_path / "out")
+    assert repr(read_result(tmp_path / "out" / "result.json")) == repr(told)
 
 
 def test_both_modes_at_both_resonances_hold_the_coupling(swift_fmu: Path, tmp_path: Path) -> None:
@@ -366,7 +377,7 @@ def test_both_modes_at_both_resonances_hold_the_coupling(swift_fmu: Path, tmp_pa
         theta = replace(bound.parameters[0], lower=1.6, upper=2.3, start=1.8, period=None)
         bounds.append(replace(bound, parameters=(theta, *bound.parameters[1:])))
     with FmuWorkers(swift_fmu, workers=2) as workers:
-        result = quickly(workers, bounds)
+        result = quickly(workers, bounds, levels=1)
     coupling = result.derived["lambda"]
     assert coupling.identifiable == "linearised only"
     # closed form of the paper at the true angle and the mean eigenfrequencies

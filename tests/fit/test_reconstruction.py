@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,7 +42,7 @@ from tests.support.in_process import told
 from tests.support.processes import MOST_S
 from tests.support.reconstruction import ReconstructionOptions, reconstruct, reconstruct_through
 from tests.support.shipped_runs import ShippedRun
-from tests.support.small_campaign import small_campaign
+from tests.support.small_campaign import of_pairs, small_campaign
 
 TRUTH = (1.9498, 120.0, 90.0)
 ROOT = Path(__file__).resolve().parents[2]
@@ -481,44 +482,62 @@ from tests.fit.test_reconstruction import arguments
 from fitting.cli import reconstruct
 from fitting.fit import checkpoint
 
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
-how, record = int(sys.argv[1]), checkpoint.Checkpoint.record
+record = checkpoint.Checkpoint.record
 
-def record_and_stop(self, step):
+def record_and_end(self, step):
     record(self, step)
-    os.kill(os.getpid(), how)
+    os.kill(os.getpid(), signal.SIGKILL)
 
-checkpoint.Checkpoint.record = record_and_stop
-sys.exit(reconstruct.run(arguments(*sys.argv[2:])))
+checkpoint.Checkpoint.record = record_and_end
+sys.exit(reconstruct.run(arguments(*sys.argv[1:])))
 """
 
 
+@contextmanager
+def interrupting() -> Iterator[None]:
+    """SIGINT interrupts, as in a shell: a job in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_a_run_that_is_killed_goes_on_where_it_was(swift_fmu: Path, tmp_path: Path) -> None:
-    """Stopped with the first level on disk, by a signal to itself: no race with the clock."""
+def test_a_run_that_is_killed_goes_on_where_it_was(
+    swift_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stopped with the first level on disk, by a signal to itself: no race with the clock.
+
+    Killed it is in a process of its own; interrupted in this one.
+    """
     script = tmp_path / "go.py"
     script.write_text(SCRIPT)
-    campaign = small_campaign(tmp_path / "campaign", swift_fmu)
+    campaign = of_pairs(small_campaign(tmp_path / "campaign", swift_fmu), 1, 5)
     words = [str(campaign), "--workers", "1", "--quick", "--no-report", "--no-profiles"]
-
-    def go(folder: str, how: int) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, str(script), str(how), *words, "--out", str(tmp_path / folder)],
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-            cwd=ROOT,
-            text=True,
-            capture_output=True,
-            check=False,
-            timeout=MOST_S,
-        )
-
-    killed = go("killed", signal.SIGKILL)
+    killed = subprocess.run(
+        [sys.executable, str(script), *words, "--out", str(tmp_path / "killed")],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        cwd=ROOT,
+        text=True,
+        capture_output=True,
+        check=False,
+        timeout=MOST_S,
+    )
     assert killed.returncode == -signal.SIGKILL, killed.stderr
     assert (tmp_path / "killed" / checkpoint.NAME).exists()
     assert not (tmp_path / "killed" / "result.json").exists()
-    stopped = go("stopped", signal.SIGINT)
-    assert stopped.returncode == 1, stopped.stderr
-    assert "Interrupted" in stopped.stdout
+    record = checkpoint.Checkpoint.record
+
+    def record_and_interrupt(self: checkpoint.Checkpoint, step: ContinuationStep) -> None:
+        record(self, step)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with monkeypatch.context() as patch, interrupting():
+        patch.setattr(checkpoint.Checkpoint, "record", record_and_interrupt)
+        stopped = told("reconstruct", *words, "--out", tmp_path / "stopped")
+    assert stopped.code == 1, stopped.err
+    assert "Interrupted" in stopped.out
     assert read_result(tmp_path / "stopped" / "result.json").status == "interrupted"
     ends = []
     for folder in ("killed", "stopped"):

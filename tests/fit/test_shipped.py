@@ -34,6 +34,8 @@ pytestmark = pytest.mark.usefixtures("swift_models")
 
 DATA = Path(__file__).parents[2] / "data"
 AFM = DATA / "afm_sensor"
+#: Algorithm 2 ends sooner by squares; what is reported is of the likelihood either way.
+SQUARES = ff.Tikhonov(levels=1, misfit="squares")
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +183,7 @@ def test_noise_moves_the_width_by_no_more_than_its_scatter(draws: int, tmp_path:
         record = ff.Problem.of(campaign, fmu).record
         record = replace(record, alternatives=record.alternatives[:1])
         answers = partial(ModesResponse, record)
-        found = ff.fit(ff.Problem.answered_by(answers, record), ff.Tikhonov(levels=1), starts=1)
+        found = ff.fit(ff.Problem.answered_by(answers, record), SQUARES, starts=1)
         widths.append(found["width_plus"].value)
         claimed.append(found["width_plus"].std)
     scatter = float(np.std(widths, ddof=1))
@@ -225,6 +227,8 @@ def test_as_published_the_deviations_fall_as_the_paper_prints(
     changes = {
         'model = "CoupledOscillator"': f'file = "{swift_fmu.as_posix()}"',
         "reflection = [false, true]": "reflection = [false]",  # of two forms that fit alike one
+        "beta = 0.1": "beta = 0.01",  # through the same nu in half as many steps
+        "iterations = 9": "iterations = 5",
     }
     text = path.read_text()
     for old, new in changes.items():

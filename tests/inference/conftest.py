@@ -9,7 +9,7 @@ from tests.support.shipped_runs import ShippedRun, swift_shipped_run
 
 @pytest.fixture(scope="session")
 def string_q1_run(tmp_path_factory: pytest.TempPathFactory) -> ShippedRun:
-    """The first shipped series, reconstructed by the command as a user runs it."""
+    """The first shipped series, reconstructed by the command with ``--quick``."""
     return swift_shipped_run("string_q1", tmp_path_factory)
 
 

@@ -13,8 +13,8 @@ from tests.support.in_process import told
 from tests.support.twins import shared_folder, swiftly_built
 
 DATA = Path(__file__).parents[2] / "data"
-#: The first series as a user runs it; the second with looser tolerances, which take half as long.
-WORDS: dict[str, tuple[str, ...]] = {"string_q1": (), "string_q2": ("--quick",)}
+#: With looser tolerances, which take half as long.
+QUICK = "--quick"
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def shipped_run(name: str, factory: pytest.TempPathFactory) -> ShippedRun:
     with filelock.FileLock(shared / f"{name}.lock"):  # of a process that ends, however, it is free
         if not printed.exists():
             words = ["reconstruct", str(DATA / name / "campaign.toml"), "--out", str(out)]
-            ended = told(*words, "--no-report", "--workers", "2", *WORDS[name])
+            ended = told(*words, "--no-report", "--workers", "2", QUICK)
             assert ended.code == 0, ended.err
             printed.write_text(ended.out, "utf-8")
     return ShippedRun(out, printed.read_text("utf-8"))
