@@ -88,6 +88,7 @@ def test_a_weak_line_is_described_and_noise_is_not(noise: float, said: bool) -> 
         unknowns,
         ff.ComplexSweep(setup, ff.ComplexCurve(u, seen)),
     )
-    found = ff.profile(ff.fit(problem, ff.Tikhonov(nu=1e-3, levels=1, misfit="squares"), starts=1), ["eta_plus"])
+    fit = ff.fit(problem, ff.Tikhonov(nu=1e-3, levels=1, misfit="squares"), starts=1)
+    found = ff.profile(fit, ["eta_plus"])
     assert (found.inferred.status.value == "converged") is said
     assert (str(found["eta_plus"].verdict) == "determined") is said

@@ -94,7 +94,7 @@ def problem(swift: ff.Fmu, swift_fmu: Path, tmp_path_factory: pytest.TempPathFac
 
 @pytest.fixture(scope="module")
 def fit(problem: ff.Problem) -> ff.Fit:
-    return ff.fit(problem)
+    return ff.fit(problem, starts=1)
 
 
 @pytest.mark.parametrize("files", [False, True])

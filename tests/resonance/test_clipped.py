@@ -89,7 +89,7 @@ def test_three_equal_points_at_the_top_of_a_coarse_scale_stay() -> None:
 
 
 @sampled(6, 12)
-@pytest.mark.parametrize("share", [0.5, 0.8])
+@pytest.mark.parametrize("share", [0.5, pytest.param(0.8, marks=pytest.mark.nightly)])
 def test_parts_that_overflow_are_left_out_of_a_complex_line(share: float, count: int) -> None:
     """X and Y, each cut off at a limit: a width of 94 Hz came out as 128 with an error of 11."""
     exact = HEIGHT * np.exp(0.7j) * mode(F, ETA, WIDTH)

@@ -50,7 +50,7 @@ def behind_cable(f: FloatArray) -> ComplexArray:
     ("seen", "wiring"),
     [
         (line_alone, "transmission"),
-        (on_crosstalk, "fano"),
+        pytest.param(on_crosstalk, "fano", marks=pytest.mark.nightly),
         (on_slope, "sloped"),
         (behind_cable, "transmission"),
     ],
@@ -106,7 +106,7 @@ def test_errors_have_the_size_of_the_closed_form() -> None:
     assert found.width_std_hz == pytest.approx(2.0 * bound, rel=0.05)
 
 
-@sampled(4, 8)
+@sampled(2, 8)
 @pytest.mark.parametrize("phases", [True, False], ids=["complex", "amplitudes"])
 def test_errors_are_wider_where_neighbours_follow_each_other(phases: bool, count: int) -> None:
     """Noise of first order, rho = 0.7: the variance of sums is (1 + rho)/(1 - rho) = 5.7 times."""
@@ -287,7 +287,7 @@ def test_two_lines_with_one_top_are_told_with_their_places() -> None:
     assert width == pytest.approx(2.0 * lower.imag, rel=0.1)
 
 
-@sampled(5, 12)
+@sampled(3, 12)
 @pytest.mark.parametrize("kind", ["phases", "amplitudes", "single"])
 def test_one_line_is_not_told_to_be_two_that_overlap(kind: str, count: int) -> None:
     """On a constant, of 0.1 to 10 % noise."""
@@ -520,7 +520,7 @@ def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.Monkey
         ff.line(F[:70], np.abs(line_alone(F[:70]) + noise(70, 0.02, 1)))
 
 
-@sampled(6, 12)
+@sampled(4, 12)
 @pytest.mark.parametrize("averaged", [1, 25], ids=["single", "averaged"])
 def test_readings_that_nobody_averaged_are_told_from_averaged_ones(
     averaged: int, count: int

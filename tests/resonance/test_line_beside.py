@@ -30,7 +30,7 @@ def holds(ends: tuple[float, float], truth: float) -> bool:
     return ends[0] <= truth <= ends[1]
 
 
-@sampled(6, 20)
+@sampled(3, 20)
 def test_a_line_on_a_slope_is_where_it_is(count: int) -> None:
     """Intervals of 95 % of 20 sweeps hold the truth in 17 at least (P = 0.984)."""
     held: dict[str, int] = {"frequency": 0, "width": 0, "amplitude": 0}
@@ -48,7 +48,7 @@ def test_a_line_on_a_slope_is_where_it_is(count: int) -> None:
     assert "rises by 0.1" in repr(found)
 
 
-@sampled(4, 15)
+@sampled(2, 15)
 @pytest.mark.parametrize("zero", [0.0, 0.3], ids=["alone", "constant"])
 def test_a_clean_line_has_no_slope_no_second_line_and_no_single_point(
     zero: float, count: int
@@ -60,7 +60,7 @@ def test_a_clean_line_has_no_slope_no_second_line_and_no_single_point(
         assert found.spikes == ()
 
 
-@sampled(5, 20)
+@sampled(3, 20)
 def test_both_amplitudes_of_a_curve_are_told_with_their_errors_by_line_and_campaign(
     count: int,
 ) -> None:
@@ -94,7 +94,7 @@ def test_both_amplitudes_of_a_curve_are_told_with_their_errors_by_line_and_campa
     assert 1.7 * count <= inside  # 1.9 +- 0.07 of independent ones, of twenty sweeps
 
 
-@sampled(4, 10)
+@sampled(2, 10)
 @pytest.mark.parametrize("parts", [np.abs, np.asarray], ids=["amplitudes", "complex"])
 def test_a_weak_second_line_is_told_and_fitted_beside_the_first(
     parts: type[np.ndarray], count: int, tmp_path: Path

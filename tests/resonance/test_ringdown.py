@@ -51,7 +51,7 @@ def write(path: Path, **columns: FloatArray) -> Path:
     return path
 
 
-@sampled(8, 12)
+@sampled(5, 12)
 @pytest.mark.parametrize("kind", ["samples", "phasors", "amplitudes"])
 def test_errors_are_those_of_the_scatter(kind: str, count: int) -> None:
     """Pulls of 12 laboratories with known truth: a standard normal's mean square is 1 +- 0.41.

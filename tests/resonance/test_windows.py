@@ -138,7 +138,7 @@ def test_the_form_in_words_is_that_of_the_table() -> None:
 def test_with_phases_tails_of_lines_outside_invent_no_delay_and_move_nothing() -> None:
     """A line a tenth as high and twice as wide, twelve widths above: there is no cable."""
     pulls = []
-    for seed in range(6):
+    for seed in range(3):
         f = grid(12.0, 601)
         seen = two(f, 12.0, 0.1, 2.0 * WIDTH) + noise(f.size, 4e-3, seed)
         found = ff.line(f, seen, within_hz=(None, ETA + 8.0 * WIDTH))
