@@ -35,6 +35,8 @@ TOLD_P = 1e-4
 CLIPPED_POINTS = 3
 #: Two lines are looked for so many widths apart; the second up to so many times as wide or narrow.
 APART, LIKE = (-6.0, -2.0, -0.6, 0.6, 2.0, 6.0), 8.0
+#: Relative fall of the squares below which a step of that search is the last one.
+TELLING = 1e-9
 #: Residuals below this share of the top are rounding: nothing can be wrong.
 ROUNDING = 1e-6
 
@@ -265,7 +267,8 @@ class _Sweep:
 
         begin = np.array([0.0, 0.0, plain.height, apart, 0.0, 0.1, 0.1])
         try:
-            fit = minimise_squares(residuals, begin)
+            # how much it gains is compared with what chance gains: more digits of it tell nothing
+            fit = minimise_squares(residuals, begin, gain=TELLING)
         except (ValueError, np.linalg.LinAlgError):
             return None
         beside_hz = eta + width * fit.values[3]
