@@ -85,7 +85,7 @@ for room in sys.argv[1:]:
 
 
 @pytest.mark.parametrize(
-    "rooms", [("fit", "simulate"), pytest.param(("design", "report"), marks=pytest.mark.nightly)]
+    "rooms", [("fit",), pytest.param(("simulate", "design", "report"), marks=pytest.mark.nightly)]
 )
 def test_a_verb_is_a_verb_whatever_was_imported_before(rooms: tuple[str, ...]) -> None:
     wanted = [[room, "True", "True", f"fitting.{room}"] for room in rooms]
@@ -319,10 +319,10 @@ def test_a_variable_of_single_experiments_may_have_a_start_value_for_the_sweep(
 def test_an_open_value_is_nan_and_has_a_range(fmu: ff.Fmu) -> None:
     posed = problem(fmu)
     assert posed.start.tolist() == [1.9, 100.0, 100.0]  # in the FMU's units
-    found = ff.fit(posed, ff.Tikhonov(levels=3), starts=1)
+    found = ff.fit(posed, ff.Tikhonov(levels=2), starts=1)
     assert found.success
     assert (found.status, found.x.shape) == ("converged", (3,))
-    assert [row.nu for row in found.path][-3:] == pytest.approx([0.1, 0.01, 0.001])
+    assert [row.nu for row in found.path][-2:] == pytest.approx([0.1, 0.01])
     assert found.fun == found.record.solution.final.j_fit
     for name, verdict in (("lambda", "not known"), ("width_plus", "linearised only")):
         assert found[name].verdict == verdict

@@ -28,6 +28,7 @@ from tests.fit import test_swap
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.in_process import told
 from tests.support.report_records import result_for
+from tests.support.string_part import string_part
 
 pytestmark = pytest.mark.usefixtures("swift_models")
 
@@ -175,7 +176,7 @@ def test_kinds_are_compared_by_one_time(tmp_path: Path) -> None:
         (tmp_path / f"{name}.toml").write_text(f"{table}phases = {phases}\n")
     words: list[str | Path] = [
         "design",
-        Q1 / "campaign.toml",
+        string_part(tmp_path / "q1", reflection="reflection = [false]"),
         "--time",
         "10min",
         "--target",
@@ -235,7 +236,7 @@ def test_further_settings_are_tried_and_written(
     (tmp_path / "limits.toml").write_text(table + "[design.settings]\ng2 = [0.0, 1.0]\n")
     words = [
         "design",
-        Q1 / "campaign.toml",
+        string_part(tmp_path / "q1", reflection="reflection = [false]"),
         "--candidates",
         tmp_path / "limits.toml",
         "--no-report",

@@ -37,7 +37,7 @@ def test_killed_asked_to_end_and_gone_on_with_it_is_the_same_table(
         wait_until(lambda: rows(out) >= 1, "the first item")
         job.kill_workers()
         had = rows(out)
-        wait_until(lambda: rows(out) >= had + 2, "an item of the next process")
+        wait_until(lambda: rows(out) > had, "an item of the next process")
         second = told("ensemble", *LINES, "--fmu", swift_fmu, "--out", out)
         job.send(signal.SIGTERM)
         code, printed, err = job.ended()
@@ -53,7 +53,8 @@ def test_killed_asked_to_end_and_gone_on_with_it_is_the_same_table(
     assert not (out / "report.html").exists()
     # as many as there are: an item that was under way when the end was asked for may be missing
     labels = sorted(int(row["label"].removeprefix("seed ")) for row in found["rows"])
-    wanted = next(k for k in range(1, 402) if k not in labels) - 1
+    # a busy machine may have let it make many: the first four are held against those of one thread
+    wanted = min(4, next(k for k in range(1, 402) if k not in labels) - 1)
     again = told(*words, str(wanted), "--resume", "--json")
     assert again.code == 0, again.err
     assert json.loads(again.out)["total"] == wanted
@@ -84,7 +85,8 @@ def test_without_a_worker_to_start_the_cost_is_told_and_nothing_written(
 
 def test_the_cost_of_going_on_is_that_of_what_is_left(swift_fmu: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    words = ("ensemble", *LINES, "--fmu", swift_fmu, "--out", out, "--laboratories")
+    own = ("--fmu", swift_fmu, "--out", out, "--no-report", "--laboratories")
+    words = ("ensemble", *LINES, *own)
     assert told(*words, "1").code == 0
     with (out / ITEMS_FILE).open("a") as file:
         file.write('{"row":{"index":1,"lab')  # as kill -9 leaves it

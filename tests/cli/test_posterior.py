@@ -15,15 +15,15 @@ from fitting.text.records import read_json
 from tests.support.in_process import told
 from tests.support.small_campaign import of_pairs, small_campaign
 
-#: The fewest walkers of three values that an affine move wants, on one worker.
+#: On one worker, more walkers than the fewest that an affine move of two values wants.
 FEW = ("--workers", "1", "--walkers", "8")
 
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory: pytest.TempPathFactory, swift_fmu: Path) -> tuple[Path, Path]:
-    """A campaign of one parameter and two offsets, and its fit."""
+    """A campaign of one parameter and one offset, and its fit."""
     folder = tmp_path_factory.mktemp("posterior")
-    campaign = of_pairs(small_campaign(folder / "small", swift_fmu), 1, 3)
+    campaign = of_pairs(small_campaign(folder / "small", swift_fmu), 1)
     words = ("--quick", "--no-profiles", "--no-report", "--workers", "1")
     ended = told("reconstruct", campaign, "--out", folder / "fit", *words)
     assert ended.code == 0, ended.err
@@ -43,7 +43,7 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     first = told(*words, "--steps", "200", "--no-report")
     names = {path.name for path in (tmp_path / "out").rglob("*") if path.is_file()}
     assert {"posterior.json", "draws.csv", "chain.npz"} <= names
-    assert first.code == 1, first.out  # a chain of three values is not long enough yet
+    assert first.code == 1, first.out  # a chain of two values is not long enough yet
     early = read_json(tmp_path / "out" / "posterior.json", PosteriorSummary)
     assert early.status == "not converged"
     assert all(math.isnan(value.interval95[0]) for value in early.values.values())

@@ -19,7 +19,7 @@ from fitting.api.fitted import Progress, Spent
 from fitting.cli.running.progress import hidden, status_line
 from fitting.cli.running.remaining import Remaining
 from fitting.inference.stages import Stage
-from tests.support.small_campaign import small_campaign
+from tests.support.small_campaign import of_pairs, small_campaign
 
 ROOT = Path(__file__).parents[2]
 EXPECTED = Expected(
@@ -281,7 +281,7 @@ def test_lines_in_a_pipe_have_words_and_a_time(
 
 def test_a_terminal_gets_no_colours(swift_fmu: Path, tmp_path: Path) -> None:
     """On a terminal of its own, with lines above the one that lives there."""
-    campaign = small_campaign(tmp_path / "small", swift_fmu)
+    campaign = of_pairs(small_campaign(tmp_path / "small", swift_fmu), 1)
     ours, theirs = pty.openpty()
     words = [sys.executable, "-m", "fitting", "reconstruct", str(campaign), "--verbose"]
     words += ["--no-report", "--no-profiles", "--workers", "1", "--out", str(tmp_path / "out")]

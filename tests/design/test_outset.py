@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +33,19 @@ def fmu(swift_modes_fmu: Path) -> Iterator[ff.Fmu]:
         yield made
 
 
-def written(folder: Path, *, background: str, sigma: str, f2_start: float) -> Path:
+def written(
+    folder: Path,
+    *,
+    background: str,
+    sigma: str,
+    f2_start: float,
+    volts: Sequence[float] = VOLTS,
+) -> Path:
     """Sweeps whose largest is about 1 V over a slope five times as high, and their campaign."""
     rng = np.random.default_rng(3)
     x = (U - 1000.0) / 20.0
     lines = ["V (V),frequency (Hz),X (V),Y (V)"]
-    for volt in VOLTS:
+    for volt in volts:
         line = crossing_spectra.phasor(U, volt)
         s = line / np.max(np.abs(line)) + 5.0 * ((0.3 + 0.5j) + (1.0 - 0.4j) * x)
         s = s + SIGMA * (rng.standard_normal(U.size) + 1j * rng.standard_normal(U.size))
@@ -113,7 +120,13 @@ def test_the_closed_form_of_the_test_is_that_of_the_matrix() -> None:
 
 def test_a_model_that_describes_nothing_is_said_to(fmu: ff.Fmu, tmp_path: Path) -> None:
     """The slope is there and not declared: hundreds of times the noise are left."""
-    path = written(tmp_path / "x", background="none", sigma='sigma = "10 mV"', f2_start=999.0)
+    path = written(
+        tmp_path / "x",
+        background="none",
+        sigma='sigma = "10 mV"',
+        f2_start=999.0,
+        volts=(-3.0, 0.0, 3.0),
+    )
     made = designed(fmu, path)
     assert isinstance(made.limits, Limits)
     said = " ".join(design_lines(made.design)).replace("\u00a0", " ")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -210,8 +210,16 @@ def test_greedy_is_near_the_best_of_all(weighed: Weighed, criterion: str) -> Non
     assert math.exp(values["exhaustive"] - values["greedy"]) >= 0.9
 
 
+@pytest.mark.parametrize(
+    "seeds", [(11, 12), pytest.param(range(11, 17), marks=pytest.mark.nightly)]
+)
 def test_laboratories_that_follow_the_advice(
-    bound: BoundCampaign, workers: FmuWorkers, weighed: Weighed, limits: Limits, tmp_path: Path
+    bound: BoundCampaign,
+    workers: FmuWorkers,
+    weighed: Weighed,
+    limits: Limits,
+    tmp_path: Path,
+    seeds: Sequence[int],
 ) -> None:
     """Refitted to its own q1 series and the proposed measurements, lambda scatters as expected.
 
@@ -224,7 +232,7 @@ def test_laboratories_that_follow_the_advice(
     bench = read_bench(Q1.parent / "truth.toml")
     starts = [np.array([1.6, 250.0, 90.0]), np.array([2.6, 60.0, 200.0])]
     found = []
-    for seed in range(11, 17):
+    for seed in seeds:
         plan = tmp_path / "plan" / "campaign.toml"
         laboratory = Laboratory(bench, plan, seed, tmp_path, workers)
         errors = dict(limits.setting_sigmas)
@@ -232,7 +240,8 @@ def test_laboratories_that_follow_the_advice(
     gradient = weighed.problem.gradients[0, :3] / prior_sigmas_in_box(bound.parameters)
     expected = laboratory.expected(TRUTH, gradient, errors)
     assert expected == pytest.approx(design.proposals[-1].expected.at, rel=0.3)
-    assert 1.0 / 1.5 < np.std(found, ddof=1) / expected < 1.5
+    if len(found) > 2:  # two tell no scatter
+        assert 1.0 / 1.5 < np.std(found, ddof=1) / expected < 1.5
     true = math.sqrt(-0.5 * math.sin(2 * TRUTH[0]) * (7.0276e6**2 - 6.94026e6**2))
     assert np.mean(found) == pytest.approx(true, abs=3.0 * expected / math.sqrt(len(found)))
 

@@ -36,7 +36,16 @@ def phasors(lines: tuple[tuple[float, float, float], ...], constant: float = 0.0
 
 def fitted(campaign: Path) -> Result:
     out = campaign.parent / "results"
-    words = ["reconstruct", str(campaign), "--out", str(out), "--no-profiles", "--workers", "1"]
+    words = [
+        "reconstruct",
+        str(campaign),
+        "--out",
+        str(out),
+        "--no-profiles",
+        "--workers",
+        "1",
+        "--quick",
+    ]
     assert main([*words, "--no-report"]) == 0
     return read_result(out / "result.json")
 

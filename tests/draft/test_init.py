@@ -84,7 +84,7 @@ def fitted(folder: Path, words: Sequence[str]) -> Result:
     out = folder / "drafted"
     assert main(["init", *words, "--out", str(out), "--yes"]) == 0
     campaign, results = str(out / "campaign.toml"), folder / "results"
-    quick = ["--no-report", "--no-profiles", "--workers", "1"]
+    quick = ["--quick", "--no-report", "--no-profiles", "--workers", "1"]
     assert main(["reconstruct", campaign, "--out", str(results), *quick]) == 0
     return read_result(results / "result.json")
 

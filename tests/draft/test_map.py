@@ -157,7 +157,7 @@ def test_the_draft_of_a_map_runs_as_it_is_and_finds_the_coupling(
     assert campaign["fmu"]["taken"] == ["g2"]  # that nobody drives mode 2 is a guess
     starts(campaign)
     results = tmp_path / "results"
-    quick = ["--no-report", "--no-profiles", "--workers", "1"]
+    quick = ["--quick", "--no-report", "--no-profiles", "--workers", "1"]
     assert main(["reconstruct", str(out / "campaign.toml"), "--out", str(results), *quick]) == 0
     found = read_result(results / "result.json").parameters
     truth = {"a0": A0, "a1": A1, "f2": B0, "lambda12": LAMBDA, "d1": WIDTH, "d2": WIDTH}

@@ -57,7 +57,7 @@ def fitted(folder: Path, file: Path) -> tuple[dict[str, ParameterResult], dict[s
     out, results = folder / "drafted", folder / "results"
     assert main(["init", str(file), "--out", str(out), "--yes"]) == 0
     campaign = out / "campaign.toml"
-    quick = ["--no-report", "--no-profiles", "--workers", "1"]
+    quick = ["--quick", "--no-report", "--no-profiles", "--workers", "1"]
     assert main(["reconstruct", str(campaign), "--out", str(results), *quick]) == 0
     written = tomllib.loads(campaign.read_text("utf-8"))
     assert "sweep" not in written

@@ -15,6 +15,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +27,8 @@ from tests.support.in_process import told
 
 HERE = Path(__file__).parent
 CAMPAIGN = "campaign.toml"
-#: Made before any scene, without being written down: what the scenes read.
-BEFORE: Sequence[Sequence[str]] = (
-    ("reconstruct", CAMPAIGN, "--out", "fit", "--no-report", "--workers", "1"),
-)
+#: Made once, before any scene: it is the first call of `reconstruct`, and other scenes read it.
+FIT = ("reconstruct", CAMPAIGN, "--out", "fit", "--no-report", "--workers", "1")
 BAND = ("--from", "6.9402 MHz", "--to", "6.9403 MHz")
 #: Of each command: the words of some calls that share a folder, one after the other.
 SCENES: Mapping[str, Sequence[Sequence[str]]] = {
@@ -40,7 +39,17 @@ SCENES: Mapping[str, Sequence[Sequence[str]]] = {
         ("design", CAMPAIGN, "--target", "nothing"),
     ],
     "ensemble": [
-        ("ensemble", CAMPAIGN, "--out", "many", "--workers", "1", "--no-report"),
+        (
+            "ensemble",
+            CAMPAIGN,
+            "--out",
+            "many",
+            "--workers",
+            "1",
+            "--value",
+            "d1",
+            "--no-report",
+        ),
         ("ensemble", "--out", "none"),
     ],
     "example": [("example", "string_q1", "--out", "shipped"), ("example", "string_q9")],
@@ -50,10 +59,7 @@ SCENES: Mapping[str, Sequence[Sequence[str]]] = {
     ],
     "init": [("init", "line.csv", "--out", "drafted", "--yes", "--peak"), ("init", "empty.csv")],
     "line": [("line", "line.csv"), ("line", "line.csv", "--to", "1 kHz"), ("line", "empty.csv")],
-    "reconstruct": [
-        ("reconstruct", CAMPAIGN, "--out", "again", "--no-report", "--workers", "1"),
-        ("reconstruct", "misspelt.toml"),
-    ],
+    "reconstruct": [FIT, ("reconstruct", "misspelt.toml")],
     "simulate": [("simulate", FMU, "--plan", "--accuracy", "1e-4"), ("simulate", "none.fmu")],
     "sweep": [
         ("sweep", FMU, "--out", "swept", *BAND, "--points", "3", "--accuracy", "1e-2"),
@@ -66,21 +72,35 @@ SCENES: Mapping[str, Sequence[Sequence[str]]] = {
 }
 
 
-def golden_text(command: str, scene: Path) -> str:
+@dataclass(frozen=True)
+class LaidOut:
+    """A folder with all that the scenes read, and what the fit in it has printed, as it is kept."""
+
+    folder: Path
+    fit: str
+
+
+def golden_text(command: str, scene: LaidOut, folder: Path) -> str:
     """What the calls of a command print, as it is kept.
 
     Args:
         command: of `SCENES`.
-        scene: folder that `laid_out` made; the calls write into it.
+        scene: as `laid_out` made it.
+        folder: not there yet: the scene is copied there, and the calls write into it.
     """
-    parts = []
-    for words in SCENES[command]:
-        with contextlib.chdir(scene):
-            ended = told(*words)
-        parts.append(f"$ fmu-fit {' '.join(words)}\n")
-        parts += [ended.out, *(f"stderr: {line}\n" for line in ended.err.splitlines())]
-        parts.append(f"exit code {ended.code}\n\n")
-    return masked("".join(parts).replace(str(scene), "."))
+    shutil.copytree(scene.folder, folder)
+    parts = [scene.fit if words is FIT else _printed(words, folder) for words in SCENES[command]]
+    return "".join(parts)
+
+
+def _printed(words: Sequence[str], folder: Path) -> str:
+    """What one call in a folder prints, and its exit code."""
+    with contextlib.chdir(folder):
+        ended = told(*words)
+    parts = [f"$ fmu-fit {' '.join(words)}\n", ended.out]
+    parts += [f"stderr: {line}\n" for line in ended.err.splitlines()]
+    parts.append(f"exit code {ended.code}\n\n")
+    return masked("".join(parts).replace(str(folder), "."))
 
 
 def masked(text: str) -> str:
@@ -92,8 +112,8 @@ def masked(text: str) -> str:
     return re.sub(r"[ \t]+", " ", text)
 
 
-def laid_out(folder: Path, model: Path) -> Path:
-    """A folder with all that the scenes read, in an empty folder; its path.
+def laid_out(folder: Path, model: Path) -> LaidOut:
+    """All that the scenes read, in an empty folder.
 
     Args:
         folder: an empty one.
@@ -111,21 +131,9 @@ def laid_out(folder: Path, model: Path) -> Path:
     (scene / "empty.csv").write_text("frequency (Hz),amplitude (V)\n", "utf-8")
     text = (scene / CAMPAIGN).read_text("utf-8")
     (scene / "misspelt.toml").write_text(text.replace("[sweep]", "[swep]"), "utf-8")
-    with contextlib.chdir(scene):
-        for words in BEFORE:
-            ended = told(*words)
-            assert ended.code == 0, ended.err
-    return scene
-
-
-def copied(scene: Path, folder: Path) -> Path:
-    """The scene in a folder of its own, which is returned.
-
-    Args:
-        scene: folder that `laid_out` made.
-        folder: that is made.
-    """
-    return Path(shutil.copytree(scene, folder))
+    fit = _printed(FIT, scene)
+    assert (scene / "fit" / "result.json").is_file(), fit
+    return LaidOut(scene, fit)
 
 
 def main(commands: Sequence[str]) -> None:
@@ -135,7 +143,7 @@ def main(commands: Sequence[str]) -> None:
         model = build_fmu.build("CoupledOscillator", Path(folder) / "model", native=())
         scene = laid_out(Path(folder), model)
         for command in commands or SCENES:
-            text = golden_text(command, copied(scene, Path(folder) / command))
+            text = golden_text(command, scene, Path(folder) / command)
             (HERE / f"{command}.txt").write_text(text, "utf-8")
 
 

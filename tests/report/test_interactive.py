@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import gzip
+import io
 import json
 import re
 from collections import Counter
@@ -35,6 +36,18 @@ from tests.support import report_records as records
 MOST = 5_000_000
 
 
+SMALL = {
+    "svg": b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>',
+    "png": b"\x89PNG\r\n\x1a\n",
+    "pdf": b"%PDF-1.4",
+}
+
+
+def written_small(_: Canvas, file: io.BytesIO, **options: Any) -> None:
+    """Where a picture takes half a second."""
+    file.write(SMALL[options["format"]])
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a series of two pairs, whose labels are no friends of anything."""
@@ -42,7 +55,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     data = records.campaign([records.experiment(label, pair) for label, pair in pairs])
     result = records.result_for(data)
     out = tmp_path_factory.mktemp("report")
-    write_report(result, records.with_figures(data, result), out)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Canvas, "savefig", written_small)  # pictures are looked at elsewhere
+        write_report(result, records.with_figures(data, result), out)
     return out
 
 

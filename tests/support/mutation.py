@@ -192,10 +192,11 @@ def _between(
 def _constant(
     node: ast.Constant, value: bool | float, lines: list[str]
 ) -> Iterator[tuple[tuple[int, int], str, str]]:
-    column = _column(node, lines)
-    text = ast.get_source_segment("\n".join(lines), node) or ""
-    if node.end_lineno != node.lineno or not lines[node.lineno - 1][column:].startswith(text):
+    if node.end_lineno != node.lineno:
         return
+    column = _column(node, lines)
+    # not `ast.get_source_segment`, which splits the whole file into lines anew for every number
+    text = lines[node.lineno - 1].encode()[node.col_offset : node.end_col_offset].decode()
     yield (node.lineno, column), text, _another(value)
 
 
