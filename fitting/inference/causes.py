@@ -18,7 +18,11 @@ from fitting.fit.likelihood.descent import most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.objective import Objective
 from fitting.fit.solution import Solution
-from fitting.inference.curve_causes import causes_along_curves, solved_inside
+from fitting.inference.curve_causes import (
+    causes_along_curves,
+    gain_of_experiments,
+    solved_inside,
+)
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.measurement import DivisibleResponse, Measurement
 from fitting.measurements.tones import Tones
@@ -61,6 +65,8 @@ def causes_of(fit: Fit, adequacy: Adequacy | None) -> tuple[Finding, ...]:
         found += causes_along_curves(fit.solution)
         if not found and not adequacy.describes:
             found += _of_experiments(fit)
+        if not found and not adequacy.describes:
+            found += gain_of_experiments(fit.solution)
     except (FmuFailure, NoScale, np.linalg.LinAlgError):  # where the model fails nothing is known
         return tuple(found)
     return tuple(found)

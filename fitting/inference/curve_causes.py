@@ -15,12 +15,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import lambertw
 
 from fitting.campaign.parameters import inverse_priors, search_bounds
 from fitting.fit.objective import evaluate_many, jacobian
 from fitting.fit.solution import Solution
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.tones import Tones
 from fitting.signal.misfit import excess_share, scaled_solution
 from fitting.signal.residual_tests import LAGS, autoregression
 from fitting.text.arrays import FloatArray, IntArray
@@ -54,8 +56,8 @@ class _Place:
     @property
     def name(self) -> str:
         """How it is called in a finding."""
-        named = (self.measurement.series, self.curve.name)
-        return "/".join(filter(None, named)) or "measurement"
+        what = "experiments" if isinstance(self.measurement, Tones) else self.curve.name
+        return "/".join(filter(None, (self.measurement.series, what))) or "measurement"
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,21 @@ def causes_along_curves(solution: Solution) -> Iterator[Finding]:
     Args:
         solution: the end of a fit.
     """
-    places = _places(solution)
+    places = [p for p in _places(solution) if not isinstance(p.measurement, Tones)]
+    yield from _of_places(solution, places)
+
+
+def gain_of_experiments(solution: Solution) -> Iterator[Finding]:
+    """The factor on all peaks of a series that mends it: of a read-out that others do not share.
+
+    Args:
+        solution: the end of a fit.
+    """
+    places = [p for p in _places(solution) if isinstance(p.measurement, Tones)]
+    yield from _of_places(solution, places)
+
+
+def _of_places(solution: Solution, places: Sequence[_Place]) -> Iterator[Finding]:
     if not places:
         return
     inside = solved_inside(solution, solution.final.parameters)
@@ -132,6 +148,8 @@ def _finding(found: _Trial, removed: float) -> Finding:
     places = found.mistake.places
     names = [place.name for place in places]
     size = float(found.sizes[np.argmax(np.abs(found.sizes))])
+    if found.mistake.kind is Kind.noise_level:
+        size = _level(size) - 1.0
     numbers = {"size": size, "removed": removed, "curves": float(len(names))}
     if found.mistake.kind is Kind.shift:
         numbers["time_s" if places[0].measurement.is_trace else "frequency_hz"] = size
@@ -141,6 +159,12 @@ def _finding(found: _Trial, removed: float) -> Finding:
         subject=", ".join(names) if len(names) < NAMED else f"{names[0]} to {names[-1]}",
         numbers=numbers,
     )
+
+
+def _level(root: float) -> float:
+    """Factor q on a density whose deviance 2 (q - 1 - ln q) has a signed root."""
+    branch = -1 if root > 0.0 else 0
+    return float(-lambertw(-np.exp(-1.0 - 0.5 * root**2), branch).real)
 
 
 # --- mistakes and where they are ----------------------------------------------------------------
@@ -229,12 +253,12 @@ def _promising(end: _End, mistakes: Sequence[_Mistake]) -> _Trial:
 
 def _promised(end: _End, trial: _Trial) -> _Trial:
     """One step of all that is fitted, and of the sizes, of the problem linearised."""
-    point = end.solution.final
+    point, lower, upper = end.solution.final, *search_bounds(end.solution.parameters)
     here = _put_right(trial, point.residuals, end.inside, end.sigma)
     slopes = _carried(trial, end.solution.matrix) / end.sigma[:, None]
     step, left = _step(end.solution, point.x, slopes, here)
-    sizes = trial.sizes + step[point.x.size : point.x.size + trial.sizes.size]
-    return replace(trial, left=left, sizes=sizes)
+    x = np.clip(point.x + step[: point.x.size], lower, upper)
+    return replace(trial, left=left, sizes=trial.sizes + _sizes(step, trial), x=x)
 
 
 def _mended(end: _End, mistakes: Sequence[_Mistake], before: float) -> _Trial:
@@ -253,26 +277,37 @@ def _mended(end: _End, mistakes: Sequence[_Mistake], before: float) -> _Trial:
 
 
 def _fitted(end: _End, trial: _Trial) -> _Trial:
-    """A fit of the parameters, and of the sizes of a mistake, from a trial of it."""
+    """A fit of the parameters, and of the sizes of a mistake, from a trial of it or from none."""
     lower, upper = search_bounds(end.solution.parameters)
-    found, here = _sized(end, trial)
+    nothing = replace(trial, sizes=np.zeros(trial.sizes.size), x=end.solution.final.x)
+    found, here = min((_sized(end, t) for t in (trial, nothing)), key=lambda each: each[0].left)
     for _ in range(STEPS):
         slopes = _carried(found, jacobian(end.solution.objective, found.x)) / end.sigma[:, None]
         step, _left = _step(end.solution, found.x, slopes, here)
-        step = step[: found.x.size]
-        better = None
-        for k in range(HALVINGS):
-            x = np.clip(found.x + 0.5**k * step, lower, upper)
-            better = _sized(end, replace(found, x=x))
-            if better[0].left < found.left:
-                break
-        if better is None or not better[0].left < found.left:
+        tries = (
+            _sized(
+                end,
+                replace(
+                    found,
+                    x=np.clip(found.x + 0.5**k * step[: found.x.size], lower, upper),
+                    sizes=found.sizes + 0.5**k * _sizes(step, found),
+                ),
+            )
+            for k in range(HALVINGS)
+        )
+        better = next((each for each in tries if each[0].left < found.left), None)
+        if better is None:
             break
         gained = found.left - better[0].left
         found, here = better
         if gained < 1.0:
             break
     return found
+
+
+def _sizes(step: FloatArray, trial: _Trial) -> FloatArray:
+    """Those of a mistake, of a step of parameters, sizes and what is solved inside."""
+    return step[trial.x.size : trial.x.size + trial.sizes.size]
 
 
 def _sized(end: _End, trial: _Trial) -> tuple[_Trial, _Rows]:
