@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.result.result import read_result
 from fitting.text.finding import Finding, Kind
 from fitting.text.records import read_json
 from tests.inference.test_causes import LINE, TOP, Laboratory, drawn, struck, swept, warm
