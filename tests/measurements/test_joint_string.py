@@ -1,7 +1,7 @@
 """A sweep, a ringdown and thermal noise of one string together, far from the shipped numbers.
 
-Two modes at 2.8 and at 7.03 MHz, of which the lower one, eta_plus, is seen. A search that sets out
-beyond its bounds comes to where the mode that is seen is the farther one of every tone: what would
+Two modes at 2.8 and at 7.03 MHz, of which the lower one, eta_plus, is seen. The search for fits
+beyond the bounds comes to where the mode that is seen is the farther one of every tone: what would
 be left out there is what was measured. Data are synthetic, by closed forms in numpy.
 """
 
@@ -34,8 +34,6 @@ steady_start = true
 kind = "tones"
 frequencies = ["u1", "u2"]
 amplitudes = ["A1", "A2"]
-[noise]
-relative = "1 %"
 [continuation]
 misfit = "squares"
 [[parameters]]
@@ -51,7 +49,9 @@ lower = 100.0
 upper = 20000.0
 start = 1500.0
 """
-SWEEP = """[sweep]
+SWEEP = """[noise]
+relative = "1 %"
+[sweep]
 file = "sweep.csv"
 amplitude = "V peak"
 use = "fit"
@@ -87,7 +87,7 @@ def measured(folder: Path) -> None:
     u = np.arange(F_HZ - 12e3, F_HZ + 12e3, 200.0)
     line = np.abs(response(u)) * GAIN * (1.0 + 0.01 * rng.standard_normal(u.size))
     written(folder / "sweep.csv", "frequency (Hz),amplitude (V)", u, line)
-    t = np.arange(4000) / 12.5e6
+    t = np.arange(1500) / 12.5e6
     ring = np.exp(-np.pi * WIDTH_HZ * t) * np.cos(2.0 * np.pi * F_HZ * t + 0.7)
     written(
         folder / "ringdown.csv",
@@ -102,7 +102,7 @@ def measured(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "of", [SPECTRUM, SWEEP + SPECTRUM, SWEEP + RINGDOWN + SPECTRUM], ids=["1", "2", "3"]
+    "of", [SPECTRUM, SWEEP + RINGDOWN + SPECTRUM], ids=["spectrum alone", "all together"]
 )
 def test_the_mode_that_is_seen_is_fitted_together(of: str, swift_fmu: Path, tmp_path: Path) -> None:
     measured(tmp_path)
