@@ -90,8 +90,9 @@ def test_a_wide_table_is_refused_in_one_line(command: str, tmp_path: Path) -> No
     path.write_text("\n".join([head, *rows]) + "\n", "utf-8")
     ended = told(command, path, "--out", tmp_path / "out")
     assert (ended.code, ended.out) == (2, "")
-    assert ended.err.count("\n") == 1
-    assert "100000 columns" in ended.err
+    said = [line for line in ended.err.splitlines() if line.startswith("fmu-fit: ")]
+    assert len(said) == 1  # beside its progress, on a slow machine
+    assert "100000 columns" in said[0]
 
 
 @pytest.mark.parametrize("command", ["line", "init"])
@@ -99,7 +100,7 @@ def test_a_long_table_is_announced_and_read_a_few_times(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is large is announced after SOON_S; the table is opened as often whatever its length."""
-    monkeypatch.setattr(progress, "LARGE_BYTES", 100_000)
+    monkeypatch.setattr(progress, "LARGE_BYTES", 80_000)
     announced: list[float | None] = []
     shown = progress.status_line
 
@@ -122,13 +123,13 @@ def test_a_long_table_is_announced_and_read_a_few_times(
 
     monkeypatch.setattr(io, "open", counted_open)
     monkeypatch.setattr("builtins.open", counted_open)
-    for count in (2_000, 20_000):
+    for count in (500, 4_000):
         f = 1e5 + np.linspace(-3e3, 3e3, count)
         a = 1.0 / np.sqrt(1.0 + (2.0 * (f - 1e5) / 120.0) ** 2)
-        a = a + 0.01 * np.random.default_rng(1).standard_normal(count)
+        a = np.abs(a + 0.01 * np.random.default_rng(1).standard_normal(count))
         write_csv(tmp_path / f"{count}.csv", "frequency (Hz),amplitude (V)", f, a)
         opened.pop(f"{count}.csv", None)
         ended = told(command, tmp_path / f"{count}.csv", "--out", tmp_path / f"out{count}")
         assert ended.code == 0, ended.err
-    assert opened["20000.csv"] == opened["2000.csv"]
+    assert opened["4000.csv"] == opened["500.csv"]
     assert announced.count(progress.SOON_S) == 1  # of the long one
