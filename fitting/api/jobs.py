@@ -16,7 +16,6 @@ from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.local import LocalProcesses
 from fitting.engine.threads import one_thread
-from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
@@ -105,7 +104,7 @@ def identified(
         description = problem.fmu.description
         units = {name: description.variables[name].unit or "" for name in record.outputs}
         provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
-    knowledge = identify_through(record, problem.respond, units, asked)
+    knowledge, findings = identify_through(record, problem.respond, units, asked)
     provenance["seed"] = str(asked.seed)
     return Identification(
         title=record.title,
@@ -113,7 +112,7 @@ def identified(
         at="the campaign's start and reference values" if fitted is None else "a fit",
         knowledge=knowledge,
         provenance=provenance,
-        findings=equivalent_findings(knowledge),
+        findings=findings,
     )
 
 

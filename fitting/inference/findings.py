@@ -26,52 +26,56 @@ def findings_of(
         joint: whether campaigns agree; None: there is one.
         causes: what may be why a model does not describe the data.
     """
-    found = [*_of_convergence(fit), *_of_residuals(fit, adequacy), *causes, *_of_pairs(joint)]
+    series, structure = fit.problem.data.series, fit.solution.structure
+    widening = 1.0 if structure is None else structure.widening
+    misfit = () if adequacy is None else residual_findings(adequacy, series, widening)
+    found = [*_of_convergence(fit), *misfit, *causes, *_of_pairs(joint)]
     order = ("error", "warning", "note")
     return tuple(sorted(found, key=lambda finding: order.index(finding.severity)))
 
 
-def subject_of(fit: Fit, curve: str = "") -> str:
-    """What a finding is about: a curve, the only series, or all measurements.
-
-    Args:
-        fit: a solved problem.
-        curve: its name; empty: that of no single one.
-    """
-    series = [name for name in fit.problem.data.series if name]
-    return curve or (series[0] if len(series) == 1 else EVERYTHING)
-
-
 def _of_convergence(fit: Fit) -> Iterator[Finding]:
     if fit.status is not Status.CONVERGED:
-        yield Finding(kind=Kind.not_converged, severity="error", subject=subject_of(fit))
+        subject = _subject(fit.problem.data.series)
+        yield Finding(kind=Kind.not_converged, severity="error", subject=subject)
 
 
-def _of_residuals(fit: Fit, adequacy: Adequacy | None) -> Iterator[Finding]:
-    if adequacy is None:
-        return
+def residual_findings(
+    adequacy: Adequacy, series: Sequence[str], widening: float
+) -> tuple[Finding, ...]:
+    """What the residuals of a fit say of the model and of the stated noise.
+
+    Args:
+        adequacy: whether the model describes the data.
+        series: names of the series that were fitted together; empty: that of the only one.
+        widening: of the errors of curves whose residuals are correlated.
+    """
     about = {"chi_square": adequacy.chi_square, "freedom": adequacy.freedom}
     about |= {"p_value": adequacy.p_value, "correlated_p": adequacy.correlated_p}
     numbers = _finite(about | {"share": adequacy.share, "scale_off": adequacy.scale_off})
-    subject = subject_of(fit, adequacy.curve if adequacy.is_correlated else "")
+    subject = _subject(series, adequacy.curve if adequacy.is_correlated else "")
     if not adequacy.describes:
-        yield Finding(kind=Kind.not_described, severity="error", subject=subject, numbers=numbers)
-        return
+        kind = Kind.not_described
+        return (Finding(kind=kind, severity="error", subject=subject, numbers=numbers),)
+    found = []
     if adequacy.is_correlated:
-        wider = 1.0 if fit.solution.structure is None else fit.solution.structure.widening
-        yield Finding(
-            kind=Kind.correlated_residuals,
-            severity="warning",
-            subject=subject,
-            numbers=numbers | {"widening": wider},
+        kind, more = Kind.correlated_residuals, {"widening": widening}
+        found.append(
+            Finding(kind=kind, severity="warning", subject=subject, numbers=numbers | more)
         )
     if adequacy.noise_factor > 1.0:
-        yield Finding(
-            kind=Kind.noise_underestimated,
-            severity="warning",
-            subject=subject_of(fit),
-            numbers=numbers | {"factor": adequacy.noise_factor},
+        kind, more = Kind.noise_underestimated, {"factor": adequacy.noise_factor}
+        subject = _subject(series)
+        found.append(
+            Finding(kind=kind, severity="warning", subject=subject, numbers=numbers | more)
         )
+    return tuple(found)
+
+
+def _subject(series: Sequence[str], curve: str = "") -> str:
+    """What a finding is about: a curve, the only series, or all measurements."""
+    named = [name for name in series if name]
+    return curve or (named[0] if len(named) == 1 else EVERYTHING)
 
 
 def _of_pairs(joint: JointResult | None) -> Iterator[Finding]:

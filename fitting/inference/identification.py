@@ -16,10 +16,14 @@ from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.alternatives import equal_fit
 from fitting.inference.determine import InferenceOptions, determine
+from fitting.inference.equivalent_fits import equivalent_findings
+from fitting.inference.findings import residual_findings
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.measurements.measurement import Response
+from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +49,8 @@ def identify(
     respond: Callable[[Mapping[str, Scalar]], Response],
     units: Mapping[str, str],
     request: IdentificationOptions,
-) -> Knowledge:
-    """Knowledge of one problem; alternatives that fit as well are named beside it.
+) -> tuple[Knowledge, tuple[Finding, ...]]:
+    """Knowledge of one problem; alternatives that fit as well are named beside it. And findings.
 
     Args:
         problem: parameters and measurements.
@@ -67,7 +71,7 @@ def identify(
     begins = _beginnings(problem, request.values)
     if request.expected:
         begins = begins[:1]
-    noise = _noise(objective, begins[0], request.expected)
+    noise, structure = _noise(objective, begins[0], request.expected)
     others = [a for a in problem.alternatives if dict(a) != dict(chosen)]
     equal_fits = (
         ()
@@ -89,15 +93,20 @@ def identify(
         bootstrap=request.bootstrap,
         progress=request.progress,
         only=_shared(problem) if own > FEW_OWN else (),
+        structure=structure,
     )
     knowledge = determine(objective, begins[0], noise, options)
+    widening = 1.0 if structure is None else structure.widening
+    findings = residual_findings(knowledge.adequacy, problem.data.series, widening)
+    if knowledge.adequacy.describes:
+        findings += equivalent_findings(knowledge)
     if own <= FEW_OWN:
-        return knowledge
+        return knowledge, findings
     left_out = (
         f"The {own} values of single experiments have no profile: so many would take most of the "
         f"time, and profiles are walked of {FEW_OWN} at most."
     )
-    return replace(knowledge, sentences=(*knowledge.sentences, left_out))
+    return replace(knowledge, sentences=(*knowledge.sentences, left_out)), findings
 
 
 def own_profiled(problem: Problem) -> int:
@@ -141,19 +150,26 @@ def _beginnings(problem: Problem, values: Mapping[str, float] | None) -> list[Fl
     return [np.clip(x, lower, upper)]
 
 
-def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
-    """Noise of the rows near the data: at the most likely point, for rows of unknown noise."""
+def _noise(
+    objective: Objective, begin: FloatArray, expected: bool
+) -> tuple[RowNoise, Structure | None]:
+    """Noise of the rows near the data, and the structure of the residuals of curves there.
+
+    Near is the most likely point. Rows of unknown noise take theirs from what is left there; of
+    curves whose residuals are correlated fewer points count, whoever knows their noise.
+    """
     [point] = evaluate_many(objective, [begin])
     noise = noise_of(objective, point)
-    if expected or np.all(objective.data.sigma > 0.0):
-        return noise
+    curves = objective.data.curve_rows
+    is_known = bool(np.all(objective.data.sigma > 0.0))
+    if expected or (is_known and not point.residuals[curves].size):
+        return noise, None
     evaluator = LikelihoodEvaluator(likelihood_with(objective, noise))
     optimum = most_likely(evaluator, [begin])
     [point] = evaluate_many(objective, [evaluator.likelihood.folded(optimum.expansion.x)])
     noise = noise_of(objective, point)
-    curves = objective.data.curve_rows
     if not point.residuals[curves].size:
-        return noise
+        return noise, None
     matrix = evaluator.likelihood.residuals(optimum.expansion.matrix[: noise.sigma.size])
     found = curve_structure(objective, point, matrix, noise)
-    return noise if found is None else noise.widened(curves, found.widening)
+    return (noise, None) if found is None else (noise.widened(curves, found.widening), found)

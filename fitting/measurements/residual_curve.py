@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,41 @@ class ResidualCurve:
     centre: float = 0.0
     name: str = ""
     columns: Mapping[Kind, FloatArray] = field(default_factory=dict)
+
+    @property
+    def course(self) -> FloatArray:
+        """What its rows follow where the axis moves, but for a constant, (k,).
+
+        A gain moves rows by the model itself, or, where they are logarithms of it, all alike.
+        """
+        course = self.columns.get(Kind.gain)
+        if course is not None and np.ptp(course) > 0.0:
+            return course
+        steep, found = self.columns[Kind.shift], np.zeros(self.axis.size)
+        for part in self._parts:
+            mean = 0.5 * (steep[part][1:] + steep[part][:-1])
+            found[part][1:] = np.cumsum(mean * np.diff(self.axis[part]))
+        return found
+
+    def moved(self, values: FloatArray, shift: float) -> FloatArray:
+        """Values at places that are larger by a shift; beyond the ends those of the ends.
+
+        Args:
+            values: of all rows, shape (k,) or (k, n).
+            shift: in the unit of the axis.
+        """
+        found = np.array(values, dtype=float)
+        for part in self._parts:
+            axis, table = self.axis[part], found[part].reshape(self.axis[part].size, -1)
+            columns = [np.interp(axis + shift, axis, column) for column in table.T]
+            found[part] = np.reshape(np.transpose(columns), found[part].shape)
+        return found
+
+    @property
+    def _parts(self) -> list[slice]:
+        """Rows along which the axis rises: those of real and of imaginary parts."""
+        ends = [0, *(np.flatnonzero(np.diff(self.axis) < 0.0) + 1), self.axis.size]
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def mistakes(

@@ -31,6 +31,7 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import window_decision
 from fitting.simulate.words import window_in_words
 from fitting.text.arrays import FloatArray, IntArray, Scalar
+from fitting.text.finding import Kind
 from fitting.text.notation import freedom_words, listed, number, percent, prefixed
 
 #: Spectra in a figure, and side by side: a figure is to stay readable.
@@ -176,7 +177,8 @@ class Tones(MeasurementKind):
         for order in (np.arange(count), np.argsort(tones, kind="stable")):
             rows = np.concatenate([order + begin for begin in range(0, residuals.size, count)])
             found.append(ResidualCurve(rows=rows, share=np.tile(share[order], rows.size // count)))
-        return tuple(found)
+        gain = residuals[found[0].rows] + (found[0].rows < count)  # model/data: real parts first
+        return (replace(found[0], columns={Kind.gain: gain}), found[1])
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Peaks that are half their size off on average are no description of the data."""

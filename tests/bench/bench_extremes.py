@@ -1,8 +1,8 @@
 """Where the whole chain holds and where it stops, measured decade by decade.
 
-    python tests/bench/bench_extremes.py            # the table of explanation/extremes.md, minutes
-    python tests/bench/bench_extremes.py --quick    # without the thousand experiments
-    python tests/bench/bench_extremes.py --smoke    # the first two values of every range
+    python -m tests.bench.bench_extremes            # the table of explanation/extremes.md, minutes
+    python -m tests.bench.bench_extremes --quick    # without the thousand experiments
+    python -m tests.bench.bench_extremes --smoke    # the first two values of every range
 
 Every fit goes through campaign files and the real FMU; the error is that of the line width against
 the virtual laboratory's truth. What "holds" in the tests' words is in tests/fit/test_extremes*.py.
@@ -62,8 +62,7 @@ class Bench:
         except (BadInput, FmuFailure) as error:
             return Outcome(math.nan, math.nan, f"refused: {_short(error)}", 0.0)
         width = result.derived["width_plus"]
-        converged = result.status == "converged" and math.isfinite(width.std)
-        word = width.identifiable if converged else result.status
+        word = width.identifiable if result.status == "converged" else result.status
         seconds = time.perf_counter() - begun
         off = abs(width.value / scene.width - 1.0)
         return Outcome(off, width.std / scene.width, word, seconds)

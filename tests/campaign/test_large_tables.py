@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +19,10 @@ from fitting.cli.running import progress
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
 from fitting.text.loose_tables import find_table
+from tests.support.in_process import told
+from tests.support.lines import write_csv
+
+pytestmark = pytest.mark.usefixtures("swift_models")
 
 
 def test_a_table_of_a_hundred_thousand_columns_is_refused(tmp_path: Path) -> None:
@@ -71,3 +79,57 @@ def test_progress_of_a_large_file_is_shown_soon(
 def test_hertz_of_many_points_are_the_same_numbers() -> None:
     values = np.array([0.1, 6940160.0, 1e10])
     np.testing.assert_array_equal(hertz_of(values, "Hz", where=""), values)
+
+
+@pytest.mark.parametrize("command", ["line", "init"])
+def test_a_wide_table_is_refused_in_one_line(command: str, tmp_path: Path) -> None:
+    path = tmp_path / "wide.csv"
+    head = "frequency (Hz)," + ",".join(f"c{k} (V)" for k in range(99_999))
+    row = ",".join(["0.5"] * 99_999)
+    rows = [f"{1000 + k},{row}" for k in range(12)]
+    path.write_text("\n".join([head, *rows]) + "\n", "utf-8")
+    ended = told(command, path, "--out", tmp_path / "out")
+    assert (ended.code, ended.out) == (2, "")
+    said = [line for line in ended.err.splitlines() if line.startswith("fmu-fit: ")]
+    assert len(said) == 1  # beside its progress, on a slow machine
+    assert "100000 columns" in said[0]
+
+
+@pytest.mark.parametrize("command", ["line", "init"])
+def test_a_long_table_is_announced_and_read_a_few_times(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is large is announced after SOON_S; the table is opened as often whatever its length."""
+    monkeypatch.setattr(progress, "LARGE_BYTES", 30_000)
+    announced: list[float | None] = []
+    shown = progress.status_line
+
+    @contextmanager
+    def status_line(
+        label: str, counted: Callable[[], str] = lambda: "", *, first_s: float | None = None
+    ) -> Iterator[Callable[[str], None]]:
+        announced.append(first_s)
+        with shown(label, counted, first_s=first_s) as tell:
+            yield tell
+
+    monkeypatch.setattr(progress, "status_line", status_line)
+    opened: dict[str, int] = {}
+    real = io.open
+
+    def counted_open(file: Any, *words: Any, **more: Any) -> Any:
+        name = Path(file).name if isinstance(file, (str, Path)) else ""
+        opened[name] = opened.get(name, 0) + 1
+        return real(file, *words, **more)
+
+    monkeypatch.setattr(io, "open", counted_open)
+    monkeypatch.setattr("builtins.open", counted_open)
+    for count in (100, 1_500):
+        f = 1e5 + np.linspace(-3e3, 3e3, count)
+        a = 1.0 / np.sqrt(1.0 + (2.0 * (f - 1e5) / 120.0) ** 2)
+        a = np.abs(a + 0.01 * np.random.default_rng(1).standard_normal(count))
+        write_csv(tmp_path / f"{count}.csv", "frequency (Hz),amplitude (V)", f, a)
+        opened.pop(f"{count}.csv", None)
+        ended = told(command, tmp_path / f"{count}.csv", "--out", tmp_path / f"out{count}")
+        assert ended.code == 0, ended.err
+    assert opened["1500.csv"] == opened["100.csv"]
+    assert announced.count(progress.SOON_S) == 1  # of the long one

@@ -201,13 +201,20 @@ def _uncommented(line: str) -> str:
 def _head(line: str, delimiter: str) -> tuple[str, _Axis, tuple[str, ...]] | None:
     """First cell, values and all further cells of a head of values; None where it is none."""
     corner, *heads = (*cells_of(line, delimiter), "")[:-1] or ("",)
-    matches = [_VALUE.fullmatch(cell) for cell in heads]
-    found = [m for m in matches if m is not None]
-    if len(found) < LEAST_VALUES or len(found) < len(heads):
+    first = corner.strip().lower()
+    if first not in _EMPTY and is_number(first, decimal_comma=True):  # a row, maybe a long one
+        return None
+    found = []
+    for cell in heads:
+        match = _VALUE.fullmatch(cell)
+        if match is None:
+            return None
+        found.append(match)
+    if len(found) < LEAST_VALUES:
         return None
     kinds = {((m["name"] or "").strip(), _unit(m)) for m in found}
     values = tuple(m["value"] for m in found)
-    if len(kinds) > 1 or not _may_lead(corner.strip().lower(), values):
+    if len(kinds) > 1 or not _may_lead(first, values):
         return None
     [(name, unit)] = kinds
     if unit is not None and (unit in NO_UNITS or not same_kind(unit, unit)):

@@ -15,7 +15,7 @@ TICK_S = 1.0  # on a terminal, where the seconds are seen to run
 #: In a pipe: silence before the first line, part of the time so far between lines, and most of it.
 FIRST_S, PART, MOST_S = 10.0, 0.1, 60.0
 #: Files that are large together, and the silence before the first line about them.
-LARGE_BYTES, SOON_S = 10_000_000, 2.0
+LARGE_BYTES, SOON_S = 1_000_000, 2.0
 _HIDDEN: ContextVar[bool] = ContextVar("hidden", default=False)
 
 
