@@ -23,6 +23,7 @@ from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.finding import Kind
 from tests.support.in_process import told
+from tests.support.samples import cases
 
 F_HZ, WIDTH_HZ = 52_300.0, 31.0
 U = F_HZ + np.linspace(-150.0, 150.0, 121)
@@ -292,7 +293,18 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name",
+    cases(
+        CASES,
+        "gain of a step",
+        "offset of a sweep",
+        "shift of a sweep",
+        "temperature",
+        "drift exchanged",
+        "experiment too high",
+    ),
+)
 def test_the_one_mistake_is_named_and_no_other(name: str, swift_fmu: Path, tmp_path: Path) -> None:
     case = CASES[name]
     code, result, printed = case.laboratory.reconstructed(swift_fmu, tmp_path)
@@ -307,6 +319,7 @@ def test_the_one_mistake_is_named_and_no_other(name: str, swift_fmu: Path, tmp_p
     assert f"{case.subject}: " in printed
 
 
+@pytest.mark.nightly
 def test_a_drift_of_three_widths_is_a_shift_of_every_sweep(swift_fmu: Path, tmp_path: Path) -> None:
     code, result, _ = thrice([0.0, 31.0, 93.0]).reconstructed(swift_fmu, tmp_path)
     assert code == 4
@@ -324,7 +337,7 @@ RIGHT = {
 }
 
 
-@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize("name", cases(RIGHT, "three sweeps", "step"))
 def test_a_right_model_has_no_cause(name: str, swift_fmu: Path, tmp_path: Path) -> None:
     code, result, _ = RIGHT[name].reconstructed(swift_fmu, tmp_path)
     assert code == 0
@@ -339,7 +352,7 @@ OTHERWISE = {
 }
 
 
-@pytest.mark.parametrize("name", OTHERWISE)
+@pytest.mark.parametrize("name", cases(OTHERWISE, "second line"))
 def test_what_no_single_number_mends_has_no_cause(
     name: str, swift_fmu: Path, tmp_path: Path
 ) -> None:

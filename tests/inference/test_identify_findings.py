@@ -12,6 +12,7 @@ from fitting.text.finding import Finding, Kind
 from fitting.text.records import read_json
 from tests.inference.test_causes import LINE, TOP, Laboratory, drawn, struck, swept, warm
 from tests.support.in_process import told
+from tests.support.samples import cases
 
 ABOUT_RESIDUALS = {Kind.not_described, Kind.correlated_residuals, Kind.noise_underestimated}
 LABORATORIES: dict[str, tuple[Laboratory, Kind | None]] = {
@@ -31,7 +32,7 @@ def about_residuals(findings: tuple[Finding, ...]) -> dict[Kind, Finding]:
     return {f.kind: f for f in findings if f.kind in ABOUT_RESIDUALS}
 
 
-@pytest.mark.parametrize("name", LABORATORIES)
+@pytest.mark.parametrize("name", cases(LABORATORIES, "ripple", "noise"))
 def test_both_commands_find_the_same(name: str, swift_fmu: Path, tmp_path: Path) -> None:
     laboratory, kind = LABORATORIES[name]
     _, result, _ = laboratory.reconstructed(swift_fmu, tmp_path)

@@ -102,7 +102,11 @@ def measured(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "of", [SPECTRUM, SWEEP + RINGDOWN + SPECTRUM], ids=["spectrum alone", "all together"]
+    "of",
+    [
+        pytest.param(SPECTRUM, id="spectrum alone"),
+        pytest.param(SWEEP + RINGDOWN + SPECTRUM, id="together", marks=pytest.mark.nightly),
+    ],
 )
 def test_the_mode_that_is_seen_is_fitted_together(of: str, swift_fmu: Path, tmp_path: Path) -> None:
     measured(tmp_path)

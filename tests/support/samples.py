@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pytest
+from _pytest.mark import ParameterSet
 
 
 def sampled(few: int, many: int) -> pytest.MarkDecorator:
@@ -13,3 +16,16 @@ def sampled(few: int, many: int) -> pytest.MarkDecorator:
         many: cases, enough for the shares that the test's name claims.
     """
     return pytest.mark.parametrize("count", [few, pytest.param(many, marks=pytest.mark.nightly)])
+
+
+def cases(names: Iterable[str], *daily: str) -> list[ParameterSet]:
+    """Parameters of a test: those named in every run, the others before a release.
+
+    Args:
+        names: of all cases.
+        daily: that every run has.
+    """
+    return [
+        pytest.param(name, marks=() if name in daily else pytest.mark.nightly, id=name)
+        for name in names
+    ]
