@@ -238,7 +238,7 @@ class Draw:
         return round(self.log(low, high))
 
     def size(self, name: str, truth: float, far: float = 3.0) -> Unknown:
-        """A width or a coupling: a start up to a factor off, a box that holds both, at times a prior.
+        """A width or a coupling: a start up to a factor off, a box of both, at times a prior.
 
         Args:
             name: of the parameter.

@@ -51,7 +51,7 @@ class Motion:
         return np.asarray((r1 * (a22 * g1 - a12 * g2) + r2 * (a11 * g2 - a12 * g1)) / whole)
 
     def free(self, t_s: FloatArray, state: FloatArray) -> FloatArray:
-        """What is seen of a free decay at times (n,); state: q (2,), then velocity/(2 pi f) (2,)."""
+        """What is seen of a free decay at times (n,); state: q (2,), velocity/(2 pi f) (2,)."""
         rates, vectors, _ = self._eigen()
         weights = np.linalg.solve(vectors, state.astype(complex))
         modes = (self.seen @ vectors[:2]) * weights
@@ -103,7 +103,7 @@ def hybrid(values: Values, output: str) -> Motion:
 
 
 def chain(values: Values) -> Motion:
-    """Two modes f1, f2, d1, d2 in physical coordinates, coupled by lambda12: 1 is driven and seen."""
+    """Two modes f1, f2, d1, d2, coupled by lambda12, in physical coordinates: 1 is driven, seen."""
     one = np.array([1.0, 0.0])
     return Motion(
         own_hz=np.array([values["f1"], values["f2"]]),

@@ -194,7 +194,7 @@ def laboratory(seed: int) -> Laboratory:
     draw = generator("noise", seed)
     variant = VARIANTS[seed % len(VARIANTS)]
     sample = {"white": two_lines, "coupled": coupled}.get(variant, one_line)(draw)
-    u = about(draw, sample.lines, draw.points())
+    u = about(draw, sample.lines, draw.points(20.0, 600.0 if len(sample.lines) == 1 else 120.0))
     mass, temperature, read_out = draw.log(1e-16, 1e-6), draw.log(4.0, 400.0), draw.log(1e3, 1e7)
     level = BOLTZMANN * temperature / mass if sample.thermal else draw.log(1e-6, 1e-2)
     in_volts = variant in ("read-out", "white", "coupled")
