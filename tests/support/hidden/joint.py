@@ -269,14 +269,14 @@ def kinds(draw: Draw, seed: int, mistake: str) -> Laboratory:
     sample = coupled(draw, 300.0)
     truth = {u.name: u.truth for u in sample.unknowns}
     d = max(truth["d1"], truth["d2"])
-    points, wide = draw.points(40.0, 200.0), draw.log(4.0, 10.0)
+    points, wide = draw.points(30.0, 80.0), draw.log(4.0, 10.0)
     low, high = (f for f, _ in sample.lines)
     u = np.linspace(low - wide * d, high + wide * d, points)
     h = chain(truth).transfer(u)
     h *= draw.log(1e-3, 1e3) * np.exp(1j * draw.even(0.0, 6.28)) / np.max(np.abs(h))
     swept = np.concatenate([np.real(h), np.imag(h)])
     sigmas = [draw.log(1e-4, 0.05) * float(np.max(np.abs(h)))]
-    samples = draw.points(80.0, 300.0)
+    samples = draw.points(60.0, 120.0)
     turns = draw.even(0.13, 0.37) + round(draw.log(1.0, 3.0) * low / (math.pi * d * samples))
     t = np.asarray(np.arange(samples) * (turns / low), dtype=float)
     state = draw.rng.standard_normal(4)

@@ -45,7 +45,7 @@ def laboratory(seed: int) -> Laboratory:
     f = draw.log(10.0, 1e8)
     width = f / draw.log(100.0, 1e6)
     split = width * draw.log(0.6, min(20.0, 0.1 * f / width))
-    volts = draw.log(0.1, 30.0) * np.linspace(-1.0, 1.0, round(draw.even(4.6, 7.4)))
+    volts = draw.log(0.1, 30.0) * np.linspace(-1.0, 1.0, round(draw.even(3.6, 5.4)))
     slope = draw.sign() * draw.even(1.0, 3.0) * (split + width) / float(volts[-1])
     narrow = width / draw.log(1.0, 30.0)
     d1, d2 = (width, narrow) if draw.happens(0.5) else (narrow, width)
