@@ -16,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import i0e, i1e
 
+from fitting.signal.roughness import DIFFERENCES, MEDIAN_OF_NORMAL, WEIGHT, roughness
 from fitting.text.arrays import FloatArray
 
 #: Samples of a stretch over which noise and size are told apart, at least, and stretches at most.
 STRETCH, STRETCHES = 16, 20
-#: How often sizes and noise are taken from each other.
-ROUNDS = 4
+#: How often sizes and noise are taken from each other: of stretches, of single points.
+ROUNDS, SETTLING = 4, 12
 #: Sizes over noise between which a stretch tells its own, and how many are looked at.
 FAINT, LOUD, KNOTS = 0.3, 1e7, 400
 
@@ -74,6 +75,26 @@ def rician_deviation(ratio: FloatArray) -> FloatArray:
     near = np.minimum(ratio, 1e4)  # beyond, the difference would cancel
     mean = rician_mean(near, 1.0)
     return np.asarray(np.sqrt(2.0 + near**2 - mean**2))
+
+
+def quadrature_noise(values: FloatArray) -> float:
+    """Noise s of each quadrature of magnitudes along a curve; 0 where too few tell it.
+
+    Fourth differences leave the deviations of R, which are less than s where nu is small: most
+    points of a sweep may lie there, while its lines lie far above.
+
+    Args:
+        values: magnitudes, one after the other along the curve, (n,).
+    """
+    found = roughness(values)
+    if not found > 0.0:
+        return found
+    power = np.convolve(values**2, np.full(DIFFERENCES + 1, 1.0 / (DIFFERENCES + 1)), "valid")
+    bends = np.abs(np.diff(values, DIFFERENCES)) / WEIGHT
+    for _ in range(SETTLING):
+        lengths = np.sqrt(np.maximum(power / found**2 - 2.0, 0.0))
+        found = float(np.median(bends / rician_deviation(lengths))) / MEDIAN_OF_NORMAL
+    return found
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,12 @@ COMMANDS = (
     Command("faults", "faults of input survived", smoke="--each 60"),
     Command("fmu", "time per step of every solver", smoke="--steps 50 --rounds 1"),
     Command(
+        "hidden",
+        "false statements about hidden laboratories, a third of them wrong",
+        full=("--record hidden.jsonl",),
+        smoke="--kind traces --only 1005 --workers 1",
+    ),
+    Command(
         "kills",
         "runs that survive being killed",
         full=("--tries 30",),

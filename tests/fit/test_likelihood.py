@@ -193,3 +193,22 @@ def test_a_model_may_fail_a_dozen_times_in_its_box_and_any_time_beyond() -> None
     with pytest.raises(FmuFailure):
         evaluator.one(np.array([1.0, 0.0]))
     assert np.all(np.isfinite(evaluator.one(np.zeros(2)).rows))
+
+
+def test_a_model_may_refuse_a_part_of_its_box_but_not_most_of_it() -> None:
+    """As many points of a search as it answers: coupled modes refuse too strong a coupling."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        if p[0] > 0.5:
+            raise FmuFailure("not positive definite", {}, Path("test.fmu"))
+        return MATRIX @ p
+
+    objective = replace(straight(), response=WhitenedResponse(rows))
+    evaluator = LikelihoodEvaluator(replace(free(objective, 5), upper=np.full(2, 99.0)))
+    many = 4 * MOST_FAILURES
+    points = tuple(np.array([float(k % 2), 0.0]) for k in range(2 * many))
+    [answers] = evaluator([Request(points, outputs=False)])
+    assert [bool(np.all(np.isfinite(a.rows))) for a in answers] == [True, False] * many
+    assert evaluator.failures == many
+    with pytest.raises(FmuFailure):
+        evaluator([Request((np.array([1.0, 0.0]),), outputs=False)])

@@ -153,6 +153,21 @@ def test_volts_are_told_in_metres_by_temperature_and_spring_constant(fmu: ff.Fmu
     assert power == pytest.approx(Boltzmann * 300.0 / k, rel=1e-3)
 
 
+@pytest.mark.parametrize("softer", [1e-12, 1.0, 1e12])
+def test_the_error_of_the_read_out_is_that_of_the_likelihood_of_any_spring(
+    fmu: ff.Fmu, softer: float
+) -> None:
+    """Half that of the level, Fisher's: level and floor differ by powers of ten."""
+    k = LABORATORY.mass_kg * (2.0 * np.pi * LABORATORY.f_hz) ** 2 / softer
+    more = {"force": "thermal", "temperature_k": 300.0, "spring_constant": k, "unit": "V"}
+    fit = fitted(fmu, spectrum(4e12 * drawn(100, 4), **more))
+    [gain] = fit.result.quadratures.qualities
+    bare = LABORATORY.density(U) / EXACT
+    matrix = 10.0 * np.stack([_slope(0), _slope(1), bare, 1.0 - bare], axis=1)
+    level = np.sqrt(np.linalg.inv(matrix.T @ matrix)[2, 2])
+    assert gain.std / gain.value == pytest.approx(0.5 * level, rel=0.15)
+
+
 def test_errors_are_those_of_the_likelihood(fmu: ff.Fmu) -> None:
     """Fisher's matrix of frequency, width, level and floor: M sum d ln S d ln S."""
     fit = fitted(fmu, spectrum(drawn(100, 4)))

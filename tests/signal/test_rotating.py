@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import rice
 
 from fitting.signal.rician import (
+    quadrature_noise,
     rician_deviation,
     rician_mean,
     rician_rise,
@@ -84,6 +85,19 @@ def test_lines_beyond_half_the_rate_turn_as_they_do(f_hz: float, offset: float) 
         [column] = rotating_responses(decay, sensed, shifts, found, samples, 1).T
         size = np.linalg.norm(column) * np.linalg.norm(z)
         assert abs(np.vdot(z, column)) / size == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("top", [8.0, 30.0])
+def test_noise_of_magnitudes_is_that_of_their_quadratures(top: float) -> None:
+    """Also where most points lie in the noise, beside a line: there they scatter by 0.66."""
+    rng = np.random.default_rng(4)
+    line = top / np.abs(1.0 + 2j * np.linspace(-1.0, 1.0, 401) / 0.1)
+    found = [
+        quadrature_noise(0.7 * np.abs(line + rng.standard_normal(401) + 1j * turned))
+        for turned in rng.standard_normal((60, 401))
+    ]
+    assert np.mean(found) == pytest.approx(0.7, rel=0.12)
+    assert quadrature_noise(np.ones(20)) == 0.0
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 4.0, 30.0])

@@ -36,7 +36,8 @@ from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 
-#: Points of the box at which a model may fail before the failure is passed on.
+#: Points of the box at which a model may fail, and as many as it has answered at: a box may have a
+#: part that the model refuses. Beyond both the failure is passed on.
 MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
@@ -292,7 +293,7 @@ class LikelihoodEvaluator:
         self.limit = limit
         self._progress = progress
         self._stage, self._before = "", 0
-        self.evaluations = self.derived = self.runs = self.failures = 0
+        self.evaluations = self.derived = self.runs = self.failures = self.answered = 0
         self.cuts = 0
         self._reading = self._read = 0  # who reads outputs at present, and runs that are counted
 
@@ -388,13 +389,14 @@ class LikelihoodEvaluator:
         self.evaluations += len(xs)
         self._tell()
         points = evaluate_many(self.likelihood.objective, xs)
+        self.answered += len(points)
         self.runs += sum(point.runs for point in points)
         return [self.likelihood.rows(point) for point in points]
 
     def _failed(self, x: FloatArray, failure: Exception) -> FloatArray:
         # a model that answers with nothing fits infinitely badly there, and has not failed
         asked_for = in_box(self.likelihood.parameters, x) and not isinstance(failure, NoScale)
-        if asked_for and self.failures >= MOST_FAILURES:
+        if asked_for and self.failures >= max(MOST_FAILURES, self.answered):
             raise failure
         self.failures += asked_for
         return np.full(self.likelihood.data_rows + x.size, np.nan)

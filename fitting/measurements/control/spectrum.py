@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign.control_table import LEAST_POINTS
+from fitting.signal.rician import quadrature_noise
 from fitting.signal.roughness import roughness
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -68,6 +69,10 @@ class ControlSpectrum:
         """The largest amplitude."""
         return float(np.max(self.y))
 
-    def scatter(self) -> float:
-        """Standard deviation of the amplitudes about a smooth curve; 0 where too few tell it."""
-        return roughness(self.y)
+    def scatter(self, *, rectified: bool = False) -> float:
+        """Standard deviation of the amplitudes about a smooth curve; 0 where too few tell it.
+
+        Args:
+            rectified: they are magnitudes of two quadratures, and told is the noise of each.
+        """
+        return quadrature_noise(self.y) if rectified else roughness(self.y)

@@ -89,8 +89,10 @@ class ControlSweep(MeasurementKind):
     def __post_init__(self) -> None:
         named = tuple(s if s.label else replace(s, label=self._label(s)) for s in self.spectra)
         if self.estimated:
+            whole = self.rectified and not self.logarithmic
             named = tuple(
-                s if np.all(s.sigmas > 0.0) else replace(s, sigma=s.scatter()) for s in named
+                s if np.all(s.sigmas > 0.0) else replace(s, sigma=s.scatter(rectified=whole))
+                for s in named
             )
         object.__setattr__(self, "spectra", named)
         labels = [s.label for s in named]

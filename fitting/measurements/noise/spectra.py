@@ -251,9 +251,12 @@ class NoiseSpectra(MeasurementKind):
     def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
         """Temperature, or the read-out in volts per metre, of every thermal spectrum."""
         solved = _found(prediction)
-        columns, begin = self.solved_columns(prediction), 0
+        columns, begin = self.solved_columns(prediction) / sigma[:, None], 0
         found: dict[str, Estimated] = {}
-        inverse = np.linalg.pinv((columns / sigma[:, None]).T @ (columns / sigma[:, None]))
+        # levels and floors have units of their own: of one size, so that none counts for nothing
+        sizes = np.linalg.norm(columns, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        inverse = np.linalg.pinv((columns / sizes).T @ (columns / sizes)) / np.outer(sizes, sizes)
         for each, (a, _) in zip(self.spectra, solved.levels, strict=True):
             at, begin = begin, begin + each.solved_inside
             if each.force != THERMAL or each.is_absolute or not a > 0.0:
