@@ -30,7 +30,7 @@ from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
-from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of
+from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size
 from fitting.signal.residual_tests import LAGS, STRUCTURED, TOLD, Structure, autoregression
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.notation import freedom_words, number
@@ -114,6 +114,7 @@ def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
         found,
         describes=describes and along.worst.misfit.describes,
         noise_factor=told.noise_factor if describes else 1.0,
+        is_uneven=told.is_uneven and not describes,
         correlated_p=math.nan if math.isnan(along.least_p) else along.worst.p_value,
         share=math.nan if math.isnan(along.least_p) else along.worst.share,
         curve=along.name,
@@ -222,11 +223,14 @@ def judged(
         return Adequacy(chi_square=square, freedom=0.0, p_value=np.nan, describes=True)
     p_value = tail(square, freedom, noise_freedom)
     found = misfit_of(square, freedom, p_value, correlated_p)
+    uneven = found is Misfit.UNDERESTIMATED and not of_one_size(white)
+    found = Misfit.REFUSED if uneven else found
     return Adequacy(
         chi_square=square,
         freedom=freedom,
         p_value=p_value,
         describes=found.describes,
+        is_uneven=uneven,
         noise_factor=math.sqrt(square / freedom) if found is Misfit.UNDERESTIMATED else 1.0,
     )
 
@@ -325,6 +329,12 @@ def misfit_advice(adequacy: Adequacy) -> str:
             "does not explain that. No value is reported; wanted another model."
         )
     times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
+    if adequacy.is_uneven:
+        return (
+            f"At the best parameters that were found χ² is {times} what the noise explains, and a "
+            "part of the data alone is off by that much: larger noise does not explain it. No "
+            "value is reported; wanted another model, or the data without that part."
+        )
     return (
         f"At the best parameters that were found χ² is {times} what the noise explains, and there "
         "are too few data to tell larger noise from a wrong model. No value is reported; wanted "

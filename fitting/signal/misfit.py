@@ -3,8 +3,9 @@
 (a) Residuals that are correlated along the axis of a curve (P < CORRELATED) and whose structured
     part exceeds SHARE of its largest amplitude: the model does not describe the data. Below: the
     values hold with the errors of the effective sample size.
-(b) Uncorrelated residuals of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
+(b) Uncorrelated residuals, of one size but for a few (`of_one_size`), of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
     chi^2/freedom > NOTICED: the noise is larger than stated, by sqrt(chi^2/freedom).
+    Where a part of them alone is so large, that is no noise: the model does not describe the data.
     Of few (below SURE) the test of (a) misses what is wrong: there chi^2/freedom > RATIO wants
     residuals that look uncorrelated (P >= DOUBTFUL), else the model does not describe the data.
 (c) Fewer degrees of freedom, or no axis: structure cannot be tested. P(chi^2) < IMPROBABLE and
@@ -20,6 +21,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+
+from scipy.special import bdtrc, ndtri
 
 from fitting.signal.chi_square import tail
 from fitting.signal.residual_tests import LAGS, SMALLEST_RESIDUAL, white_noise_p
@@ -121,6 +124,22 @@ def misfit_of(
     if ratio > RATIO and not white:
         return Misfit.REFUSED
     return Misfit.UNDERESTIMATED if ratio > NOTICED else Misfit.NONE
+
+
+def of_one_size(white: FloatArray) -> bool:
+    """Whether residuals may be noise of one size: a part of them alone does not make up chi square.
+
+    Half of Gaussian residuals are within 0.674 of their root mean square. Where so many more are
+    that it is no chance (P < CORRELATED), a part of the data is off and the rest is not. As many
+    as may be outliers (`far_off`) are left out.
+
+    Args:
+        white: over their noise, shape (m,).
+    """
+    sizes = np.sort(np.abs(white))[: white.size - min(MOST_OFF, int(FEW * white.size))]
+    half = float(ndtri(0.75)) * math.sqrt(float(np.mean(sizes**2)))
+    inside = int(np.count_nonzero(sizes < half))
+    return bool(bdtrc(inside - 1, sizes.size, 0.5) >= CORRELATED)
 
 
 def far_off(white: FloatArray, slopes: FloatArray) -> tuple[int, ...]:

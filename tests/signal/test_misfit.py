@@ -16,6 +16,7 @@ from fitting.signal.misfit import (
     correlation,
     far_off,
     misfit_of,
+    of_one_size,
 )
 
 
@@ -35,6 +36,22 @@ def test_correlated_residuals_are_judged_by_their_share(
 
 def test_what_the_simulation_may_be_off_by_is_no_fault_of_the_model() -> None:
     assert Correlation(p_value=1e-9, share=0.08, excused=0.1).misfit is Misfit.NONE
+
+
+@pytest.mark.parametrize("size", [30, 100, 1000])
+@pytest.mark.parametrize("factor", [0.5, 3.0, 100.0])
+def test_noise_of_any_size_is_of_one_size(size: int, factor: float) -> None:
+    draws = factor * np.random.default_rng(size).standard_normal((300, size))
+    assert all(of_one_size(draw) for draw in draws)
+    draws[:, : min(10, size // 50)] = 1e3  # as many as may be outliers
+    assert all(of_one_size(draw) for draw in draws)
+
+
+@pytest.mark.parametrize(("size", "off"), [(40, 4), (100, 10), (234, 20), (1000, 150)])
+def test_a_part_that_is_off_alone_is_no_noise(size: int, off: int) -> None:
+    draws = np.random.default_rng(size).standard_normal((300, size))
+    draws[:, :off] *= 100.0
+    assert np.mean([of_one_size(draw) for draw in draws]) < 0.02
 
 
 @pytest.mark.parametrize(
