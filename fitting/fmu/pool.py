@@ -339,7 +339,7 @@ class FmuWorkers:
             except EOFError:
                 self._ended(number, worker, job)
             except NotAnAnswer as error:
-                self._blame(number, worker, job, f"{MEDDLED} ({error})", FmuFailure)
+                self._blame(number, worker, job, f"{MEDDLED} ({error})", NoAnswer)
             else:
                 if reply is None:  # but its beginning
                     continue
@@ -373,7 +373,9 @@ class FmuWorkers:
             return
         death = worker.death()
         if not death.killed_by:
-            self._blame(number, worker, job, death.how, FmuFailure)
+            # what has become another program does that whatever its values are
+            kind = NoAnswer if death.goes_on else FmuFailure
+            self._blame(number, worker, job, death.how, kind)
         elif number in job.repeated:
             text = (
                 f"had its process killed ({death.killed_by}) twice in the same runs, by somebody "

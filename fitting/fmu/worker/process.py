@@ -43,10 +43,14 @@ FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
 
 
 class Death(NamedTuple):
-    """How a process ended, in a sentence; ``killed_by`` names the signal of somebody outside."""
+    """How a process ended, in a sentence; ``killed_by`` names the signal of somebody outside.
+
+    ``goes_on``: it has not ended, and closed its pipe alone.
+    """
 
     how: str
     killed_by: str
+    goes_on: bool = False
 
 
 class WorkerProcess:
@@ -194,7 +198,7 @@ class WorkerProcess:
         how = f"{how}; its last words: {words}" if words else f"{how} without a word"
         if self._isolation is not None and code:
             how += f"; it ran isolated, with {self._isolation.words}"
-        return Death(how, name if name in FROM_OUTSIDE else "")
+        return Death(how, name if name in FROM_OUTSIDE else "", goes_on=code is None)
 
     def written_too_much(self) -> str:
         """In words that an isolated FMU has written more than it may; empty: it has not."""
