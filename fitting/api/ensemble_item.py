@@ -9,7 +9,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from fitting.api.choices import CURVES, TRUTH_NAME
@@ -27,6 +26,7 @@ from fitting.measurements.kinds import read_campaign
 from fitting.result.ensemble import FAILED, EnsembleRow, EnsembleValue
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.files import write_all
+from fitting.text.scratch import Scratch
 from fitting.text.toml import read_toml
 
 _log = logging.getLogger(__name__)
@@ -129,13 +129,13 @@ def solved(item: Item) -> Kept:
     """
     begun = time.perf_counter()
     files: dict[str, str] = {}
-    with TemporaryDirectory(prefix="fmu-fit-item-") as folder:
+    with Scratch() as folder:
         try:
-            row = _row(item, Path(folder), files)
+            row = _row(item, folder, files)
         except Exception as error:
             if not isinstance(error, BadInput | FmuFailure):
                 _log.exception("%s", item.label)
-            row = _failed(item, error, folder)
+            row = _failed(item, error, str(folder))
     return Kept(row=row, seconds=time.perf_counter() - begun, fmu=item.fmu_digest, files=files)
 
 

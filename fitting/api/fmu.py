@@ -23,7 +23,7 @@ from fitting.campaign.file import WrittenFmu
 from fitting.campaign.setup import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, read_description
 from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.fmu.isolation import Isolation
+from fitting.fmu.isolation import Isolate, Isolation
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.tone_names import OtherTone, other_tones
@@ -123,7 +123,8 @@ class Fmu:
         timeout_s: Longest time for one run, s; then the FMU counts as failed.
         timeout_name: What complaints call that time.
         isolate: Whether its processes run with limits of memory, processor time, open files and
-            written bytes, in a folder of their own and without network; or these limits.
+            written bytes, in a folder of their own and without network; "strict": a system that
+            cannot hold all of it is refused; or these limits.
         interface: By which it is run, "co-simulation" or "model-exchange", whose equations are
             integrated here; None: the first of these that it offers.
 
@@ -137,7 +138,7 @@ class Fmu:
         workers: int = 2,
         timeout_s: float = 60.0,
         timeout_name: str = "timeout_s",
-        isolate: bool | Isolation = False,
+        isolate: Isolate | Isolation = False,
         interface: str | None = None,
     ) -> None:
         if not isinstance(source, str | PathLike):
@@ -499,12 +500,14 @@ class Fmu:
         raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
 
 
-def _isolation(isolate: bool | Isolation) -> Isolation | None:
+def _isolation(isolate: Isolate | Isolation) -> Isolation | None:
     if isolate is False:
         return None
     if sys.platform == "win32":
         raise BadInput("isolate: Windows has no such limits, wanted Linux or macOS")
-    return Isolation() if isolate is True else isolate
+    if isinstance(isolate, Isolation):
+        return isolate
+    return Isolation(strict=isolate == "strict")
 
 
 def _hertz(tones: Iterable[str | float]) -> tuple[float, ...]:

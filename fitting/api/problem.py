@@ -39,6 +39,7 @@ from fitting.fit.options import Options, options_of
 from fitting.fit.planned_fmu import PlannedFmu, plan_problem
 from fitting.fit.problem import Problem as Record
 from fitting.fit.problem import problem_of
+from fitting.fmu.isolation import Isolate
 from fitting.fmu.models import provide_fmu
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
@@ -498,7 +499,7 @@ class Problem:
 
 
 def fmu_of(
-    campaigns: Sequence[Campaign], folder: str | Path, workers: int, *, isolate: bool = False
+    campaigns: Sequence[Campaign], folder: str | Path, workers: int, *, isolate: Isolate = False
 ) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder.
 

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import fitting
 from fitting.api.choices import SCENES
@@ -29,6 +28,7 @@ from fitting.report.tables.tradeoff import csv_of, markdown
 from fitting.text.files import write_whole
 from fitting.text.records import to_plain
 from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.scratch import Scratch
 
 __all__ = ["Study", "StudyOptions", "tradeoff", "write_tradeoff"]
 
@@ -111,9 +111,9 @@ def tradeoff(
             return tradeoff(
                 subject, own, options=asked, memory=memory, progress=progress, executor=executor
             )
-    with TemporaryDirectory(prefix="fmu-fit-tradeoff-") as folder, one_thread():
+    with Scratch() as folder, one_thread():
         # an empty memory counts as false
-        kept = memory_of(Path(folder), subject, fmu, asked) if memory is None else memory
+        kept = memory_of(folder, subject, fmu, asked) if memory is None else memory
         study = run_study(_scene(subject, fmu), fmu.workers, asked, kept, progress, executor)
     return replace(study, provenance=_provenance(fmu, study, executor))
 

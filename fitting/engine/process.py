@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from multiprocessing import Pipe, connection, spawn
@@ -17,11 +18,33 @@ from typing import Any
 
 from fitting.engine import child
 
+#: Looks for processes that were started while others were killed.
+MOST_ROUNDS = 20
+#: Longest time from when a process that ends closes its files to its end, and between two looks, s.
+GOING_S, LOOK_S = 10.0, 0.01
 CALLER_S = 1.0  # time between two looks whether the caller is there
 
 
+#: What a process that is alone knows of its caller: where programs and libraries are, and words.
+PLAIN = {
+    *("PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHOME", "TZ", "LANG", "LANGUAGE"),
+    *("SYSTEMROOT", "SystemRoot"),
+}
+#: A library of linear algebra starts no threads, which would keep what the process gives up, and
+#: the C library does not set aside 64 MB of a limited address space for every thread.
+ALONE = {
+    "MALLOC_ARENA_MAX": "1",
+    **dict.fromkeys(
+        ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
+        "1",
+    ),
+}
+#: The flag of a process that is ending (Linux, ``PF_EXITING``).
+ENDING = 0x4
+
+
 def start(
-    module: str, folder: Path, environment: Mapping[str, str] | None = None
+    module: str, folder: Path, more: Mapping[str, str] | None = None, *, alone: bool = False
 ) -> tuple[subprocess.Popen[bytes], connection.Connection]:
     """A process that serves a pipe, and the caller's end of that pipe.
 
@@ -31,14 +54,19 @@ def start(
     Args:
         module: whose ``serve`` is called with the child's end of the pipe.
         folder: current folder of the process.
-        environment: variables that it has besides the caller's.
+        more: variables that it has besides the caller's.
+        alone: whether it has none of the caller's but those that say where programs are: neither
+            passwords nor keys.
 
     Raises:
         OSError: no process can be started.
     """
+    given = {n: v for n, v in os.environ.items() if not alone or n in PLAIN or n[:3] == "LC_"}
     ours, theirs = Pipe()
     try:
-        process = _started(theirs, folder, environment or {})
+        process = _started(
+            theirs, folder, {**given, **(ALONE if alone else {}), **(more or {})}, alone
+        )
     except OSError:
         ours.close()
         raise
@@ -56,12 +84,15 @@ def start(
     return process, ours
 
 
-def end(process: subprocess.Popen[bytes], within_s: float = 0.0) -> None:
+def end(
+    process: subprocess.Popen[bytes], within_s: float = 0.0, folder: Path | None = None
+) -> None:
     """Wait for a process to end by itself, then kill it and all that it has started.
 
     Args:
         process: that `start` made.
         within_s: time that the process is given to end by itself, s.
+        folder: in which it had its temporary files, see `end_marked`.
     """
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(within_s)
@@ -69,7 +100,59 @@ def end(process: subprocess.Popen[bytes], within_s: float = 0.0) -> None:
     if sys.platform != "win32":
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
+    if folder is not None:
+        end_marked(folder)
     process.wait()
+
+
+def end_marked(folder: Path) -> None:
+    """Kill the processes that were started with this folder for their temporary files (Linux).
+
+    They have left the group of the process that started them, and may have lost it. One that has
+    thrown away its environment is not found.
+
+    Args:
+        folder: where their ``TMPDIR`` is.
+    """
+    mark = b"TMPDIR=" + os.fsencode(folder) + b"\0"
+    for _ in range(MOST_ROUNDS):  # they may start others meanwhile
+        marked = [pid for pid in _processes() if mark in _environment(pid)]
+        for pid in marked:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.kill(pid, signal.SIGKILL)
+        if not marked:
+            return
+
+
+def goes_on(pid: int) -> bool:
+    """Whether a process is known not to be ending (Linux): it has closed its pipe, no more.
+
+    Args:
+        pid: its number.
+    """
+    try:
+        state = Path(f"/proc/{pid}/stat").read_bytes()
+    except OSError:
+        return False
+    # the name, in brackets, may have any characters
+    return not int(state[state.rindex(b")") + 2 :].split()[6]) & ENDING
+
+
+def _processes() -> list[int]:
+    """Processes of this user, without this one; none where the system does not tell."""
+    if sys.platform != "linux":
+        return []
+    return [
+        int(name) for name in os.listdir("/proc") if name.isdigit() and int(name) != os.getpid()
+    ]
+
+
+def _environment(pid: int) -> bytes:
+    """The environment that a process was started with; empty where it is not told, or has ended."""
+    try:
+        return Path(f"/proc/{pid}/environ").read_bytes() + b"\0"
+    except OSError:
+        return b""
 
 
 def messages(
@@ -96,7 +179,8 @@ def messages(
                         raise EOFError
                 arrived.put(pipe.recv())
         except (EOFError, OSError):
-            orphaned()
+            if _is_orphan(caller):
+                orphaned()
         except BaseException:
             traceback.print_exc()
         _end_group()
@@ -106,6 +190,16 @@ def messages(
     return arrived
 
 
+def _is_orphan(caller: int) -> bool:
+    """Whether the caller has gone, and not the pipe alone: it closes that a moment earlier."""
+    until = time.monotonic() + GOING_S
+    while sys.platform != "win32" and os.getppid() == caller:
+        if time.monotonic() > until:
+            return False
+        time.sleep(LOOK_S)
+    return True
+
+
 def _end_group() -> None:
     """End this process with those that it has started, where it heads their group."""
     if sys.platform != "win32" and os.getpgrp() == os.getpid():
@@ -113,12 +207,17 @@ def _end_group() -> None:
 
 
 def _started(
-    theirs: connection.Connection, folder: Path, more: Mapping[str, str]
+    theirs: connection.Connection, folder: Path, environment: Mapping[str, str], alone: bool
 ) -> subprocess.Popen[bytes]:
-    """A process with its end of the pipe and nothing else of the caller's, in a folder."""
-    python, environment = _interpreter()
-    if more:
-        environment = {**(environment or os.environ), **more}
+    """A process with its end of the pipe and nothing else of the caller's, in a folder.
+
+    Args:
+        theirs: its end of the pipe.
+        folder: its current one.
+        environment: all its variables.
+        alone: whether they are not the caller's.
+    """
+    python, more = _interpreter()
     handle = theirs.fileno()
     # -P: neither the current folder nor that of the program is a place to import from
     command = [python, "-P", child.__file__, str(handle)]
@@ -140,13 +239,13 @@ def _started(
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             cwd=folder,
-            env=environment,
+            env={**environment, **more},
             **options,
         )
 
 
-def _interpreter() -> tuple[str, dict[str, str] | None]:
-    """Path of Python, and the environment that it wants (None: the present one).
+def _interpreter() -> tuple[str, dict[str, str]]:
+    """Path of Python, and the variables that it wants.
 
     On Windows, python.exe of a virtual environment only starts another process, which would outlive
     it when it is killed. `multiprocessing.set_executable` is heeded, for embedded interpreters.
@@ -156,8 +255,8 @@ def _interpreter() -> tuple[str, dict[str, str] | None]:
         python = os.path.abspath(python)
     base = getattr(sys, "_base_executable", python)
     if sys.platform == "win32" and python == sys.executable != base:
-        return base, {**os.environ, "__PYVENV_LAUNCHER__": python}
-    return python, None
+        return base, {"__PYVENV_LAUNCHER__": python}
+    return python, {}
 
 
 @contextlib.contextmanager

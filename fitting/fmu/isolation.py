@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
+import platform
+import sys
 from dataclasses import dataclass
+from typing import Literal
 
 from fitting.text.errors import BadInput
 
 MB = 10**6
+#: Whether an FMU runs isolated; "strict": or not at all.
+Isolate = bool | Literal["strict"]
+#: Files that a worker itself has open while it loads an FMU.
+LEAST_FILES = 24
+#: Landlock's system call for a set of rules has one number on every processor; its flag for which
+#: version there is.
+CREATE_RULESET, VERSION = 444, 1
+#: The versions of Landlock that keep from cutting files short, from devices and from signals.
+TRUNCATES, CONTROLS, SIGNALS = 3, 5, 6
+GET_SECCOMP = 21
+#: Processors whose system calls are known here.
+KNOWN = ("x86_64", "aarch64")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,24 +38,28 @@ class Isolation:
         processor_s: Processor time of one run, s.
         files: Files that are open at a time.
         written_mb: What it has written into its folder, MB.
+        strict: Whether a system that cannot hold all of it is refused.
 
     Raises:
-        BadInput: a number that is not positive.
+        BadInput: a number that is not positive; ``strict``, and this system cannot hold all of it.
     """
 
     memory_mb: float = 2000.0
     processor_s: float = 60.0
     files: int = 64
     written_mb: float = 200.0
+    strict: bool = False
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not 0.0 < value < math.inf:
+            if name != "strict" and not 0.0 < value < math.inf:
                 raise BadInput(f"isolate: {name} is {value!r}, wanted a positive number")
         if self.files < LEAST_FILES:
             raise BadInput(
                 f"isolate: files is {self.files!r}, wanted {LEAST_FILES} at least, for the worker"
             )
+        if self.strict and (missing := lacks()):
+            raise BadInput(f"isolate: this system cannot hold all of it: {'; '.join(missing)}")
 
     @property
     def words(self) -> str:
@@ -50,5 +70,30 @@ class Isolation:
         )
 
 
-#: Files that a worker itself has open while it loads an FMU.
-LEAST_FILES = 24
+def lacks() -> tuple[str, ...]:
+    """What this system cannot keep from an isolated FMU, a part of a sentence each."""
+    version = landlock_version()
+    found = []
+    if version < 1:
+        found.append("it may write files elsewhere, control devices and send signals")
+    elif version < SIGNALS:
+        may = "send signals to your other processes"
+        may = may if version >= CONTROLS else f"control devices, and {may}"
+        found.append(f"it may {may if version >= TRUNCATES else f'empty files elsewhere, {may}'}")
+    if not _has_filter():
+        found.append("it may use the network, and change what belongs to files and to the machine")
+    return tuple(found)
+
+
+def landlock_version() -> int:
+    """Version of Landlock, which keeps a program to a folder; below 1: there is none."""
+    if sys.platform != "linux":
+        return 0
+    return int(ctypes.CDLL(None).syscall(CREATE_RULESET, None, ctypes.c_size_t(0), VERSION))
+
+
+def _has_filter() -> bool:
+    """Whether system calls can be refused."""
+    if sys.platform != "linux" or platform.machine() not in KNOWN:
+        return False
+    return int(ctypes.CDLL(None).prctl(GET_SECCOMP, 0, 0, 0, 0)) >= 0

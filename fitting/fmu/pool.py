@@ -21,9 +21,10 @@ from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.isolation import Isolation
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
-from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
+from fitting.fmu.worker.answers import NotAnAnswer
+from fitting.fmu.worker.messages import Reply, Task, UnpackedFmu
 from fitting.fmu.worker.process import WorkerProcess
-from fitting.fmu.worker.reuse import ANEW, ReuseDecision
+from fitting.fmu.worker.reuse import ANEW, Verdict, refused
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.scratch import Scratch
@@ -34,6 +35,7 @@ POLL_S = 0.1
 CLOSING_S = 2.0
 #: How long others may go on with a batch that has failed: about what it takes to start them anew.
 SPARED_S = 0.3
+MEDDLED = "wrote into the pipe by which its process answers"
 MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
 #: Runs that a worker is sent at once: it holds all of them, and what they gave.
 MOST_SENT = 2_000
@@ -127,10 +129,9 @@ class FmuWorkers:
         self._under_way: _Job | None = None
         self._open = _Open([None] * workers)
         self._finaliser = weakref.finalize(self, self._open.close)
-        self._verdicts = [ReuseDecision() for _ in range(workers)]
-        if reuse == "never":
-            for verdict in self._verdicts:
-                verdict.refuse("so it was asked for")
+        never = reuse == "never"
+        self._verdicts = [refused("so it was asked for") if never else Verdict()] * workers
+        self._trials = [b""] * workers  # what was compared for the verdicts, unread
 
     def __enter__(self) -> FmuWorkers:
         """Start the processes, so that they load while the caller prepares."""
@@ -252,17 +253,20 @@ class FmuWorkers:
                 break
             for number, worker in busy.items():
                 if worker.pipe in connection.wait([worker.pipe], timeout=left / len(busy)):
-                    reply = worker.receive()
-                    if reply is None:
+                    try:
+                        reply = worker.receive()
+                    except (EOFError, NotAnAnswer):
                         self._kill(number)
                     else:
+                        if reply is None:
+                            continue
                         self._account(number, reply)
                         _keep(number, reply, job)
                     del job.todo[number]
 
     def _account(self, number: int, reply: Reply) -> None:
         """What a reply says of its worker, whatever became of the runs."""
-        self._verdicts[number] = reply.verdict
+        self._verdicts[number], self._trials[number] = reply.verdict, reply.trials
         self.counts += reply.counts
         self.memory_bytes = reply.memory
         self.warnings = _added(self.warnings, reply.warnings)
@@ -302,6 +306,7 @@ class FmuWorkers:
                 Task(
                     fmu=fmu,
                     verdict=self._verdicts[number],
+                    trials=self._trials[number],
                     pulse_path=str(home / f"worker{number}.pulse"),
                     isolation=self._isolation,
                 )
@@ -321,7 +326,7 @@ class FmuWorkers:
     def _send(self, number: int, job: _Job) -> None:
         worker = self._open.processes[number] or self._start(number)
         requests = [job.requests[i] for i in job.todo[number][:MOST_SENT]]
-        worker.send(Batch.of(self._requests.layouts, requests))
+        worker.send(self._requests.layouts, requests)
 
     def _wait(self, job: _Job) -> None:
         """Take what has arrived, and look after who is late."""
@@ -329,10 +334,15 @@ class FmuWorkers:
         pipes = {worker.pipe: (number, worker) for number, worker in busy.items() if worker}
         for pipe in connection.wait(list(pipes), timeout=POLL_S):
             number, worker = pipes[pipe]  # type: ignore[index]
-            reply = worker.receive()
-            if reply is None:
+            try:
+                reply = worker.receive()
+            except EOFError:
                 self._ended(number, worker, job)
+            except NotAnAnswer as error:
+                self._blame(number, worker, job, f"{MEDDLED} ({error})", NoAnswer)
             else:
+                if reply is None:  # but its beginning
+                    continue
                 self._take(number, reply, job)
             del pipes[worker.pipe]
         for number, worker in pipes.values():
@@ -363,7 +373,9 @@ class FmuWorkers:
             return
         death = worker.death()
         if not death.killed_by:
-            self._blame(number, worker, job, death.how, FmuFailure)
+            # what has become another program does that whatever its values are
+            kind = NoAnswer if death.goes_on else FmuFailure
+            self._blame(number, worker, job, death.how, kind)
         elif number in job.repeated:
             text = (
                 f"had its process killed ({death.killed_by}) twice in the same runs, by somebody "
@@ -390,7 +402,8 @@ class FmuWorkers:
         self._kill(number)
         if not in_trial:
             raise self._failure(f"the FMU {how}", job, at, kind)
-        self._verdicts[number].refuse(f"when its reset was tried the FMU {how}", ended=True)
+        reason = f"when its reset was tried the FMU {how}"
+        self._verdicts[number], self._trials[number] = refused(reason, ended=True), b""
         _log.info("worker %d: replaced, when its reset was tried the FMU %s", number + 1, how)
         self._send(number, job)
 

@@ -115,7 +115,7 @@ class FmuFailure(Exception):
 
 
 class NoAnswer(FmuFailure):
-    """An FMU that gave no answer in time, or whose process was killed again and again.
+    """An FMU that gave no answer in time, or something else, or whose process was killed again.
 
     Other values are no way round it: every attempt would cost as much time. Who catches failures in
     order to try something else lets this one pass.

@@ -101,7 +101,7 @@ COMMANDS = (
     Command(
         "kills",
         "runs that survive being killed",
-        full=("--tries 30",),
+        full=("--tries 17",),
         smoke="--tries 1",
     ),
     Command(

@@ -31,7 +31,7 @@ MOST_BYTES = 2**20
 #: What a worker imports before it knows its FMU.
 MODULES = ("fitting.fmu.worker.main", "fitting.fmu.worker.loop")
 
-Start = Callable[[connection.Connection, Path, Mapping[str, str]], "subprocess.Popen[bytes]"]
+Start = Callable[[connection.Connection, Path, Mapping[str, str], bool], "subprocess.Popen[bytes]"]
 
 
 class WarmStarts:
@@ -48,24 +48,30 @@ class WarmStarts:
         self._can = sys.platform == "linux" and os.environ.get("OPENBLAS_NUM_THREADS") == "1"
 
     def __call__(
-        self, theirs: connection.Connection, folder: Path, more: Mapping[str, str]
+        self,
+        theirs: connection.Connection,
+        folder: Path,
+        environment: Mapping[str, str],
+        alone: bool,
     ) -> subprocess.Popen[bytes]:
         """A process with its end of the pipe, in a folder.
 
         Args:
             theirs: the worker's end of the pipe.
             folder: current folder of the process.
-            more: variables that it has besides the caller's; such a process is started anew.
+            environment: its variables.
+            alone: whether they are not the caller's; such a process is started anew.
         """
-        if more or not self.is_wanted:
-            return self._cold(theirs, folder, more)
+        if alone or not self.is_wanted:
+            return self._cold(theirs, folder, environment, alone)
         with self._lock:
             asked = self._ready()
             if asked is None:
-                return self._cold(theirs, folder, more)
+                return self._cold(theirs, folder, environment, alone)
             read, write = os.pipe()
             try:
-                return _popen(self._forked(asked, theirs.fileno(), write, folder), read)
+                pid = self._forked(asked, theirs.fileno(), write, folder, environment)
+                return _popen(pid, read)
             finally:
                 os.close(write)
 
@@ -83,8 +89,15 @@ class WarmStarts:
             self._can = self._socket.recv(1) == b"y"
         return self._socket if self._can else None
 
-    def _forked(self, server: socket.socket, pipe: int, printed: int, folder: Path) -> int:
-        asked = {"folder": str(folder), "environment": dict(os.environ), "caller": os.getpid()}
+    def _forked(
+        self,
+        server: socket.socket,
+        pipe: int,
+        printed: int,
+        folder: Path,
+        environment: Mapping[str, str],
+    ) -> int:
+        asked = {"folder": str(folder), "environment": dict(environment), "caller": os.getpid()}
         libc = ctypes.CDLL(None, use_errno=True)
         # the fork's own parent ends at once: who takes over is whoever says so
         libc.prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitting.cli.words.values import default_workers
+from fitting.fmu.isolation import Isolate
 
 if TYPE_CHECKING:
     from fitting.api.fmu import Fmu
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def fmu_for(
-    campaigns: Sequence[Campaign], out: Path, workers: int | None, *, isolate: bool = False
+    campaigns: Sequence[Campaign], out: Path, workers: int | None, *, isolate: Isolate = False
 ) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder of the results.
 

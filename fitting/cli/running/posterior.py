@@ -14,6 +14,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.words.again import command_again
+from fitting.cli.words.drive import flag
 from fitting.cli.words.earlier_fit import fit_at
 from fitting.report.tables.posterior import posterior_lines
 from fitting.report.words.cost import time_words
@@ -111,4 +112,4 @@ def _command(args: argparse.Namespace) -> str:
             words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
     words += ["--steps", str(args.steps), "--seed", str(args.seed)]
     flags = [name for name in ("isolate", "changed_data", "resume") if getattr(args, name)]
-    return shlex.join([*words, *(f"--{name.replace('_', '-')}" for name in flags)])
+    return shlex.join([*words, *(flag(name, getattr(args, name)) for name in flags)])

@@ -23,6 +23,7 @@ from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
 from fitting.cli.words.again import command_again
+from fitting.cli.words.drive import flag
 from fitting.report.words.answer import CUT_SHORT, NO_PROFILES
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
@@ -294,5 +295,5 @@ def _command(args: argparse.Namespace) -> str:
     for text in args.external:
         words += ["--external", text]
     flags = ("quick", "no_profiles", "no_report", "isolate", "resume")
-    words += [f"--{name.replace('_', '-')}" for name in flags if getattr(args, name)]
+    words += [flag(name, getattr(args, name)) for name in flags if getattr(args, name)]
     return shlex.join(words)

@@ -86,6 +86,24 @@ def add_isolate(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="run the FMU with limits of memory, time, files, and without network",
     )
+    parser.add_argument(
+        "--isolate=strict",
+        action="store_const",
+        const="strict",
+        dest="isolate",
+        help="the same, refused where this system cannot hold all of it",
+    )
+
+
+def flag(name: str, value: bool | str) -> str:
+    """An option without a value as it is written on a command line.
+
+    Args:
+        name: of the argument.
+        value: true, or the one word that it takes.
+    """
+    written = f"--{name.replace('_', '-')}"
+    return written if value is True else f"{written}={value}"
 
 
 def fmu_of(args: argparse.Namespace) -> ff.Fmu:

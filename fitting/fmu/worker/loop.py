@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import shutil
 import sys
 import time
@@ -14,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.engine.process import messages
+from fitting.engine.process import end_marked, messages
 from fitting.fmu.run_requests import Handled, Layout, RunRequest
 from fitting.fmu.runs import Counts
+from fitting.fmu.worker.answers import packed
 from fitting.fmu.worker.confinement import allow_processor_time, confine, most_memory
 from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log
@@ -30,7 +32,7 @@ from fitting.fmu.worker.pulse import (
     OWN_MEMORY,
     open_pulse,
 )
-from fitting.fmu.worker.reuse import Instances, run_with_reuse
+from fitting.fmu.worker.reuse import Instances, ReuseDecision, run_with_reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
 
@@ -49,7 +51,7 @@ class _Holder:
 
     def __init__(self, task: Task, log: Log, pulse: memoryview) -> None:
         fmu = task.fmu
-        self.verdict = task.verdict
+        self.decision = ReuseDecision(task.verdict)
         self.log = log
         self._isolation = task.isolation
         self._limit = 1 if fmu.one_instance_per_process else MOST_INSTANCES
@@ -76,7 +78,7 @@ class _Holder:
             return self._handled(request, request.handled)
         compared = self._compared if self._limit > 1 else None
         instances = Instances(self._fresh, self._again, self._tried, compared)
-        return run_with_reuse(self.verdict, self._layouts, request, instances)
+        return run_with_reuse(self.decision, self._layouts, request, instances)
 
     def take_counts(self) -> Counts:
         counts = Counts(
@@ -177,47 +179,50 @@ def _clocks() -> tuple[float, float]:
     return time.perf_counter(), time.process_time()
 
 
-def serve(pipe: connection.Connection, *, has_network: bool = True) -> None:
-    """Take the task, answer batches until the caller sends None; leave when the caller is gone.
+def serve(pipe: connection.Connection, task: Task, pulse_descriptor: int | None) -> None:
+    """Answer batches until the caller sends None; leave when the caller is gone.
 
     Args:
         pipe: the worker's end.
-        has_network: whether the process is in the network of the machine.
+        task: what the process is there for.
+        pulse_descriptor: of the pulse, None: it is in a file.
     """
-    homes: list[Path] = []
-    arriving = messages(pipe, lambda: _clear(homes))
-    task: Task = arriving.get()
-    homes.append(Path(task.fmu.folder).parent)
-    pulse = open_pulse(Path(task.pulse_path)).numbers
+    place = Path(task.pulse_path) if pulse_descriptor is None else pulse_descriptor
+    pulse = open_pulse(place).numbers
     holder = _Holder(task, Log(sys.stderr.fileno()), pulse)
     pulse[OWN_MEMORY], pulse[COUNTED_MEMORY] = _memory(), most_memory()
+    folder = Path.cwd()
     if task.isolation is not None:
-        # here and not earlier: the thread that reads messages clears up, and stays as it was
-        holder.log.warn(confine(task.isolation, Path.cwd(), has_network=has_network))
+        holder.log.warn(confine(task.isolation, folder))
+    # an FMU was in the process that packed them: they are not read by one that may do more
+    holder.decision.trials.update(pickle.loads(task.trials) if task.trials else {})  # noqa: S301
+    # threads last, so that they have what this one has left
+    arriving = messages(pipe, lambda: _clear(folder, Path(task.fmu.folder).parent))
+    process = os.getpid()
     baseline: int | None = None
     while True:
         batch: Batch | None = arriving.get()
         if batch is None:
             holder.close()
             break
-        reply = _answer(holder, batch, pulse)
+        reply = _answer(holder, batch, pulse, process)
         memory = _memory()
         baseline = memory if baseline is None else baseline
         used_up = reply.used_up or memory - baseline > MOST_GROWTH
         reply = reply._replace(used_up=used_up, memory=memory)
         with contextlib.suppress(OSError):  # the caller is gone, which the other thread deals with
-            pipe.send(reply)
+            pipe.send_bytes(packed(reply))
     # not by way of the interpreter's teardown, in which FMUs are known to crash
     os._exit(0)
 
 
-def _clear(homes: Sequence[Path]) -> None:
-    """Remove the folder of the FMU, as its caller cannot."""
-    for home in homes:
-        shutil.rmtree(home, ignore_errors=True)
+def _clear(folder: Path, home: Path) -> None:
+    """End what the FMU has started, and remove its folder, as the caller cannot."""
+    end_marked(folder)
+    shutil.rmtree(home, ignore_errors=True)
 
 
-def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
+def _answer(holder: _Holder, batch: Batch, pulse: memoryview, process: int) -> Reply:
     pulse[BEGUN] += 1
     results: list[FloatArray] = []
     used_up, failure = False, None
@@ -237,14 +242,20 @@ def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
             failure = "fault in the worker process:\n" + traceback.format_exc()
             holder.give_up()
             break
+        finally:
+            if os.getpid() != process:  # a copy that the FMU has made: one answers, not two
+                os._exit(0)
     return Reply(
+        number=batch.number,
+        process=process,
         results=_joined(results),
         done=len(results),
         used_up=used_up,
         failure=failure,
         warnings=holder.log.take_warnings(),
         counts=holder.take_counts(),
-        verdict=holder.verdict,
+        verdict=holder.decision.verdict,
+        trials=pickle.dumps(holder.decision.trials),
     )
 
 

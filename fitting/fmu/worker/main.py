@@ -1,25 +1,34 @@
-"""What a worker process does first, while it has one thread: see `fitting.engine.process.start`."""
+"""What a worker process does first, while it has one thread: see `fitting.engine.process.start`.
+
+Whoever is to be isolated gives up everything now: what a thread gives up, an earlier one keeps.
+"""
 
 from __future__ import annotations
 
 from multiprocessing import connection
+from typing import TYPE_CHECKING
+
+from fitting.fmu.worker.pulse import taken_over
+
+if TYPE_CHECKING:
+    from fitting.fmu.worker.messages import Task
 
 
 def serve(pipe: connection.Connection) -> None:
-    """Leave the network where the FMU is to be isolated, then serve it.
+    """Leave the machine's namespaces where the FMU is to be isolated, then serve it.
 
     Args:
         pipe: the worker's end.
     """
-    has_network = True
     try:
         if pipe.recv():
-            from fitting.fmu.worker.confinement import leave_network
+            from fitting.fmu.worker.confinement import leave_namespaces
 
-            has_network = not leave_network()
+            leave_namespaces()
+        pulse = taken_over(pipe)
+        task: Task = pipe.recv()
     except EOFError:  # the caller has gone already
         return
-    # it starts threads
     from fitting.fmu.worker import loop
 
-    loop.serve(pipe, has_network=has_network)
+    loop.serve(pipe, task, pulse)

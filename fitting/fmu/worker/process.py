@@ -9,12 +9,15 @@ import signal
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from time import sleep
 from typing import IO, NamedTuple, cast
 
-from fitting.engine.process import end, start
+from fitting.engine.process import end, goes_on, start
 from fitting.fmu.isolation import MB
+from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.worker.answers import MOST_BESIDE, Incoming, NotAnAnswer, unpacked
 from fitting.fmu.worker.messages import Batch, Reply, Task
 from fitting.fmu.worker.printed import Printed
 from fitting.fmu.worker.pulse import (
@@ -24,6 +27,7 @@ from fitting.fmu.worker.pulse import (
     FREEING,
     IN_TRIAL,
     OWN_MEMORY,
+    hand_over,
     new_pulse,
 )
 
@@ -32,9 +36,6 @@ PROGRAM = "fitting.fmu.worker.main"
 START_S = 120.0  # longest start of a process, before it touches the FMU
 #: Looks whether a process has ended that has closed its pipe, and the time between them, s.
 ENDED_LOOKS, ENDED_S = 1000, 0.01
-#: The C library sets aside 64 MB for each thread that asks for memory, at whatever time it first
-#: does: of a limited address space that is a third of what an FMU is promised.
-ONE_ARENA = {"MALLOC_ARENA_MAX": "1"}
 #: Share of its memory that an FMU has taken which wanted more.
 NEARLY = 0.8
 #: Signals from outside that end a process; whatever else ends it is the FMU's doing.
@@ -42,10 +43,14 @@ FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
 
 
 class Death(NamedTuple):
-    """How a process ended, in a sentence; ``killed_by`` names the signal of somebody outside."""
+    """How a process ended, in a sentence; ``killed_by`` names the signal of somebody outside.
+
+    ``goes_on``: it has not ended, and closed its pipe alone.
+    """
 
     how: str
     killed_by: str
+    goes_on: bool = False
 
 
 class WorkerProcess:
@@ -60,15 +65,21 @@ class WorkerProcess:
 
     def __init__(self, task: Task) -> None:
         pulse_path = Path(task.pulse_path)
-        self._pulse = new_pulse(pulse_path)
+        self._pulse, pulse_descriptor = new_pulse(pulse_path)
         self._isolation = task.isolation
         self._folder = Path(tempfile.mkdtemp(prefix=f"{pulse_path.stem}-", dir=pulse_path.parent))
-        limited = task.isolation is not None
         try:
-            self._process, self.pipe = start(PROGRAM, self._folder, ONE_ARENA if limited else None)
+            # what it leaves among the temporary files goes with its folder
+            more = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._folder))
+            self._process, self.pipe = start(
+                PROGRAM, self._folder, more, alone=task.isolation is not None
+            )
         except BaseException:
             self._pulse.close()
             raise
+        self._incoming = Incoming(self.pipe)
+        self._sent: list[int] = []
+        self._batches = 0
         self._printed = Printed(cast("IO[bytes]", self._process.stdout))
         self._ended = False
         #: Whether the last run that it answered for failed, which may have left anything behind.
@@ -78,35 +89,56 @@ class WorkerProcess:
         self._since = 0.0
         self._layouts = 0  # that the process knows
         try:
-            # by itself: the network is left before there is a thread that reads what follows
-            self._hand_over(limited)
+            # by itself: namespaces are left before there is a thread
+            self._hand_over(task.isolation is not None)
+            with contextlib.suppress(OSError):
+                hand_over(self.pipe, pulse_descriptor)
             self._hand_over(task)
         except BaseException:
             self.end()
             raise
+        finally:
+            if pulse_descriptor is not None:
+                os.close(pulse_descriptor)
 
     @property
     def pid(self) -> int:
         """Number of the process."""
         return self._process.pid
 
-    def send(self, batch: Batch) -> None:
+    def send(self, layouts: list[Layout], requests: Sequence[RunRequest]) -> None:
         """Hand over a batch; that the process has ended is found out by `receive`.
 
         Args:
-            batch: runs, and all layouts; the process is told of one only once.
+            layouts: all that there are; the process is told of one only once.
+            requests: runs to do.
         """
         self._begun, self._since = -1, time.monotonic()
         self._pulse.numbers[AT_RUN] = 0
-        self._hand_over(batch._replace(layouts=batch.layouts[self._layouts :]))
-        self._layouts = len(batch.layouts)
+        self._batches += 1
+        self._sent = [request.rows * len(layouts[request.layout].outputs) for request in requests]
+        self._hand_over(Batch.of(self._batches, layouts[self._layouts :], requests))
+        self._layouts = len(layouts)
 
     def receive(self) -> Reply | None:
-        """The answer to the batch; None if the process has ended without one."""
+        """The answer to the batch; None while it has not come.
+
+        Raises:
+            EOFError: the process has closed its pipe without one.
+            NotAnAnswer: something else has come.
+        """
         try:
-            reply: Reply = self.pipe.recv()
-        except (EOFError, OSError):
+            data = self._incoming.take(8 * sum(self._sent) + MOST_BESIDE)
+        except OSError as error:
+            raise EOFError from error
+        if data is None:
             return None
+        reply = unpacked(data)
+        asked = (self._batches, self.pid, sum(self._sent[: reply.done]))
+        if (reply.number, reply.process, reply.results.size) != asked or not (
+            0 <= reply.done <= len(self._sent)
+        ):
+            raise NotAnAnswer("an answer to something else")
         return reply
 
     @property
@@ -148,7 +180,7 @@ class WorkerProcess:
     def death(self) -> Death:
         """How the process ended, whose pipe has."""
         for _ in range(ENDED_LOOKS):
-            if self._poll() is not None:
+            if self._poll() is not None or goes_on(self.pid):
                 break
             sleep(ENDED_S)
         code = self._process.returncode
@@ -166,7 +198,7 @@ class WorkerProcess:
         how = f"{how}; its last words: {words}" if words else f"{how} without a word"
         if self._isolation is not None and code:
             how += f"; it ran isolated, with {self._isolation.words}"
-        return Death(how, name if name in FROM_OUTSIDE else "")
+        return Death(how, name if name in FROM_OUTSIDE else "", goes_on=code is None)
 
     def written_too_much(self) -> str:
         """In words that an isolated FMU has written more than it may; empty: it has not."""
@@ -222,7 +254,8 @@ class WorkerProcess:
         if self._ended:
             return
         self._ended = True
-        end(self._process, within_s)
+        end(self._process, within_s, self._folder)
+        self._incoming.close()
         self.pipe.close()
         self._pulse.close()
         shutil.rmtree(self._folder, ignore_errors=True)

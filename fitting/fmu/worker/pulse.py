@@ -1,12 +1,17 @@
 """The pulse of a worker process: numbers in memory that it shares with its caller.
 
-They can be read while the worker is inside the FMU and answers nothing. The memory is a mapped file
-beside the unpacked FMU, so that it goes when that folder goes, on every system.
+They can be read while the worker is inside the FMU and answers nothing. Under Linux the memory is
+sealed: no FMU can take it away from under its caller. Elsewhere it is a mapped file beside the
+unpacked FMU, which goes when that folder goes.
 """
 
 from __future__ import annotations
 
 import mmap
+import os
+import socket
+import sys
+from multiprocessing import connection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,22 +36,67 @@ class Pulse(NamedTuple):
         self.file.close()
 
 
-def new_pulse(path: Path) -> Pulse:
-    """A pulse at zero, in a new file.
+def new_pulse(path: Path) -> tuple[Pulse, int | None]:
+    """A pulse at zero, and the descriptor by which another process gets it; None: by its file.
 
     Args:
-        path: of the file.
+        path: of the file, where there has to be one.
     """
-    path.write_bytes(bytes(PLACES * SIZE))
-    return open_pulse(path)
+    if sys.platform != "linux":
+        path.write_bytes(bytes(PLACES * SIZE))
+        return open_pulse(path), None
+    import fcntl
+
+    descriptor = os.memfd_create("pulse", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    os.ftruncate(descriptor, PLACES * SIZE)
+    seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
+    fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, seals)
+    return _mapped(descriptor), descriptor
 
 
-def open_pulse(path: Path) -> Pulse:
+def open_pulse(place: Path | int) -> Pulse:
     """The pulse that the other process has made.
 
     Args:
-        path: of the file.
+        place: file or descriptor of it; that is closed.
     """
-    with path.open("r+b") as file:
-        mapped = mmap.mmap(file.fileno(), PLACES * SIZE)
+    descriptor = place if isinstance(place, int) else os.open(place, os.O_RDWR)
+    try:
+        return _mapped(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def hand_over(pipe: connection.Connection, descriptor: int | None) -> None:
+    """Give the process at the other end of a pipe a descriptor, where there is one.
+
+    Args:
+        pipe: the caller's end.
+        descriptor: that `new_pulse` made.
+    """
+    if descriptor is not None:
+        with socket.socket(fileno=os.dup(pipe.fileno())) as way:
+            socket.send_fds(way, [b"p"], [descriptor])
+
+
+def taken_over(pipe: connection.Connection) -> int | None:
+    """The descriptor that `hand_over` gave; None where there is none.
+
+    Args:
+        pipe: the worker's end.
+
+    Raises:
+        EOFError: the caller is gone.
+    """
+    if sys.platform != "linux":
+        return None
+    with socket.socket(fileno=os.dup(pipe.fileno())) as way:
+        _, descriptors, _, _ = socket.recv_fds(way, 1, 1)
+    if not descriptors:
+        raise EOFError
+    return descriptors[0]
+
+
+def _mapped(descriptor: int) -> Pulse:
+    mapped = mmap.mmap(descriptor, PLACES * SIZE)
     return Pulse(mapped, memoryview(mapped).cast("q"))

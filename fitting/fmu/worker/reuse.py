@@ -61,8 +61,8 @@ class Instances(NamedTuple):
     compared: Callable[[RunRequest], FloatArray] | None
 
 
-@dataclass
-class ReuseDecision:
+@dataclass(frozen=True)
+class Verdict:
     """Whether instances are reused (None: undecided), and why; outlives the worker process.
 
     ``ended``: a reset ended the process; ``lied``: it was called OK and left something behind;
@@ -74,41 +74,61 @@ class ReuseDecision:
     ended: bool = False
     lied: bool = False
     failed: bool = False
+
+
+def refused(
+    reason: str, *, ended: bool = False, lied: bool = False, failed: bool = False
+) -> Verdict:
+    """The verdict that every run gets a new instance.
+
+    Args:
+        reason: as a sentence.
+        ended: whether a reset ended the process.
+        lied: whether a reset that was called OK left something behind.
+        failed: whether it, or a run after it, failed.
+    """
+    return Verdict(reused=False, note=f"{ANEW}{reason}", ended=ended, lied=lied, failed=failed)
+
+
+@dataclass
+class ReuseDecision:
+    """A verdict, and what has been compared for it, by layout."""
+
+    verdict: Verdict = field(default_factory=Verdict)
     trials: dict[int, Trial] = field(default_factory=dict)
 
-    def refuse(
-        self, reason: str, *, ended: bool = False, lied: bool = False, failed: bool = False
-    ) -> None:
-        """From now on every run gets a new instance.
+    @property
+    def reused(self) -> bool | None:
+        """Whether instances are reused, None where nothing has decided that yet."""
+        return self.verdict.reused
+
+    def decide(self, verdict: Verdict) -> None:
+        """From now on this holds; what was compared is not needed any more where that is no.
 
         Args:
-            reason: as a sentence.
-            ended: whether a reset ended the process.
-            lied: whether a reset that was called OK left something behind.
-            failed: whether it, or a run after it, failed.
+            verdict: on resets.
         """
-        self.reused = False
-        self.ended, self.lied, self.failed = ended, lied, failed
-        self.note = f"{ANEW}{reason}"
-        self.trials.clear()
+        self.verdict = verdict
+        if verdict.reused is False:
+            self.trials.clear()
 
 
 def run_with_reuse(
-    verdict: ReuseDecision, layouts: list[Layout], request: RunRequest, instances: Instances
+    decision: ReuseDecision, layouts: list[Layout], request: RunRequest, instances: Instances
 ) -> FloatArray:
     """Result of a run, on a reset instance where that is proven to be as good as a new one.
 
     Args:
-        verdict: what is known about reuse.
+        decision: what is known about reuse.
         layouts: of runs, met so far.
         request: a run, in value references.
         instances: ways to make it.
     """
-    trial = verdict.trials.get(request.layout)
-    if verdict.reused is False or trial is None:
+    trial = decision.trials.get(request.layout)
+    if decision.reused is False or trial is None:
         result = instances.fresh(request)
-        if verdict.reused is not False:
-            verdict.trials[request.layout] = Trial(request, result)
+        if decision.reused is not False:
+            decision.trials[request.layout] = Trial(request, result)
         return result
     new = _differing(trial.request, request) - trial.varied
     if not new:
@@ -123,13 +143,13 @@ def run_with_reuse(
             pairs = ((request, result), (first, before))
         reason = _difference_after_reset(layouts[request.layout], pairs, instances)
     except CallFailed as error:  # and on a new instance the same run did not fail
-        verdict.refuse(f"a run after a reset failed ({error})", failed=True)
+        decision.decide(refused(f"a run after a reset failed ({error})", failed=True))
         return result
     if reason:
-        verdict.refuse(reason, lied=True)
+        decision.decide(refused(reason, lied=True))
     else:
         _count(trial, new, acts=not _same(before, result))
-        verdict.reused, verdict.note = True, REUSED
+        decision.decide(Verdict(reused=True, note=REUSED))
         if not np.ptp(trial.result, axis=0).any():
             trial.request, trial.result = request, result
     return result

@@ -8,6 +8,7 @@
 #include <string.h>
 #ifndef _WIN32
 #include <arpa/inet.h>
+#include <dlfcn.h>
 #include <signal.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -18,7 +19,7 @@ enum { MISBEHAVE = 100, STEPS = 101, INVERTED = 200, LABEL = 300 };
 enum { GOOD, HANGS, CRASHES, NAN_OUTPUT, ENDS_EARLY, FAILS_AT_START, FAILS_IN_STEP, IS_PENDING,
        WARNS, HANGS_AT_START, PRINTS_AND_ABORTS, IS_KILLED, IS_KILLED_ONCE, FORKS,
        PRINTS_MUCH_AND_ABORTS, WRITES_FILE, FILLS_MEMORY, FILLS_DISK, OPENS_MANY, OPENS_SOCKET,
-       ESCAPES };
+       ESCAPES, RUNS_PYTHON };
 enum { RESET_WORKS, RESET_DOES_NOTHING, RESET_KEEPS_DERIVED, RESET_CRASHES, RESET_FAILS, RESET_HANGS,
        RESET_FREEZES_OUTPUT, RESET_KEEPS_PARAMETERS };
 #ifndef NOISE /* of the output, relative, another one at every step of another length or number */
@@ -141,6 +142,20 @@ static void model_connect(const char *port) {
     close(handle);
 }
 
+/* a file of Python, in the interpreter that the worker is */
+static void model_python(const char *path) {
+    int (*enter)(void) = (int (*)(void))dlsym(RTLD_DEFAULT, "PyGILState_Ensure");
+    void (*leave)(int) = (void (*)(int))dlsym(RTLD_DEFAULT, "PyGILState_Release");
+    int (*run)(const char *, void *) = (int (*)(const char *, void *))dlsym(RTLD_DEFAULT, "PyRun_SimpleStringFlags");
+    char line[600];
+    int state;
+    if (!enter || !leave || !run) fprintf(stderr, "no Python here\n"), abort();
+    snprintf(line, sizeof line, "exec(compile(open(r'%s').read(), 'attempts', 'exec'), {})", path);
+    state = enter();
+    if (run(line, NULL)) abort();
+    leave(state);
+}
+
 /* what befalls the process as a whole; `label` is a path where one is wanted */
 static void model_befall(const Model *m) {
     FILE *file;
@@ -184,6 +199,7 @@ static void model_befall(const Model *m) {
         if (!(file = fopen(m->label, "w"))) perror("cannot write there"), abort();
         fclose(file);
         break;
+    case RUNS_PYTHON: model_python(m->label); break;
     case WRITES_FILE: file = fopen("trace.txt", "w"), fputs("a trace\n", file), fclose(file); break;
     }
 }
