@@ -175,14 +175,19 @@ class ResultsFolder:
         return False
 
     def forget_what_is_gone(self) -> None:
-        """Take files out of the record that are gone, as a checkpoint when the job is done."""
+        """Take files out of the record that are gone, as a checkpoint when the job is done.
+
+        Where the disk takes no record any more, it names a file too many, which does no harm: that
+        must not hide what the command has to say of the disk.
+        """
         gone = [name for name in self._own if not os.path.lexists(self.path / name)]
         for name in gone:
             del self._own[name]
-        if gone and self._own:
-            self._write_record()
-        elif gone:
-            (self.path / RECORD_NAME).unlink()
+        with suppress(OSError, BadInput):
+            if gone and self._own:
+                self._write_record()
+            elif gone:
+                (self.path / RECORD_NAME).unlink()
 
     def _refuse_foreign(self, path: Path) -> None:
         own = self._own.get(self._name(path))
