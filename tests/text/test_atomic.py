@@ -56,7 +56,7 @@ def test_a_mount_that_refuses_to_sync_or_knows_no_modes_is_written(
 def test_a_disk_that_is_full_or_loses_data_is_told_in_the_words_of_the_system(
     number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a file without data nothing can be lost: a mount that refuses that as well knows no sync."""
+    """A mount that refuses to sync a file without data as well loses none."""
     monkeypatch.setattr(os, "fsync", refused(number, where=holds_data))
     with pytest.raises(BadInput, match=os.strerror(number)), results_folder(tmp_path / "o", "line"):
         write_whole(tmp_path / "o" / "table", "one\n")
