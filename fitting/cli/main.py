@@ -43,6 +43,8 @@ REFUSALS = {
     errno.ENAMETOOLONG: ", wanted a shorter one",
     errno.ELOOP: ", wanted links that lead to a file",
 }
+#: What variables of the environment begin with that are read by libraries alone.
+LIBRARIES = ("BOKEH_", "TQDM_", "SOURCE_DATE_EPOCH")
 #: More complaints about one input are counted, not printed.
 MOST_COMPLAINTS = 20
 #: Characters of a complaint: all parameters of an FMU that failed, not a cell gone wild.
@@ -56,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words of the command line, None for the process's own.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        _keep_out_settings()
     # without a home it tells, in its own words, that it makes do with a folder that it removes
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     if arguments is None and not sys.warnoptions:  # of libraries, about numbers: no user's concern
@@ -71,6 +75,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if lost is None or isinstance(lost, BrokenPipeError) or code in (BAD_INPUT, FMU_FAILED):
             return code
         return _complain(f"standard output: cannot be written: {lost.strerror}", BAD_INPUT)
+
+
+def _keep_out_settings() -> None:
+    """What is set for libraries changes no file that is written; a slip in it would end a command.
+
+    Figures are drawn into files, whatever window is wanted elsewhere, and bear no date.
+    """
+    for name in list(os.environ):
+        if name.startswith(LIBRARIES):
+            del os.environ[name]
+    os.environ["MPLBACKEND"] = "agg"
 
 
 def _run(given: Sequence[str], interrupts: Interrupts) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from argparse import Namespace
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
@@ -46,7 +47,7 @@ def test_a_file_of_the_laboratory_is_kept(
 
 
 #: What stands where a command would write its figures, when its work is done.
-OBSTACLES = {
+OBSTACLES: dict[str, Callable[[Path], None]] = {
     "a file": Path.touch,
     "a link to a file": lambda path: path.symlink_to(Q1),
     "a link to nothing": lambda path: path.symlink_to("nothing"),

@@ -13,6 +13,7 @@ from fitting.campaign.control_table import LEAST_POINTS
 from fitting.signal.roughness import roughness
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.numbers import require_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,8 @@ class ControlSpectrum:
             raise BadInput(f"{where}: wanted positive frequencies that rise strictly")
         if not np.all(np.isfinite(y) & (y >= 0.0)) or not np.any(y > 0.0):
             raise BadInput(f"{where}: wanted amplitudes from zero on, not all of them zero")
+        require_size(u, f"{where}: frequencies")
+        require_size(y, f"{where}: amplitudes")
         object.__setattr__(self, "u_hz", u)
         object.__setattr__(self, "y", y)
         for name, value in (("sigmas", self.sigma), ("level", self.drive)):

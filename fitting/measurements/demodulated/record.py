@@ -19,6 +19,7 @@ from fitting.signal.rotating import SENSED, Reference, reference
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.numbers import require_size
 
 #: Shifts reach over this part of the record.
 SHARE = 8
@@ -81,6 +82,8 @@ class DemodulatedRecord:
             raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
         if not (np.isfinite(t).all() and np.isfinite(y).all()):
             raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(t, f"{self.source}: times")
+        require_size(y, f"{self.source}: values")
         object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "y", y)

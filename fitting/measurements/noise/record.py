@@ -14,6 +14,7 @@ from scipy.special import digamma, gammaincinv
 from fitting.measurements.noise.averages import averages_seen
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, NoScale
+from fitting.text.numbers import require_size
 
 WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
 TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
@@ -100,6 +101,8 @@ class NoiseRecord:
             )
         if not (np.isfinite(u).all() and np.isfinite(y).all()):
             raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(u, f"{self.source}: frequencies")
+        require_size(y, f"{self.source}: densities")
         for k in np.flatnonzero(np.diff(u) <= 0.0)[:1]:
             raise BadInput(
                 f"{self.source}: point {k + 2}: frequency {u[k + 1]:.9g} Hz after {u[k]:.9g} Hz; "

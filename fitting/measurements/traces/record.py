@@ -17,6 +17,7 @@ from fitting.signal.decay import decay_start
 from fitting.signal.window import Window
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.numbers import require_size
 
 ONE, FIT = GAINS = ("one", "fit")
 REST, UNKNOWN = STARTS = ("rest", "unknown")
@@ -100,6 +101,8 @@ class TraceRecord:
             raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
         if not (np.isfinite(t).all() and np.isfinite(y).all()):
             raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(t, f"{self.source}: times")
+        require_size(y, f"{self.source}: values")
         object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
         self._check_words()
         first = self._first(y)
