@@ -431,7 +431,7 @@ class _Sources:
         self._known: dict[tuple[str | None, Path | None], NeededFile | str] = {}
         self._given: NeededFile | None = None
         if isinstance(given, Fmu):
-            self._given = NeededFile.of(given.description.path)
+            self._given = NeededFile.of(given.description.file)
         elif given is not None:
             model = isinstance(given, str) and given.isidentifier()
             named = WrittenFmu(model=str(given)) if model else WrittenFmu(file=Path(given))

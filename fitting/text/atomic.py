@@ -12,6 +12,7 @@ from glob import escape
 from pathlib import Path
 
 from fitting.text.errors import BadInput
+from fitting.text.once import alone
 
 #: What the temporary name of a file ends with.
 PART = ".part"
@@ -112,6 +113,7 @@ def _syncs_nothing(folder: Path) -> bool:
 
 
 def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
+    with alone():  # of two threads the second would take 0 for it, and leave the process with that
+        mask = os.umask(0)
+        os.umask(mask)
     return mask

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -68,3 +69,21 @@ def require_size(values: FloatArray | ComplexArray, where: str) -> None:
         raise BadInput(
             f"{where}: the largest is {largest:.6g}, wanted {LEAST:g} to {MOST:g}, in another unit"
         )
+
+
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number, of Python or numpy, and no truth value.
+
+    Args:
+        value: what was handed over.
+    """
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def is_real(value: object) -> bool:
+    """Whether a value is a real number, of Python or numpy, and no truth value.
+
+    Args:
+        value: what was handed over.
+    """
+    return isinstance(value, Real) and not isinstance(value, bool)
