@@ -36,6 +36,7 @@ from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
 from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.unsteady import Sideband, sideband_of
+from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -52,6 +53,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
+@checked
 @dataclass(frozen=True)
 class Accuracy:
     """How accurate simulated amplitudes are wanted, and what their plan has to keep to.
@@ -111,6 +113,7 @@ class Accuracy:
         return AccuracyAnnotation(force=tuple(self.force), forbid=tuple(self.forbid))
 
 
+@checked
 class Fmu:
     """An FMU: its variables, and worker processes that run it.
 

@@ -53,6 +53,7 @@ from fitting.lab.true_values import nearest, true_values
 from fitting.report.tables.posterior import draws_csv, posterior_lines
 from fitting.result.result import Result
 from fitting.signal.residual_tests import TOLD, Structure
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
 from fitting.text.files import write_whole
@@ -82,6 +83,7 @@ ANY = 1e6
 ROUNDS = 40
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
     """How draws from a posterior are made: how many, from which seed.
@@ -188,6 +190,7 @@ class PosteriorCost:
         return least * self.seconds_each, most * self.seconds_each
 
 
+@checked
 @one_thread()
 def posterior(
     problem: Problem,
@@ -234,6 +237,7 @@ def posterior(
         return job.drawn(folder / CHAIN_FILE, truth or {}, progress)
 
 
+@checked
 def posterior_cost(
     problem: Problem, at: Valued | Result, options: Sampling | None = None
 ) -> PosteriorCost:

@@ -7,7 +7,7 @@ no measurement can be. Amplitudes are peak values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -170,11 +170,12 @@ def _set(record: object, name: str, value: object) -> None:
 
 
 def _as_arrays(record: Any, *names: str) -> None:
-    """Fields as arrays of doubles, (n,), None apart."""
+    """Fields as arrays of doubles, (n,), None apart where that is what they are by themselves."""
+    optional = {of.name for of in fields(record) if of.default is None}
     where = getattr(record, "label", None) or getattr(record, "source", "")
     for name in names:
         value = getattr(record, name)
-        if value is None:
+        if value is None and name in optional:
             continue
         array = as_numbers(value, f"{where}: {name}")
         if array.ndim != 1:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
 MB = 10**6
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Isolation:
     """Limits of an FMU that runs isolated; its worker processes keep to them, each by itself.

@@ -50,7 +50,8 @@ def _as_array(values: npt.ArrayLike, kind: type | None, where: str) -> Any:
         if found.dtype.kind in "SUMm":  # text would be read, times would be counted
             raise TypeError
     except (TypeError, ValueError, OverflowError):
-        raise BadInput(f"{where}: found {shown(values)}, wanted an array of numbers") from None
+        what = " ".join(shown(values).split())  # arrays are shown on several lines
+        raise BadInput(f"{where}: found {what}, wanted an array of numbers") from None
     return found
 
 

@@ -11,11 +11,13 @@ import numpy.typing as npt
 
 from fitting.campaign.control_table import LEAST_POINTS
 from fitting.signal.roughness import roughness
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.numbers import require_size
+from fitting.text.numbers import as_numbers, require_size
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ControlSpectrum:
     """Amplitudes over drive frequency at one value of the controls.
@@ -48,8 +50,8 @@ class ControlSpectrum:
     level: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        u, y = (np.asarray(v, dtype=float) for v in (self.frequency_hz, self.amplitude))
         where = f"control sweep: spectrum at {self.label or dict(self.settings)}"
+        u, y = (as_numbers(v, where) for v in (self.frequency_hz, self.amplitude))
         if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS:
             raise BadInput(
                 f"{where}: frequencies of the shape {u.shape}, amplitudes {y.shape}; wanted (n,) "
@@ -64,7 +66,7 @@ class ControlSpectrum:
         object.__setattr__(self, "u_hz", u)
         object.__setattr__(self, "y", y)
         for name, value in (("sigmas", self.sigma), ("level", self.drive)):
-            object.__setattr__(self, name, np.broadcast_to(np.asarray(value, dtype=float), u.shape))
+            object.__setattr__(self, name, np.broadcast_to(as_numbers(value, where), u.shape))
 
     @cached_property
     def largest(self) -> float:

@@ -19,7 +19,7 @@ from fitting.signal.rotating import SENSED, Reference, reference
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.numbers import require_size
+from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Shifts reach over this part of the record.
 SHARE = 8
@@ -76,8 +76,8 @@ class DemodulatedRecord:
     spacing_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        t, y = np.asarray(self.time_s, dtype=float), np.asarray(self.values)
-        y = y.astype(complex if np.iscomplexobj(y) else float)
+        t = as_numbers(self.time_s, f"{self.source}: times")
+        y = as_values(self.values, f"{self.source}: values")
         if t.shape != y.shape:
             raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
         if not (np.isfinite(t).all() and np.isfinite(y).all()):

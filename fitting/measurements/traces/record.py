@@ -17,7 +17,7 @@ from fitting.signal.decay import decay_start
 from fitting.signal.window import Window
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.numbers import require_size
+from fitting.text.numbers import as_numbers, require_size
 
 ONE, FIT = GAINS = ("one", "fit")
 REST, UNKNOWN = STARTS = ("rest", "unknown")
@@ -96,7 +96,7 @@ class TraceRecord:
     spacing_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        t, y = (np.asarray(v, dtype=float) for v in (self.time_s, self.values))
+        t, y = (as_numbers(v, str(self.source)) for v in (self.time_s, self.values))
         if t.shape != y.shape:
             raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
         if not (np.isfinite(t).all() and np.isfinite(y).all()):
@@ -177,7 +177,7 @@ class TraceRecord:
 
     def _waveform(self, driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform) -> Waveform:
         if isinstance(driven, tuple):
-            time_s, values = (np.asarray(v, dtype=float) for v in driven)
+            time_s, values = (as_numbers(v, f"{self.source}: driven") for v in driven)
             return Recorded(time_s, values, self.interpolation)
         return driven
 
