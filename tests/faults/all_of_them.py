@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from tests.faults import archives, campaign_keys, curves, options, surroundings, tables
+from tests.faults import (
+    archives,
+    calls,
+    campaign_keys,
+    curves,
+    obstacles,
+    options,
+    refusals,
+    surroundings,
+    tables,
+)
 from tests.faults.case import Case
 
 
@@ -42,6 +52,13 @@ KINDS = (
     Kind(archives.DESCRIPTION, archives.description_cases, 140, 24),
     Kind(options.OPTIONS, options.cases, 260, 50),
     Kind(options.WORDS, options.word_cases, 80, 26),
+    Kind(refusals.MOUNTS, refusals.mount_cases, 44, 22),
+    Kind(refusals.DISKS, refusals.disk_cases, 156, 26),
+    Kind(refusals.ENDINGS, refusals.ending_cases, 320, 24),
+    Kind(obstacles.OBSTACLES, obstacles.cases, 186, 24),
+    Kind(obstacles.RECORDS, obstacles.record_cases, 40, 30),
+    Kind(calls.ARGUMENTS, calls.cases, 1500, 30),
+    Kind(calls.SIZES, calls.size_cases, 200, 24),
     Kind(surroundings.FILES, lambda count, seed: surroundings.file_cases(), 0, 0),
     Kind(surroundings.MACHINE, lambda count, seed: surroundings.machine_cases(), 0, 0, False),
 )
