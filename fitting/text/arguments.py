@@ -56,8 +56,8 @@ def _checking(function: Callable[..., Any], hinted: Callable[..., Any]) -> Calla
         hints = _hints(hinted)
         for key, value in given.items():
             if key in hints and not _can_be(value, hints[key]):
-                found = " ".join(shown(value).split())  # arrays are shown on several lines
-                raise BadInput(f"{hinted.__name__}: {key} is {found}, wanted {_words(hints[key])}")
+                wanted = _words(hints[key])
+                raise BadInput(f"{hinted.__name__}: {key} is {_found(value)}, wanted {wanted}")
         return function(*args, **kwargs)
 
     return call
@@ -120,6 +120,13 @@ def _can_be_sequence(value: Any, origin: type, inner: tuple[Any, ...]) -> bool:
     if issubclass(origin, tuple) and Ellipsis not in inner and inner:
         return len(value) == len(inner) and all(map(_can_be, value, inner))
     return all(_can_be(one, inner[0]) for one in value) if inner else True
+
+
+def _found(value: Any) -> str:
+    """A plain value as it is, a record by what it is."""
+    if value is None or isinstance(value, str | bytes | int | float | list | tuple | dict):
+        return shown(value)
+    return f"a {type(value).__name__}"
 
 
 def _words(hint: Any) -> str:

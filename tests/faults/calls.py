@@ -56,7 +56,7 @@ def size_cases(count: int, seed: int) -> Iterator[Case]:
             name=f"{command}: frequencies times 1e{of_f}, amplitudes times 1e{of_a}",
             words=(command, f"{HERE}/sweep.csv", *output),
             change=partial(_scaled, of_f, of_a),
-            about=("sweep.csv",),
+            about=("sweep.csv", "--fit"),
             codes=(0, 2),
         )
 
