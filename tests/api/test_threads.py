@@ -69,11 +69,20 @@ def test_threads_have_one_registry_of_units() -> None:
     assert units.product_words({"Hz": 2, "V": -1}) == "Hz²/V"
 
 
-def test_threads_leave_the_mode_of_new_files_as_it_was(tmp_path: Path) -> None:
-    before = atomic._umask()
+def test_threads_leave_the_mode_of_new_files_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, plain = atomic._umask(), os.umask
+
+    def slow(mask: int) -> int:
+        found = plain(mask)
+        time.sleep(0.002)  # another thread asks meanwhile
+        return found
+
+    monkeypatch.setattr(os, "umask", slow)
 
     def write(number: int) -> None:
-        for _ in range(20):
+        for _ in range(3):
             atomic.replace_file(tmp_path / f"{number}", b"")
 
     at_once(write)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import itertools
-import random
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.api.test_arguments import RIGHT, WRONG
-from tests.faults.case import HERE, Case
+from tests.faults.case import HERE, Case, drawn
 from tests.faults.scene import amplitude_v, csv
 
 ARGUMENTS, SIZES = "Python: arguments", "numbers beyond computing, in files"
@@ -26,7 +25,7 @@ def cases(count: int, seed: int) -> Iterator[Case]:
         for key in inspect.signature(called).parameters
         for k in range(len(WRONG))
     ]
-    for name, key, k in random.Random(seed).sample(every, min(count, len(every))):
+    for name, key, k in drawn(every, count, seed):
         called, right = RIGHT[name]
         yield Case(
             kind=ARGUMENTS,
@@ -49,7 +48,7 @@ def size_cases(count: int, seed: int) -> Iterator[Case]:
     """Sweeps in units of any size: a line, or one sentence."""
     every = itertools.product((0, *POWERS), (0, *POWERS), ("line", "init"))
     pairs = [(f, a, c) for f, a, c in dict.fromkeys(every) if f == 0 or a == 0 or c == "line"]
-    for of_f, of_a, command in itertools.islice(pairs, count):
+    for of_f, of_a, command in drawn(pairs, count, seed):
         output = ("--out", f"{HERE}/out", "--yes") if command == "init" else ()
         yield Case(
             kind=SIZES,

@@ -5,17 +5,18 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import random
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from fitting.cli.main import main
 from fitting.text.errors import BadInput
@@ -59,6 +60,12 @@ class Case:
     during: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
     writes: bool = False
     call: Callable[[], object] | None = None
+
+
+def drawn(every: Iterable[Any], count: int, seed: int) -> list[Any]:
+    """So many of some, at most all, in an order drawn by the seed."""
+    found = list(every)
+    return random.Random(seed).sample(found, min(count, len(found)))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any
 
 from fitting.text.results_folder import LOCK_NAME, RECORD_NAME
 from tests.faults.campaign_keys import COMMAND
-from tests.faults.case import HERE, OUT, Case
+from tests.faults.case import HERE, OUT, Case, drawn
 from tests.faults.scene import FMU
 
 OBSTACLES, RECORDS = "obstacles in the folder of results", "records of files, made up"
@@ -61,7 +61,7 @@ def cases(count: int, seed: int) -> Iterator[Case]:
     """Every name and thing: refused, and as it was."""
     named = [(c, name) for c, (_, names) in NAMES.items() for name in names]
     named += [(c, name) for c in NAMES for name in (RECORD_NAME, LOCK_NAME)]
-    for (command, name), thing in itertools.islice(itertools.product(named, THINGS), count):
+    for (command, name), thing in drawn(itertools.product(named, THINGS), count, seed):
         if thing == "a folder with a file" and name in ("figures", "campaign"):
             continue  # is one, into which is written
         if thing == "a file" and name == LOCK_NAME:
@@ -126,7 +126,7 @@ TEXTS: dict[str, str] = {
 
 def record_cases(count: int, seed: int) -> Iterator[Case]:
     """Records that are none, and such that name what is not of the folder: refused."""
-    for what, text in itertools.islice(TEXTS.items(), count):
+    for what, text in drawn(TEXTS.items(), count, seed):
         yield Case(
             kind=RECORDS,
             name=what,

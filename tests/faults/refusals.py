@@ -19,7 +19,7 @@ from typing import Any
 from fitting.fmu.pool import FmuWorkers
 from fitting.text import atomic
 from tests.faults.campaign_keys import COMMAND
-from tests.faults.case import HERE, INTERRUPTED, OUT, Case
+from tests.faults.case import HERE, INTERRUPTED, OUT, Case, drawn
 from tests.faults.scene import FMU
 from tests.support.asked import harmless
 
@@ -105,7 +105,7 @@ def _asked(owner: Any, name: str, signals: tuple[str, ...], at: int) -> Iterator
 def mount_cases(count: int, seed: int) -> Iterator[Case]:
     """Calls that are refused, and no reason to end."""
     every = itertools.product(COMMANDS, REFUSED)
-    for command, (name, number) in itertools.islice(every, count):
+    for command, (name, number) in drawn(every, count, seed):
         yield Case(
             kind=MOUNTS,
             name=f"{command}: {name} is refused, {number}",
@@ -120,7 +120,7 @@ def disk_cases(count: int, seed: int) -> Iterator[Case]:
     """Disks that take no more, from some file on: bad input, in the words of the system."""
     calls = [(n, owner, e) for n, (owner, errors) in LOST.items() for e in errors]
     every = itertools.product(range(4), ("example", "line", "simulate"), calls)
-    for first, command, (name, owner, number) in itertools.islice(every, count):
+    for first, command, (name, owner, number) in drawn(every, count, seed):
         yield Case(
             kind=DISKS,
             name=f"{command}: {name} number {first + 1} and later, {number}",
@@ -136,7 +136,7 @@ def ending_cases(count: int, seed: int) -> Iterator[Case]:
     """Requests to end at some moment, one, and two at once."""
     asked = [(s,) for s in SIGNALS] + [("SIGINT", "SIGINT"), ("SIGTERM", "SIGHUP")]
     every = itertools.product(range(4), asked, COMMANDS, MOMENTS)
-    for at, signals, command, moment in itertools.islice(every, count):
+    for at, signals, command, moment in drawn(every, count, seed):
         yield Case(
             kind=ENDINGS,
             name=f"{command}: {' and '.join(signals)} when {moment}, number {at + 1}",
