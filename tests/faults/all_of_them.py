@@ -43,7 +43,7 @@ class Kind:
 
 SEED = 1
 KINDS = (
-    Kind(campaign_keys.KEYS, campaign_keys.cases, 900, 28),
+    Kind(campaign_keys.KEYS, campaign_keys.cases, 900, 36),
     Kind(campaign_keys.TEXT, campaign_keys.text_cases, 70, 22),
     Kind(tables.DATA, tables.cases, 260, 24),
     Kind(tables.INSTRUMENTS, tables.instrument_cases, 120, 22),
@@ -52,13 +52,13 @@ KINDS = (
     Kind(archives.DESCRIPTION, archives.description_cases, 140, 22),
     Kind(options.OPTIONS, options.cases, 260, 26),
     Kind(options.WORDS, options.word_cases, 80, 24),
-    Kind(refusals.MOUNTS, refusals.mount_cases, 44, 22),
-    Kind(refusals.DISKS, refusals.disk_cases, 156, 22),
-    Kind(refusals.ENDINGS, refusals.ending_cases, 320, 22),
-    Kind(obstacles.OBSTACLES, obstacles.cases, 186, 22),
-    Kind(obstacles.RECORDS, obstacles.record_cases, 40, 22),
-    Kind(calls.ARGUMENTS, calls.cases, 1500, 30),
-    Kind(calls.SIZES, calls.size_cases, 200, 22),
+    Kind(refusals.MOUNTS, refusals.mount_cases, 44, 8),
+    Kind(refusals.DISKS, refusals.disk_cases, 156, 8),
+    Kind(refusals.ENDINGS, refusals.ending_cases, 320, 12),
+    Kind(obstacles.OBSTACLES, obstacles.cases, 186, 40),
+    Kind(obstacles.RECORDS, obstacles.record_cases, 40, 40),
+    Kind(calls.ARGUMENTS, calls.cases, 1500, 90),
+    Kind(calls.SIZES, calls.size_cases, 200, 12),
     Kind(surroundings.FILES, surroundings.file_cases, 80, 24),
     Kind(surroundings.MACHINE, lambda count, seed: surroundings.machine_cases(), 0, 0, False),
 )
