@@ -81,7 +81,7 @@ def _written(
     wanted = Rebuilding(
         name=name, history=_history(handed, result, description), start_values=handed.start_values
     )
-    built = rebuilt(description.path, wanted, out)
+    built = rebuilt(description.file, wanted, out)
     values = parameter_set(name, handed.set_values(), description)
     ssv, ssp, table = out / f"{name}.ssv", out / f"{name}.ssp", out / "parameters.csv"
     write_whole(ssv, values)

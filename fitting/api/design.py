@@ -42,6 +42,7 @@ from fitting.design.weighing import DesignGoal, weigh, weigh_ways
 from fitting.engine.threads import one_thread
 from fitting.result.result import Result, read_result
 from fitting.result.same_data import require_same_data
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -51,6 +52,7 @@ __all__ = ["Goal", "Limits", "NextMeasurements", "WaysToMeasure", "design", "lim
 CAMPAIGN_FOLDER, TABLE_NAME = "campaign", "design.csv"
 
 
+@checked
 @dataclass(frozen=True)
 class Goal:
     """What the next measurements are for.

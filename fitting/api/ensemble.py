@@ -34,6 +34,7 @@ from fitting.lab.synthesis import bench_of
 from fitting.lab.writer import CAMPAIGN_NAME
 from fitting.report.tables.ensemble import csv_of, document, markdown
 from fitting.result.ensemble import FAILED, FINISHED, INTERRUPTED, Ensemble, EnsembleRow
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.journal import Journal
@@ -60,6 +61,7 @@ MOST_USUAL = 8
 CAMPAIGN = "campaign"
 
 
+@checked
 @dataclass(frozen=True)
 class Laboratories:
     """Virtual laboratories of one kind, with a seed each, from ``seed`` on.
@@ -431,7 +433,7 @@ class _Sources:
         self._known: dict[tuple[str | None, Path | None], NeededFile | str] = {}
         self._given: NeededFile | None = None
         if isinstance(given, Fmu):
-            self._given = NeededFile.of(given.description.path)
+            self._given = NeededFile.of(given.description.file)
         elif given is not None:
             model = isinstance(given, str) and given.isidentifier()
             named = WrittenFmu(model=str(given)) if model else WrittenFmu(file=Path(given))

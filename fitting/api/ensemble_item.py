@@ -24,6 +24,7 @@ from fitting.lab.synthesis import SyntheticFiles, synthesize, synthesize_curves
 from fitting.lab.true_values import nearest, true_values
 from fitting.measurements.kinds import read_campaign
 from fitting.result.ensemble import FAILED, EnsembleRow, EnsembleValue
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.files import write_all
 from fitting.text.scratch import Scratch
@@ -59,6 +60,7 @@ class Laboratory:
         return self.made().write(folder)
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class EnsembleOptions:
     """How each item is fitted.

@@ -39,6 +39,7 @@ from fitting.report.tables.values import interval_table
 from fitting.result.provenance import Identity, job_of
 from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
@@ -69,6 +70,7 @@ MOST_ENDS = 6
 REVIEWS = 2
 
 
+@checked
 @dataclass(frozen=True)
 class Tikhonov:
     """Algorithm 2: a sum of |r| and nu/2 |x|^2, nu taken back level by level.
@@ -460,6 +462,7 @@ class Inference(Valued):
         return self.record.knowledge
 
 
+@checked
 @one_thread()
 def fit(
     problem: Problem,
@@ -562,6 +565,7 @@ def identity_of(problem: Problem, command: str) -> Identity:
     return identify_fmu(problem.fmu.description, command)
 
 
+@checked
 @one_thread()
 def profile(
     fit: Fit,

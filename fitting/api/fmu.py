@@ -7,12 +7,12 @@ import math
 import sys
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +36,7 @@ from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
 from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.unsteady import Sideband, sideband_of
+from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -52,6 +53,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
+@checked
 @dataclass(frozen=True)
 class Accuracy:
     """How accurate simulated amplitudes are wanted, and what their plan has to keep to.
@@ -111,6 +113,7 @@ class Accuracy:
         return AccuracyAnnotation(force=tuple(self.force), forbid=tuple(self.forbid))
 
 
+@checked
 class Fmu:
     """An FMU: its variables, and worker processes that run it.
 
@@ -144,7 +147,8 @@ class Fmu:
         if not isinstance(source, str | PathLike):
             raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
         is_model = isinstance(source, str) and source.isidentifier()
-        path = self._built(str(source)) if is_model else source
+        self._model = str(source) if is_model else ""
+        path = self._built(self._model) if is_model else source
         self.workers = FmuWorkers(
             read_description(path, interface),
             workers=workers,
@@ -152,6 +156,13 @@ class Fmu:
             timeout_name=timeout_name,
             isolation=_isolation(isolate),
         )
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Of a pickle: a model that was built went with its process, and is built again."""
+        self.__dict__.update(state)
+        if self._model and not self.description.file.is_file():
+            path = self._built(self._model)
+            self.workers.description = replace(self.description, path=path)
 
     def _built(self, model: str) -> Path:
         scratch = Scratch()

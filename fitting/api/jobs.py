@@ -24,6 +24,7 @@ from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.result.same_data import require_same_data
+from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -44,6 +45,7 @@ __all__ = [
 MOST_ARTISTS = 2
 
 
+@checked
 def identify(
     problem: Problem,
     at: Valued | Result | None = None,

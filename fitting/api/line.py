@@ -19,6 +19,7 @@ from fitting.resonance.dip_reading import DipReading
 from fitting.resonance.line import WIRINGS, LineForm, LinePoints, line_of
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.resonance.trace import trace_of
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
 
@@ -63,6 +64,7 @@ class Line(resonance.Line):
         return words.text(self)
 
 
+@checked
 def line(
     source: str | Path | npt.ArrayLike,
     values: npt.ArrayLike | None = None,

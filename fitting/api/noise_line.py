@@ -13,6 +13,7 @@ from fitting.report.words import noise_line as words
 from fitting.resonance.noise_line import noise_line_of, noise_record_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
 __all__ = ["NoiseLine", "is_noise_spectrum", "noise_line"]
@@ -43,6 +44,7 @@ class NoiseLine(resonance.NoiseLine):
         return words.text(self)
 
 
+@checked
 def noise_line(
     source: str | Path | npt.ArrayLike,
     density: npt.ArrayLike | None = None,

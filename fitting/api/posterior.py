@@ -28,9 +28,9 @@ from fitting.fit.noise import fitted_noise
 from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.inference.posterior.chain import Walk, sampler_library, walked
+from fitting.inference.posterior.chain import Walk, WalkInterrupted, sampler_library, walked
 from fitting.inference.posterior.first_walks import LEARNING, about_walk, evaluations
-from fitting.inference.posterior.kept import Kept, keep, kept_in
+from fitting.inference.posterior.kept import Cut, Kept, keep, kept_in
 from fitting.inference.posterior.learnt import TRIED, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.outputs import outputs_of, read_outputs
@@ -53,6 +53,7 @@ from fitting.lab.true_values import nearest, true_values
 from fitting.report.tables.posterior import draws_csv, posterior_lines
 from fitting.result.result import Result
 from fitting.signal.residual_tests import TOLD, Structure
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
 from fitting.text.files import write_whole
@@ -82,6 +83,7 @@ ANY = 1e6
 ROUNDS = 40
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
     """How draws from a posterior are made: how many, from which seed.
@@ -188,6 +190,7 @@ class PosteriorCost:
         return least * self.seconds_each, most * self.seconds_each
 
 
+@checked
 @one_thread()
 def posterior(
     problem: Problem,
@@ -234,6 +237,7 @@ def posterior(
         return job.drawn(folder / CHAIN_FILE, truth or {}, progress)
 
 
+@checked
 def posterior_cost(
     problem: Problem, at: Valued | Result, options: Sampling | None = None
 ) -> PosteriorCost:
@@ -364,6 +368,9 @@ class _Job:
         self.minima = found[: self.walkers]
         self.mixture = Mixture.of(self.minima)
         self.bent = False
+        #: Of a part that was interrupted: the walk with its steps, and how it goes on.
+        self._begun: Walk | None = None
+        self._cut: Cut | None = None
 
     def set_out(self, progress: Callable[[str], None]) -> tuple[FloatArray, FloatArray]:
         """Where the walk begins; the mixture follows first walks where the posterior is bent.
@@ -425,12 +432,7 @@ class _Job:
 
         try:
             for walk in self._parts(before, tell):
-                if path is not None:
-                    keep(
-                        path,
-                        self._fingerprint,
-                        Kept(walk, self.mixture, self.bent, self.evaluations, self.failed),
-                    )
+                self._keep(path, walk)
                 found = self._reached(walk)
                 said = found.told(self.problem.names)
                 progress(said)
@@ -438,8 +440,14 @@ class _Job:
                     status = CONVERGED
                     break
         except KeyboardInterrupt:
-            if walk is None:
+            if self._begun is not None:
+                walk, found = self._begun, None
+                self._keep(path, walk)
+            if walk is None or (path is None and walk.steps < FIRST):
                 raise
+            if walk.steps < FIRST:
+                kept = f"interrupted; {walk.steps} steps of every walker are kept in {path}"
+                raise KeyboardInterrupt(kept) from None
             status = INTERRUPTED
         if walk is None:
             raise RuntimeError("a chain without a part")
@@ -477,17 +485,31 @@ class _Job:
 
     def _parts(self, walk: Walk | None, progress: Callable[[str], None]) -> Iterator[Walk]:
         """The walk as it grows, from what there is."""
-        if walk is not None:
+        if walk is not None and self._cut is None:
             yield walk
-        while walk is None or walk.steps < self.asked.steps:
+        while walk is None or self._cut is not None or walk.steps < self.asked.steps:
             done = 0 if walk is None else walk.steps
+            cut, self._cut = self._cut, None
             total = min(self.asked.steps, max(FIRST, math.ceil(LONGER * done)))
+            total = total if cut is None else cut.steps
             begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
-            seed = (self.asked.seed, done)
+            seed = (self.asked.seed, done) if cut is None else cut.random
             progress(f"drawing steps {done + 1} to {total}, of {self.asked.steps} at most")
-            part = walked(self._in_box, self.mixture, begin, total - done, seed)
+            try:
+                part = walked(self._in_box, self.mixture, begin, total - done, seed)
+            except WalkInterrupted as early:
+                self._begun = early.walk if walk is None else walk.with_more(early.walk)
+                self._cut = Cut(total, early.random)
+                raise
             walk = part if walk is None else walk.with_more(part)
             yield walk
+
+    def _keep(self, path: Path | None, walk: Walk) -> None:
+        """Replace the file of the chain, if there is to be one."""
+        if path is not None:
+            costs = self.evaluations, self.failed
+            kept = Kept(walk, self.mixture, self.bent, *costs, self._cut)
+            keep(path, self._fingerprint, kept)
 
     def _resumed(self, path: Path | None) -> Walk | None:
         if path is None or not self.asked.resume:
@@ -495,7 +517,7 @@ class _Job:
         kept = kept_in(path, self._fingerprint)
         if kept is None:
             return None
-        self.mixture, self.bent = kept.mixture, kept.bent
+        self.mixture, self.bent, self._cut = kept.mixture, kept.bent, kept.cut
         self.evaluations += kept.evaluations
         self.failed += kept.failed
         return kept.walk

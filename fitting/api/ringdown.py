@@ -15,6 +15,7 @@ from fitting.resonance.decay_reading import is_over_time, read_decay_of
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, decay_record_of
 from fitting.resonance.reading import Columns
 from fitting.resonance.ringdown import ringdown_of
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
 __all__ = ["Ringdown", "is_over_time", "ringdown"]
@@ -47,6 +48,7 @@ class Ringdown(resonance.Ringdown):
         return words.text(self)
 
 
+@checked
 def ringdown(
     source: str | Path | npt.ArrayLike,
     values: npt.ArrayLike | None = None,

@@ -32,6 +32,7 @@ from fitting.campaign.unnamed_tones import check_tones
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
+from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy, convert, parse_quantity, same_kind
@@ -40,6 +41,7 @@ from fitting.text.written import Written, as_written, difference_in, in_unit, wr
 SCOPES = ("campaign", "experiment")
 
 
+@checked
 @dataclass(frozen=True)
 class Parameter:
     """A coefficient that is looked for: a Real parameter of the FMU and the box it lies in.
@@ -126,6 +128,7 @@ class Parameter:
         }
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Tones:
     """Amplitudes of a steady response, read under some tones at a time: m experiments.
@@ -234,6 +237,7 @@ class Tones:
         return held
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """Amplitudes of a steady response to one tone after another: n points.
@@ -327,7 +331,7 @@ def _table(values: npt.ArrayLike, name: str, rows: int | None, kind: type = floa
     """An array of numbers (m, k), real or complex."""
     try:
         table: npt.NDArray[Any] = np.asarray(values, dtype=kind)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BadInput(f"tones: {name} is not an array of numbers") from None
     if table.ndim != 2 or table.size == 0 or (rows is not None and len(table) != rows):
         wanted = "(experiments, tones)" if rows is None else f"({rows}, lines)"

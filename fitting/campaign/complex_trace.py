@@ -37,6 +37,7 @@ from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
 from fitting.text.keys import Keys, Text
 from fitting.text.notation import how_many, prefixed
+from fitting.text.numbers import require_size
 from fitting.text.units import convert
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
@@ -103,6 +104,8 @@ class MeasuredComplex:
                 raise BadInput(
                     f"{where}: {name} number {i + 1} is {numbers[i]}, wanted a finite number"
                 )
+        require_size(f, f"{where}: frequencies")
+        require_size(values, f"{where}: values")
         if f[0] <= 0.0 or np.any(np.diff(f) <= 0.0):
             raise BadInput(f"{where}: wanted frequencies above zero that rise strictly")
         if not np.any(np.abs(values) > 0.0):

@@ -9,7 +9,6 @@ of measurements are described where the kinds are (`fitting.campaign.kind`).
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from functools import partial
@@ -57,6 +56,7 @@ from fitting.text.keys import (
     refusing,
 )
 from fitting.text.notation import how_many
+from fitting.text.once import made_once
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import checked_accuracy
@@ -816,7 +816,7 @@ class WrittenCampaign(Keys):
         return found
 
 
-@functools.cache
+@made_once
 def campaign_with(kinds: tuple[type[MeasurementTable], ...]) -> type[WrittenCampaign]:
     """The record of campaign files that may also have the tables of these kinds, each once.
 
@@ -832,9 +832,27 @@ def campaign_with(kinds: tuple[type[MeasurementTable], ...]) -> type[WrittenCamp
     if len(set(names)) < len(names):
         raise ValueError(f"tables {', '.join(names)}: one of them twice")
     own = [_field_of(kind) for kind in kinds]
+
+    def reduce(campaign: WrittenCampaign) -> tuple[Any, ...]:
+        """For a pickle, in which no class can be that has no name in a module."""
+        return _unpickled, (kinds, dict(campaign.__dict__))
+
     return make_dataclass(
-        "WrittenCampaign", own, bases=(WrittenCampaign,), frozen=True, kw_only=True
+        "WrittenCampaign",
+        own,
+        bases=(WrittenCampaign,),
+        namespace={"__reduce__": reduce},
+        frozen=True,
+        kw_only=True,
     )
+
+
+def _unpickled(
+    kinds: tuple[type[MeasurementTable], ...], fields: dict[str, Any]
+) -> WrittenCampaign:
+    made = object.__new__(campaign_with(kinds))
+    made.__dict__.update(fields)
+    return made
 
 
 def _field_of(kind: type[MeasurementTable]) -> tuple[str, Any, Any]:

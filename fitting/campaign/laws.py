@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, did_you_mean, gathered
 from fitting.text.formula import Formula, alike
@@ -132,6 +133,7 @@ class Law:
         )
 
 
+@checked
 @dataclass(frozen=True)
 class Laws:
     """Formulas that variables of the FMU follow, of parameters, constants and control quantities.

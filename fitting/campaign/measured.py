@@ -7,7 +7,7 @@ no measurement can be. Amplitudes are peak values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many
+from fitting.text.numbers import as_numbers, require_size
 from fitting.text.written import Written
 
 #: Named in complaints about what comes from no file.
@@ -149,6 +150,7 @@ class MeasuredExperiment:
         if self.sigmas_v.size == 0:
             _set(self, "sigmas_v", np.full(len(lines_hz), np.nan))
         _check_numbers(self.peaks_v, len(lines_hz), f"{where}: peaks")
+        require_size(self.peaks_v, f"{where}: peaks")
         if not np.all(self.peaks_v > 0.0):
             raise BadInput(f"{where}: peaks {_shown(self.peaks_v)}; wanted positive amplitudes")
         if self.phases is not None:
@@ -168,16 +170,14 @@ def _set(record: object, name: str, value: object) -> None:
 
 
 def _as_arrays(record: Any, *names: str) -> None:
-    """Fields as arrays of doubles, (n,), None apart."""
+    """Fields as arrays of doubles, (n,), None apart where that is what they are by themselves."""
+    optional = {of.name for of in fields(record) if of.default is None}
     where = getattr(record, "label", None) or getattr(record, "source", "")
     for name in names:
         value = getattr(record, name)
-        if value is None:
+        if value is None and name in optional:
             continue
-        try:
-            array = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            raise BadInput(f"{where}: {name} is not an array of numbers") from None
+        array = as_numbers(value, f"{where}: {name}")
         if array.ndim != 1:
             raise BadInput(f"{where}: {name} has the shape {array.shape}, wanted (n,)")
         _set(record, name, array)
@@ -196,6 +196,8 @@ def _check_curve(frequency_hz: FloatArray, amplitude_v: FloatArray, least: int, 
         raise BadInput(f"{where}: {frequency_hz.size} points; wanted at least {least}")
     _check_numbers(frequency_hz, frequency_hz.size, f"{where}: frequencies")
     _check_numbers(amplitude_v, frequency_hz.size, f"{where}: amplitudes")
+    require_size(frequency_hz, f"{where}: frequencies")
+    require_size(amplitude_v, f"{where}: amplitudes")
     if frequency_hz[0] <= 0.0 or np.any(np.diff(frequency_hz) <= 0.0):
         raise BadInput(f"{where}: wanted frequencies above zero that rise strictly")
     for i in np.flatnonzero(amplitude_v < 0.0)[:1]:

@@ -19,6 +19,7 @@ from fitting.campaign.file import OUTLIERS, WrittenNoise
 from fitting.campaign.parameters import Parameter
 from fitting.signal.amplitudes import Amplitude
 from fitting.signal.scale import laboratory_maximum
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.written import in_unit
@@ -30,6 +31,7 @@ SCALE_REACH = 0.5
 SCALE_NAME = "ln_scale"
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Noise:
     """Declared noise of amplitudes, peak values: sigma^2 = (relative A)^2 + absolute_v^2.

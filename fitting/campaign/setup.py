@@ -9,10 +9,12 @@ from dataclasses import KW_ONLY, dataclass, field
 from fitting.campaign.file import SAMPLES_PER_PERIOD
 from fitting.campaign.laws import Laws
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Drive:
     """How tones drive the FMU: it drives itself by parameters of its own, or we drive an input.
@@ -73,6 +75,7 @@ class Drive:
 USUAL_ACCURACY = 1e-6
 
 
+@checked
 @dataclass(frozen=True)
 class Setup:
     """How a series of measurements drives the FMU and what it observes, in the FMU's units.

@@ -17,7 +17,7 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.earlier_fit import add_at, fit_at
 from fitting.cli.words.values import folder_name, positive_time, seed, whole_number, worker_count
-from fitting.text.results_folder import remove_earlier
+from fitting.text.results_folder import remove_earlier, results_folder
 
 if TYPE_CHECKING:
     from fitting.result.result import Result
@@ -125,6 +125,9 @@ def _ways(
     limits = {path.stem: path for path in args.candidates}
     if len(limits) < len(args.candidates):
         raise ff.BadInput("--candidates: two files of one name, by which the kinds are told apart")
+    for name in limits:  # of what cannot be written there it is complained now
+        with results_folder(_out(args) / name, NAME, DESIGN_FILES):
+            pass
     found = ff.ways(problem, goal, limits=limits, at=_at(args), progress=tell)
     found = found.made_by(_command(args))
     tell("writing")

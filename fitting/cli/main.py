@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import fitting
-from fitting.cli.running.interrupts import INTERRUPTED, interruptible
+from fitting.cli.running.interrupts import INTERRUPTED, Interrupts, interruptible
 from fitting.cli.running.output import told
 from fitting.cli.words.parser import parsed
 from fitting.text.errors import BadInput, FmuFailure
@@ -43,6 +43,8 @@ REFUSALS = {
     errno.ENAMETOOLONG: ", wanted a shorter one",
     errno.ELOOP: ", wanted links that lead to a file",
 }
+#: What variables of the environment begin with that are read by libraries alone.
+LIBRARIES = ("BOKEH_", "TQDM_", "SOURCE_DATE_EPOCH")
 #: More complaints about one input are counted, not printed.
 MOST_COMPLAINTS = 20
 #: Characters of a complaint: all parameters of an FMU that failed, not a cell gone wild.
@@ -56,12 +58,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words of the command line, None for the process's own.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        _keep_out_settings()
     # without a home it tells, in its own words, that it makes do with a folder that it removes
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     if arguments is None and not sys.warnoptions:  # of libraries, about numbers: no user's concern
         warnings.filterwarnings("ignore", category=RuntimeWarning)
-    with outlets() as output, interruptible():
-        code = _run(given)
+    with outlets() as output, interruptible(whole_process=arguments is None) as interrupts:
+        try:
+            code = _run(given, interrupts)
+        except KeyboardInterrupt:  # while it told how the command ended
+            code = _complain("interrupted", INTERRUPTED)
+        interrupts.end()
         output.flush()
         lost = output.failure
         if lost is None or isinstance(lost, BrokenPipeError) or code in (BAD_INPUT, FMU_FAILED):
@@ -69,7 +77,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(f"standard output: cannot be written: {lost.strerror}", BAD_INPUT)
 
 
-def _run(given: Sequence[str]) -> int:
+def _keep_out_settings() -> None:
+    """What is set for libraries changes no file that is written; a slip in it would end a command.
+
+    Figures are drawn into files, whatever window is wanted elsewhere, and bear no date.
+    """
+    for name in list(os.environ):
+        if name.startswith(LIBRARIES):
+            del os.environ[name]
+    os.environ["MPLBACKEND"] = "agg"
+
+
+def _run(given: Sequence[str], interrupts: Interrupts) -> int:
     """Run a command; whatever happens is an exit code and a sentence."""
     try:
         for word in given:
@@ -83,14 +102,24 @@ def _run(given: Sequence[str]) -> int:
         return _complain(error, BAD_INPUT)
     except FmuFailure as error:
         return _complain(error, FMU_FAILED)
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as error:
+        return _complain(str(error) or "interrupted", INTERRUPTED)
     except Exception as error:
+        if interrupts.times and _comes_of_interrupt(error):
+            return _complain("interrupted", INTERRUPTED)
         surroundings = _surroundings(error)
         if surroundings:
             return _complain(surroundings, BAD_INPUT)
         return _complain(f"a fault of this program: {_kept(error, given)}", FAULT)
     return code
+
+
+def _comes_of_interrupt(error: BaseException) -> bool:
+    """Whether a library made something else of an interrupt, as compiled ones do when loaded."""
+    if isinstance(error, (ImportError, KeyboardInterrupt)):
+        return True
+    before = error.__cause__ or error.__context__
+    return before is not None and _comes_of_interrupt(before)
 
 
 def _require_memory() -> None:

@@ -20,6 +20,7 @@ from fitting.design.times import written_times
 from fitting.design.trace_campaign import edit_for_traces, recording_files
 from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
+from fitting.text.csv_cells import csv_line
 from fitting.text.files import path_from
 from fitting.text.notation import hertz, in_its_unit, number, prefixed
 from fitting.text.tables import read_text
@@ -231,7 +232,7 @@ def _experiments(design: Design, bound: BoundCampaign, limits: Limits, command: 
         f"# Next measurements. Fill in the columns {'X_* and Y_*' if limits.phases else 'peak_*'}; "
         "replace sigma_* by what you find.",
         f"# Proposed by: {command}",
-        ",".join(head),
+        csv_line(head),
     ]
     for p in design.proposals:
         settings = {**columns, **levels_and_more(drive, len(p.tones_hz), p.level, p.settings)}
@@ -239,7 +240,7 @@ def _experiments(design: Design, bound: BoundCampaign, limits: Limits, command: 
         cells = [f"next{p.rank}", *tones, p.output, *map(_cell, settings.values())]
         cells += ["" for _ in filled]
         cells += [f"{s / factor:.4g}" for s in p.sigmas_v]
-        lines += [f"# {_what(p, design)}", ",".join(cells)]
+        lines += [f"# {_what(p, design)}", csv_line(cells)]
     return "\n".join(lines) + "\n"
 
 

@@ -13,6 +13,7 @@ from fitting.campaign import BoundCampaign, Drive, Experiment, Phases
 from fitting.campaign.control_table import LEAST_POINTS
 from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.signal.combinations import Combination
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
@@ -92,6 +93,7 @@ class TraceLimits:
             )
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """What the instrument can do.

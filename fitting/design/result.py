@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fitting.text.arrays import Scalar
+from fitting.text.csv_cells import csv_text
 from fitting.text.records import read_json, write_json
 
 NAME = "design.json"
@@ -190,17 +189,17 @@ def design_csv(design: Design) -> str:
     head += [f"sigma {i + 1} ({volts})" for i in range(peaks)]
     head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
     before = design.before
-    lines = [",".join(head)]
+    lines = [head]
     blank = [""] * (len(head) - 4)
-    lines.append(",".join(["0", *blank, *map(_number, (before.at, before.mean, before.worst))]))
+    lines.append(["0", *blank, *map(_number, (before.at, before.mean, before.worst))])
     for p in design.proposals:
         e = p.expected
         cells = [str(p.rank), *map(repr, p.tones_hz), *([str(p.points)] if p.points else [])]
         cells += [repr(p.centre_hz), p.output, repr(p.level)]
         cells += [str(value) for value in p.settings.values()] + [str(p.repeats)]
         cells += [*map(repr, p.peaks_v), *map(repr, p.sigmas_v)]
-        lines.append(",".join([*cells, *map(_number, (e.at, e.mean, e.worst))]))
-    return "\n".join(lines) + "\n"
+        lines.append([*cells, *map(_number, (e.at, e.mean, e.worst))])
+    return csv_text(lines)
 
 
 def _recordings_csv(design: Design) -> str:
@@ -216,9 +215,7 @@ def _recordings_csv(design: Design) -> str:
             cells = [str(p.rank), r.trace, p.output, repr(r.length_s), repr(r.spacing_s)]
             cells += [str(r.samples), *map(repr, (*p.peaks_v, *p.sigmas_v))]
             rows.append([*cells, *map(_number, (e.at, e.mean, e.worst))])
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
+    return csv_text(rows)
 
 
 def _number(value: float) -> str:

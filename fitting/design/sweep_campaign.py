@@ -12,6 +12,7 @@ from fitting.design.result import Design, Proposal
 from fitting.design.sweeps import frequencies_hz
 from fitting.design.times import written_times
 from fitting.text.arrays import Scalar
+from fitting.text.csv_cells import csv_line
 from fitting.text.notation import hertz, in_its_unit, listed, number, prefixed
 from fitting.text.toml import Tables, inline, put
 
@@ -105,12 +106,12 @@ def sweeps_csv(
     lines = [
         f"# Next sweeps. {fill_in(bound)}.",
         f"# Proposed by: {command}",
-        ",".join([*heads, "frequency (Hz)", *so_far.heads(written[so_far.table])]),
+        csv_line([*heads, "frequency (Hz)", *so_far.heads(written[so_far.table])]),
     ]
     for p in design.proposals:
         lines.append(f"# {_what(p, design)}")
         controls = [str(p.settings[name]) for name in names]
-        lines += [",".join([*controls, repr(float(f)), *open_cells]) for f in _frequencies(p)]
+        lines += [csv_line([*controls, repr(float(f)), *open_cells]) for f in _frequencies(p)]
     return "\n".join(lines) + "\n"
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
@@ -18,6 +16,7 @@ from fitting.fmu.variables import VariableLike
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.traces.record import FOUND
 from fitting.measurements.traces.waveform import Recorded
+from fitting.text.csv_cells import csv_line
 from fitting.text.notation import in_its_unit, prefixed
 from fitting.text.toml import Tables, inline, put
 
@@ -109,9 +108,8 @@ def recording_files(
         ]
         if so_far.record(_recording(p).trace).begin == FOUND:
             head.insert(1, "# Counted from where the free decay begins.")
-        columns = io.StringIO()
-        csv.writer(columns, lineterminator="\n").writerow(_columns(p, so_far, variables))
-        files[recorded_as(p)] = "\n".join([*head, columns.getvalue()])
+        columns = csv_line(_columns(p, so_far, variables))
+        files[recorded_as(p)] = "\n".join([*head, columns, ""])
     return files
 
 

@@ -7,8 +7,6 @@ file.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -28,6 +26,7 @@ from fitting.draft.source import relative_path
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.noise_reading import told_density
 from fitting.resonance.reading import Columns, Roles, hertz_in, map_in, roles_of
+from fitting.text.csv_cells import csv_text
 from fitting.text.errors import BadInput, gathered, shown
 from fitting.text.loose_tables import COMMENTS
 from fitting.text.notation import how_many, listed
@@ -342,9 +341,7 @@ def _as_in_file(channel: Channel, roles: Roles) -> Channel:
 
 def _text(control: Control, paths: Sequence[Path], folder: Path) -> str:
     """The table that lists the files: the control and, relative to itself, each file."""
-    made = io.StringIO()
-    rows = csv.writer(made, lineterminator="\n")
-    rows.writerow([f"{control.name} ({control.unit})", FILE])
+    rows = [[f"{control.name} ({control.unit})", FILE]]
     for value, path in zip(control.values, paths, strict=True):
-        rows.writerow([f"{value:.12g}", relative_path(path, folder)])
-    return made.getvalue()
+        rows.append([f"{value:.12g}", relative_path(path, folder)])
+    return csv_text(rows)

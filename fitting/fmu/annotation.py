@@ -38,7 +38,7 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
         BadInput: the annotation names a variable that is not there, or a value of another kind.
     """
     try:
-        with zipfile.ZipFile(description.path) as archive:
+        with zipfile.ZipFile(description.file) as archive:
             root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
     except (ElementTree.ParseError, ValueError, LookupError) as error:  # alphabets, too
         raise BadInput(f"{description.path}: modelDescription.xml: {error}") from error

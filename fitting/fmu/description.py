@@ -122,6 +122,11 @@ class FmuDescription:
     own_steps: OwnSteps = field(default_factory=OwnSteps)
     exchange: tuple[int, int] | None = None
     offers: tuple[str, ...] = INTERFACES[:1]
+    #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
+    file: Path = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "file", self.path.absolute())
 
     @property
     def interface(self) -> str:

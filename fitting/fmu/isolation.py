@@ -9,6 +9,7 @@ import sys
 from dataclasses import dataclass
 from typing import Literal
 
+from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
 MB = 10**6
@@ -26,6 +27,7 @@ GET_SECCOMP = 21
 KNOWN = ("x86_64", "aarch64")
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Isolation:
     """Limits of an FMU that runs isolated; its worker processes keep to them, each by itself.

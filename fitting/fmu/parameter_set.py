@@ -149,7 +149,7 @@ def _value(kind: str, text: str, where: str) -> Scalar:
 
 def _units(description: FmuDescription) -> list[ElementTree.Element]:
     """The definitions of units in the FMU, by FMI."""
-    with zipfile.ZipFile(description.path) as archive:
+    with zipfile.ZipFile(description.file) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
     return root.findall("UnitDefinitions/Unit")
 

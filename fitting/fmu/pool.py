@@ -7,13 +7,14 @@ import os
 import re
 import time
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import connection
 from pathlib import Path
+from threading import RLock
 from types import TracebackType
-from typing import Literal
+from typing import Any, Literal
 
 from fitting.engine.turns import pass_on
 from fitting.fmu.archive import unpack
@@ -26,7 +27,8 @@ from fitting.fmu.worker.messages import Reply, Task, UnpackedFmu
 from fitting.fmu.worker.process import WorkerProcess
 from fitting.fmu.worker.reuse import ANEW, Verdict, refused
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer, shown
+from fitting.text.numbers import is_real, is_whole
 from fitting.text.scratch import Scratch
 
 _log = logging.getLogger(__name__)
@@ -88,6 +90,9 @@ class _Job:
 class FmuWorkers:
     """Processes that hold an FMU open and take batches of runs.
 
+    Threads take turns at it, and a fork of the process has processes of its own; pickled, it is
+    opened anew, from the same file, where it is unpickled.
+
     They are started when the first runs come, and end with `close`, at the end of a ``with`` block,
     when nobody refers to this object any more, or with the caller, however that ends.
 
@@ -113,10 +118,12 @@ class FmuWorkers:
         timeout_name: str = "timeout_s",
         isolation: Isolation | None = None,
     ) -> None:
-        if not 1 <= workers <= MOST_WORKERS:
-            raise BadInput(f"workers is {workers!r}, wanted 1 to {MOST_WORKERS}")
-        if not timeout_s > 0:
-            raise BadInput(f"timeout_s is {timeout_s!r}, wanted a positive time")
+        if not is_whole(workers) or not 1 <= workers <= MOST_WORKERS:
+            raise BadInput(
+                f"workers is {shown(workers)}, wanted a whole number, 1 to {MOST_WORKERS}"
+            )
+        if not is_real(timeout_s) or not timeout_s > 0:
+            raise BadInput(f"timeout_s is {shown(timeout_s)}, wanted a positive time")
         self.description = fmu if isinstance(fmu, FmuDescription) else read_description(fmu)
         self.counts = Counts()
         self.warnings: tuple[str, ...] = ()
@@ -125,17 +132,44 @@ class FmuWorkers:
         self._timeout_s = timeout_s
         self._timeout_name = timeout_name
         self._isolation = isolation
+        self._reuse = reuse
+        self._begin_anew(int(workers))
+
+    def _begin_anew(self, workers: int) -> None:
+        """No processes yet, nobody's turn."""
+        self._turn = RLock()
         self._requests = RunRequests(self.description)
         self._under_way: _Job | None = None
         self._open = _Open([None] * workers)
         self._finaliser = weakref.finalize(self, self._open.close)
-        never = reuse == "never"
+        never = self._reuse == "never"
         self._verdicts = [refused("so it was asked for") if never else Verdict()] * workers
         self._trials = [b""] * workers  # what was compared for the verdicts, unread
 
+    @contextmanager
+    def _own_turn(self) -> Iterator[None]:
+        """Other threads wait; a fork leaves to its parent what is open and whoever had the turn."""
+        if os.getpid() != self._open.owner:
+            self._begin_anew(len(self._open.processes))
+        with self._turn:
+            yield
+
+    def __reduce__(self) -> tuple[Callable[..., FmuWorkers], tuple[FmuDescription, dict[str, Any]]]:
+        return _opened_anew, (
+            self.description,
+            {
+                "workers": len(self._open.processes),
+                "timeout_s": self._timeout_s,
+                "reuse": self._reuse,
+                "timeout_name": self._timeout_name,
+                "isolation": self._isolation,
+            },
+        )
+
     def __enter__(self) -> FmuWorkers:
         """Start the processes, so that they load while the caller prepares."""
-        self._start_missing()
+        with self._own_turn():
+            self._start_missing()
         return self
 
     def __exit__(
@@ -189,6 +223,10 @@ class FmuWorkers:
         Raises FmuFailure for the first run found to fail, with the FMU's words and the start values
         of that run; BadInput for names and values that do not fit the FMU.
         """
+        with self._own_turn():
+            return self._run(runs)
+
+    def _run(self, runs: Sequence[Run]) -> list[FloatArray]:
         requests = self._requests.take_all(runs)
         if self._under_way is not None:  # of another piece of work, whose turn it was before
             self._complete(self._under_way)
@@ -241,8 +279,9 @@ class FmuWorkers:
 
     def close(self) -> None:
         """End the processes and remove the unpacked FMU."""
-        self._under_way = None
-        self._open.close()
+        with self._own_turn():
+            self._under_way = None
+            self._open.close()
 
     def _spare(self, job: _Job) -> None:
         """Let the others answer, so that they can take the next batch, where that is soon."""
@@ -420,6 +459,10 @@ class FmuWorkers:
         return failure
 
 
+def _opened_anew(description: FmuDescription, options: dict[str, Any]) -> FmuWorkers:
+    return FmuWorkers(description, **options)
+
+
 def _run_of(number: int, worker: WorkerProcess, job: _Job) -> int:
     """Number of the run that the process was at."""
     left = job.todo[number]
@@ -458,7 +501,7 @@ def _unpack(description: FmuDescription) -> Scratch:
             ) from error
     folder = scratch.path / "fmu"
     try:
-        unpack(description.path, folder)
+        unpack(description.file, folder)
     except BaseException:
         scratch.remove()
         raise

@@ -16,6 +16,7 @@ from fitting.lab.duffing import CubicModes
 from fitting.lab.names import TRUTH_NAME
 from fitting.lab.truth import truth_toml
 from fitting.signal.peaks import Resonance, fit_resonance
+from fitting.text import csv_cells
 from fitting.text.arrays import FloatArray
 from fitting.text.toml import Tables, inline, put, rewritten
 
@@ -83,9 +84,9 @@ def csv_text(columns: Mapping[str, FloatArray | Sequence[Cell]], head: Sequence[
         columns: by their heads.
         head: lines that go before, without comment signs.
     """
-    lines = [*(f"# {line}" for line in head), ",".join(columns)]
-    lines += [",".join(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
-    return "\n".join(lines) + "\n"
+    lines = "".join(f"# {line}\n" for line in head)
+    rows = (map(_cell, row) for row in zip(*columns.values(), strict=True))
+    return lines + csv_cells.csv_text([columns, *rows])
 
 
 def written_mhz(frequency_hz: float) -> str:

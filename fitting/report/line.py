@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 
 from fitting.measurements.figure import Figure
@@ -16,6 +14,7 @@ from fitting.resonance.noise_line import NoiseLine
 from fitting.resonance.noise_line_figure import noise_line_figure
 from fitting.resonance.ringdown import Ringdown
 from fitting.resonance.ringdown_figure import ringdown_figure
+from fitting.text.csv_cells import csv_text
 from fitting.text.files import write_whole
 from fitting.text.records import write_json
 
@@ -61,10 +60,6 @@ def _table(line: Line | Ringdown | NoiseLine) -> str:
         if isinstance(line, Ringdown)
         else {"frequency (Hz)": line.points.frequency_hz}
     )
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     columns = {**axis, **columns}
-    writer.writerow(list(columns))
     rows = zip(*columns.values(), strict=True)
-    writer.writerows([repr(value) for value in row] for row in rows)
-    return text.getvalue()
+    return csv_text([columns, *(map(repr, row) for row in rows)])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from fitting.signal.combinations import combination_name
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.response import DriveResponse
 from fitting.text.arrays import FloatArray
+from fitting.text.csv_cells import csv_text
 from fitting.text.files import write_whole
 
 
@@ -85,7 +84,5 @@ def _numbers(table: FloatArray) -> Iterable[Sequence[str]]:
 
 
 def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Path:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([head, *rows])
-    write_whole(path, text.getvalue())
+    write_whole(path, csv_text([head, *rows]))
     return path

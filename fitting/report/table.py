@@ -6,9 +6,7 @@ exact value beside what is shown of them: a page carries it along, a CSV file ho
 
 from __future__ import annotations
 
-import csv
 import html
-import io
 import math
 import os
 import re
@@ -21,6 +19,7 @@ from typing import Generic, TypeVar
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from fitting.text import csv_cells
 from fitting.text.notation import markup, number, prefixed, unit_text
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -283,12 +282,12 @@ def csv_text(table: Table) -> str:
     Args:
         table: as it was read.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(f"{h.before}{h.name}{f' ({h.unit})' if h.unit else ''}" for h in table.heads)
-    for row in table.rows:
-        writer.writerow(c.text.strip("–") if c.value is None else exact_text(c.value) for c in row)
-    return text.getvalue()
+    heads = [f"{h.before}{h.name}{f' ({h.unit})' if h.unit else ''}" for h in table.heads]
+    cells = (
+        [c.text.strip("–") if c.value is None else exact_text(c.value) for c in row]
+        for row in table.rows
+    )
+    return csv_cells.csv_text([heads, *cells])
 
 
 def exact_text(value: float) -> str:

@@ -12,6 +12,7 @@ from fitting.measurements.traces.grid import LEAST_SAMPLES, spacing_s
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import how_many, number
+from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: What was recorded: the motion itself, X and Y, or amplitudes alone; None: it has to be seen.
 SAMPLES, PHASORS, AMPLITUDES = KINDS = ("samples", "phasors", "amplitudes")
@@ -103,13 +104,14 @@ def decay_record_of(
     Raises:
         BadInput: shapes that differ, values that are no numbers, times that are not even.
     """
-    t, y = np.asarray(time_s, dtype=float), np.asarray(values)
-    y = y.astype(complex if np.iscomplexobj(y) else float)
+    t, y = as_numbers(time_s, f"{source}: times"), as_values(values, f"{source}: values")
     if t.ndim != 1 or t.shape != y.shape:
         raise BadInput(f"{source}: times {t.shape} and values {y.shape}; wanted (n,) for both")
     for name, numbers in (("time", t), ("value", y)):
         for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
             raise BadInput(f"{source}: {name} number {i + 1} is {numbers[i]}, wanted a finite one")
+    require_size(t, f"{source}: times")
+    require_size(y, f"{source}: values")
     spacing_s(t, source)
     kind = PHASORS if np.iscomplexobj(y) else ""
     return DecayRecord(source=source, time_s=t, values=y, unit=unit, kind=kind)

@@ -30,6 +30,7 @@ from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many
+from fitting.text.numbers import as_numbers, require_size
 
 #: Points that a noise spectrum has at least.
 LEAST_POINTS = 12
@@ -94,7 +95,8 @@ def noise_record_of(
         BadInput: shapes that differ, too few points, numbers that are not finite or not above zero,
             a frequency twice.
     """
-    f, y = np.asarray(frequency_hz, dtype=float), np.asarray(density, dtype=float)
+    f = as_numbers(frequency_hz, f"{source}: frequencies")
+    y = as_numbers(density, f"{source}: densities")
     if f.ndim != 1 or f.shape != y.shape:
         raise BadInput(f"{source}: frequencies {f.shape} and densities {y.shape}; wanted (n,)")
     kept = above_zero(f)
@@ -104,6 +106,8 @@ def noise_record_of(
         raise BadInput(f"{source}: {f.size} points, wanted at least {LEAST_POINTS}")
     for i in np.flatnonzero(~(np.isfinite(f) & np.isfinite(y)))[:1]:
         raise BadInput(f"{source}: point {i + 1} is {f[i]} Hz, {y[i]}; wanted finite numbers")
+    require_size(f, f"{source}: frequencies")
+    require_size(y, f"{source}: densities")
     if np.any(y <= 0.0):
         i = int(np.flatnonzero(y <= 0.0)[0])
         raise BadInput(

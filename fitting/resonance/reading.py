@@ -13,6 +13,7 @@ from fitting.campaign.instruments.roles import without_zero
 from fitting.campaign.recognised import Recognised, recognised
 from fitting.resonance.control_map import ControlMap, map_of
 from fitting.resonance.trace import Trace, swapped, trace_of
+from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
@@ -33,6 +34,7 @@ TIME_WAY = (
 ROOT_MW = "(mW)^0.5"
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Columns:
     """Where a file has what, as far as the file does not tell: empty means that it is found out.

@@ -12,6 +12,7 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many
+from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Steps that are equal but for the last digit of a file: by which share they may differ.
 UNEVEN = 0.2
@@ -181,8 +182,8 @@ def trace_of(
         BadInput: shapes that differ, values that are no numbers, a frequency twice or not above
             zero, negative amplitudes, nothing but zeros.
     """
-    f, y = np.asarray(frequency_hz, dtype=float), np.asarray(values)
-    y = y.astype(complex if np.iscomplexobj(y) else float)
+    f = as_numbers(frequency_hz, f"{source}: frequencies")
+    y = as_values(values, f"{source}: values")
     if f.ndim != 1 or f.shape != y.shape:
         raise BadInput(
             f"{source}: frequencies {f.shape} and values {y.shape}; wanted (n,) for both"
@@ -190,7 +191,9 @@ def trace_of(
     for name, numbers in (("frequency", f), ("value", y)):
         for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
             raise BadInput(f"{source}: {name} number {i + 1} is {numbers[i]}, wanted a finite one")
-    if not np.iscomplexobj(y) and swapped(f, y):
+    require_size(f, f"{source}: frequencies")
+    require_size(y, f"{source}: values")
+    if not np.iscomplexobj(y) and swapped(f, y.real):
         raise BadInput(
             f"{source}: the frequencies run neither up nor down, but the amplitudes run evenly: "
             "they look swapped; wanted frequencies, then amplitudes"

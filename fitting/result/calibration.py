@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -15,6 +13,7 @@ from fitting.inference.values import ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
+from fitting.text.csv_cells import csv_text
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
 
@@ -138,10 +137,8 @@ def calibration_csv(found: Calibration) -> str:
     Args:
         found: what is handed on.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["name", "unit", "value", "std", "ci95_low", "ci95_high", "verdict", "left"])
+    rows = [["name", "unit", "value", "std", "ci95_low", "ci95_high", "verdict", "left"]]
     for p in found.parameters:
         numbers = ("" if math.isnan(v) else repr(v) for v in (p.value, p.std, *p.ci95))
-        writer.writerow([p.name, p.unit, *numbers, p.verdict, p.left])
-    return text.getvalue()
+        rows.append([p.name, p.unit, *numbers, p.verdict, p.left])
+    return csv_text(rows)

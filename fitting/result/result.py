@@ -6,8 +6,6 @@ units that stand beside them; `nan` (JSON null) where there is none.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +20,7 @@ from fitting.inference.sweep_line import SweepLine
 from fitting.inference.values import DerivedResult, Floats, OffsetResult, ParameterResult
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import Scalar
+from fitting.text.csv_cells import csv_text
 from fitting.text.files import write_whole
 from fitting.text.finding import Finding
 from fitting.text.records import read_json, write_json
@@ -242,15 +241,14 @@ def history_csv(result: Result) -> str:
     head += [f"mean {name} ({unit})" for name, unit in outputs.items()]
     head += ["j_fit", "j_reg", "change", "optimality", "status", "iterations", "evaluations"]
     head += ["seconds", "message"]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
+    rows = [head]
     for row in result.history:
         numbers: list[float | int] = [row.level, row.nu]
         numbers += [row.parameters[name] for name in units]
         numbers += [row.derived.get(name, float("nan")) for name in outputs]
         numbers += [row.j_fit, row.j_reg, row.change, row.optimality]
-        tail = [row.status, row.iterations, row.evaluations, f"{row.seconds:.3f}", row.message]
+        tail = [row.status, str(row.iterations), str(row.evaluations)]
+        tail += [f"{row.seconds:.3f}", row.message]
         cells = ("" if value != value else repr(value) for value in numbers)  # none is no number
-        writer.writerow([*cells, *tail])
-    return text.getvalue()
+        rows.append([*cells, *tail])
+    return csv_text(rows)

@@ -11,13 +11,13 @@ Source: S. O. Rice, Mathematical analysis of random noise, Bell System Technical
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import i0e, i1e
 
 from fitting.text.arrays import FloatArray
+from fitting.text.once import made_once
 
 #: Beyond so many standard deviations the series in 1/a holds to 1e-9 sigma; below, a table of this
 #: spacing does, for a fourth of the time of the Bessel functions.
@@ -31,7 +31,7 @@ class Magnitude(NamedTuple):
     slope: FloatArray
 
 
-@cache
+@made_once
 def _table() -> FloatArray:
     """Cubics (intervals, 4) in place of M(a) - a for sigma = 1, rising powers, from 0 to `FAR`."""
     a = np.linspace(0.0, FAR, 1 + round(FAR / SPACING))

@@ -3,9 +3,9 @@
 (a) Residuals that are correlated along the axis of a curve (P < CORRELATED) and whose structured
     part exceeds SHARE of its largest amplitude: the model does not describe the data. Below: the
     values hold with the errors of the effective sample size.
-(b) Uncorrelated residuals, of one size but for a few (`of_one_size`), of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
-    chi^2/freedom > NOTICED: the noise is larger than stated, by sqrt(chi^2/freedom).
-    Where a part of them alone is so large, that is no noise: the model does not describe the data.
+(b) Uncorrelated residuals of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
+    chi^2/freedom > NOTICED: the noise is larger than stated, by sqrt(chi^2/freedom); where a part
+    of them alone is so large (`of_one_size`), the model does not describe the data.
     Of few (below SURE) the test of (a) misses what is wrong: there chi^2/freedom > RATIO wants
     residuals that look uncorrelated (P >= DOUBTFUL), else the model does not describe the data.
 (c) Fewer degrees of freedom, or no axis: structure cannot be tested. P(chi^2) < IMPROBABLE and
@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-
 from scipy.special import bdtrc, ndtri
 
 from fitting.signal.chi_square import tail

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import stat
@@ -11,9 +12,12 @@ from glob import escape
 from pathlib import Path
 
 from fitting.text.errors import BadInput
+from fitting.text.once import alone
 
 #: What the temporary name of a file ends with.
 PART = ".part"
+#: What file systems answer that know no `fsync`, as many of networks, of phones and in containers.
+NO_SYNC = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EROFS, errno.EPERM}
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -35,9 +39,10 @@ def replace_file(path: Path, data: bytes) -> None:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(data)
                 stream.flush()
-                os.fsync(stream.fileno())
+                _sync(stream.fileno(), path.parent)
             # mkstemp makes files private; give this one the mode any new file has
-            os.chmod(name, 0o666 & ~_umask())
+            with suppress(OSError):  # some mounts have no modes, or keep them as they are
+                os.chmod(name, 0o666 & ~_umask())
             os.replace(name, path)
         except BaseException:
             Path(name).unlink(missing_ok=True)
@@ -73,12 +78,42 @@ def add_to_file(path: Path, data: bytes) -> None:
         with path.open("ab") as file:
             file.write(data)
             file.flush()
-            os.fsync(file.fileno())
+            _sync(file.fileno(), path.parent)
     except OSError as error:
         raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
 
 
+def _sync(handle: int, folder: Path) -> None:
+    """Have the data on the disk where its file system can say so.
+
+    A refusal is no fault of the data, unless it is one that a file without any does not meet.
+
+    Raises:
+        OSError: the data are not on the disk, as where that is full or broken.
+    """
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno in NO_SYNC or (error.errno == errno.EIO and not _syncs_nothing(folder)):
+            return
+        raise
+
+
+def _syncs_nothing(folder: Path) -> bool:
+    """Whether the file system syncs a file without data."""
+    handle, name = tempfile.mkstemp(PART, ".sync.", folder)
+    try:
+        os.fsync(handle)
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+        Path(name).unlink(missing_ok=True)
+    return True
+
+
 def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
+    with alone():  # of two threads the second would take 0 for it, and leave the process with that
+        mask = os.umask(0)
+        os.umask(mask)
     return mask

@@ -84,8 +84,11 @@ class Formula:
 
     def _check(self, node: ast.expr) -> None:
         match node:
-            case ast.Constant(value=value) if type(value) in (int, float):
-                return
+            case ast.Constant(value=int() | float() as value) if type(value) is not bool:
+                if not _is_double(value):
+                    raise BadInput(
+                        f"{self.where}: found {shown(value)}, wanted a number below 1e308"
+                    )
             case ast.Name() | ast.Attribute(value=ast.Name() | ast.Attribute()):
                 return
             case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=inner):
@@ -195,6 +198,14 @@ class Formula:
                 f"{self.where}: '{ast.unparse(node)}' {place} is in {_unit_words(node, units)}; "
                 "wanted a plain number there"
             )
+
+
+def _is_double(number: float) -> bool:
+    """Whether a number, which may be a whole one of any length, is a finite double."""
+    try:
+        return bool(np.isfinite(float(number)))
+    except OverflowError:
+        return False
 
 
 def alike(one: Dimension, two: Dimension) -> bool:

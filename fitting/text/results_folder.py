@@ -84,6 +84,8 @@ class ResultsFolder:
     def refuse_foreign(self, patterns: Iterable[str]) -> None:
         """Complain of the first file that is there and not this command's to replace.
 
+        Also of what stands where a folder is to be, and of a folder that takes no files.
+
         Args:
             patterns: relative names, as "figures/1_*.png".
 
@@ -93,9 +95,22 @@ class ResultsFolder:
         for pattern in patterns:
             parent = self.folder / Path(pattern).parent
             self._name(parent / RECORD_NAME)  # nothing in it leads outside
+            self._require_folder(parent)
             for found in sorted(parent.glob("*")) if parent.is_dir() else ():
                 if fnmatch(found.name, Path(pattern).name):
                     self._refuse_foreign(found)
+
+    def _require_folder(self, parent: Path) -> None:
+        """Complain of what keeps files from being written into a folder below this one."""
+        if parent == self.folder:
+            return
+        self._require_folder(parent.parent)
+        if not os.path.lexists(parent):
+            return
+        if not parent.is_dir():
+            raise BadInput(f"{parent}: is there and no folder, so it is kept; {ELSEWHERE}")
+        if not os.access(parent, os.W_OK | os.X_OK):
+            raise BadInput(f"{parent}: cannot be written, wanted permission, or another folder")
 
     def write(self, path: Path, data: bytes) -> None:
         """Write a file below the folder, or leave the very same one.
@@ -175,14 +190,19 @@ class ResultsFolder:
         return False
 
     def forget_what_is_gone(self) -> None:
-        """Take files out of the record that are gone, as a checkpoint when the job is done."""
+        """Take files out of the record that are gone, as a checkpoint when the job is done.
+
+        Where the disk takes no record any more, it names a file too many, which does no harm: that
+        must not hide what the command has to say of the disk.
+        """
         gone = [name for name in self._own if not os.path.lexists(self.path / name)]
         for name in gone:
             del self._own[name]
-        if gone and self._own:
-            self._write_record()
-        elif gone:
-            (self.path / RECORD_NAME).unlink()
+        with suppress(OSError, BadInput):
+            if gone and self._own:
+                self._write_record()
+            elif gone:
+                (self.path / RECORD_NAME).unlink()
 
     def _refuse_foreign(self, path: Path) -> None:
         own = self._own.get(self._name(path))

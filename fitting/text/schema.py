@@ -36,6 +36,7 @@ from pydantic_core import core_schema
 
 from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.keys import Missing, Refused
+from fitting.text.once import made_once
 from fitting.text.written import Written
 
 Record = TypeVar("Record")
@@ -44,14 +45,10 @@ Place = tuple[str | int, ...]
 MOST_HINTS = 50
 
 
-#: One reader per kind of record: to make it takes milliseconds.
-_ADAPTERS: dict[Any, TypeAdapter[Any]] = {}
-
-
+@made_once
 def _adapter(kind: Any) -> TypeAdapter[Any]:
-    if kind not in _ADAPTERS:
-        _ADAPTERS[kind] = TypeAdapter(kind)
-    return _ADAPTERS[kind]
+    """The reader of a kind of record: to make it takes milliseconds."""
+    return TypeAdapter(kind)
 
 
 def read_record(kind: type[Record], data: Any, path: Path, table: str = "") -> Record:

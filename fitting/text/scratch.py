@@ -37,7 +37,8 @@ class Scratch:
 
     def __init__(self, parent: Path | None = None) -> None:
         try:
-            place = Path(tempfile.gettempdir() if parent is None else parent)
+            # not as seen from here: others look for it from their own folders
+            place = Path(tempfile.gettempdir() if parent is None else parent).absolute()
             _remove_abandoned(place)
             self.path = place / f"{PREFIX}{secrets.token_hex(8)}"
             # before there is one: what asks the process to end may come at any moment

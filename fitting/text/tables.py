@@ -8,13 +8,14 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fitting.text.arrays import FloatArray
+from fitting.text.csv_cells import as_read
 from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.files import NoFile, read_whole
 from fitting.text.notation import how_many
@@ -210,12 +211,13 @@ def split_line(text: str, delimiter: str) -> tuple[str, ...]:
         text: as it was written.
         delimiter: between the cells of a line.
     """
-    if '"' not in text:
-        return tuple(cell.strip() for cell in text.split(delimiter))
-    try:
-        return tuple(cell.strip() for cell in next(csv.reader([text], delimiter=delimiter)))
-    except csv.Error:  # a quotation mark that nothing closes took in more than it bears
-        return tuple(cell.strip() for cell in text.split(delimiter))
+    cells = text.split(delimiter)
+    if '"' in text:
+        # a quotation mark that nothing closes takes in more than it bears
+        with suppress(csv.Error):
+            cells = next(csv.reader([text], delimiter=delimiter))
+    found = tuple(cell.strip() for cell in cells)
+    return tuple(map(as_read, found)) if "'" in text else found
 
 
 def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float:

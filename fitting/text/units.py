@@ -10,10 +10,11 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from decimal import Decimal
-from functools import cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fitting.text.errors import BadInput, shown
+from fitting.text.once import alone, made_once
 
 if TYPE_CHECKING:  # takes a while to load: only where a unit is met
     import pint
@@ -36,7 +37,7 @@ _ROOT = re.compile(r"(?:√|\bsqrt|\brt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))
 _PLAIN = re.compile(r"[\w°Ωµμ%./*^() \u00b2\u00b3·-]+")
 
 
-@cache
+@made_once
 def _registry() -> pint.UnitRegistry[Any]:
     import pint
 
@@ -45,7 +46,7 @@ def _registry() -> pint.UnitRegistry[Any]:
     return registry
 
 
-@cache
+@made_once
 def _unit(text: str) -> pint.Unit | None:
     """Unit of a written name, in pint's spelling or FMI's ("kg.m2", "m/s2"); None if unknown."""
     name = _FMI_NAMES.get(text.strip(), text.strip())
@@ -175,7 +176,7 @@ def _finite(
     return converted
 
 
-@cache
+@made_once
 def _has_offset(source: pint.Unit, target: pint.Unit) -> bool:
     """Whether zero of the one is not zero of the other, as with degrees Celsius."""
     try:
@@ -184,7 +185,7 @@ def _has_offset(source: pint.Unit, target: pint.Unit) -> bool:
         return False
 
 
-@cache
+@made_once
 def _pair(unit: str, wanted: str | None) -> tuple[pint.Unit | None, pint.Unit | None]:
     """Units by their names, the SI base units of the first where no other one is wanted."""
     source = _unit(unit)
@@ -194,7 +195,7 @@ def _pair(unit: str, wanted: str | None) -> tuple[pint.Unit | None, pint.Unit | 
     return source, target
 
 
-@cache
+@made_once
 def _fit(source: pint.Unit, target: pint.Unit) -> bool:
     """Whether two units are of one kind, angles and plain numbers told apart."""
     return source.dimensionality == target.dimensionality and _angles(source) == _angles(target)
@@ -205,7 +206,7 @@ def _converted(value: Decimal, source: pint.Unit, target: pint.Unit) -> Decimal:
     return _by_pint(value, source, target) if factor is None else value * factor
 
 
-@cache
+@made_once
 def _factor(source: pint.Unit, target: pint.Unit) -> Decimal | None:
     """What values of a unit are multiplied by, as files have thousands; None where that is not all.
 
@@ -216,8 +217,9 @@ def _factor(source: pint.Unit, target: pint.Unit) -> Decimal | None:
 
 
 def _by_pint(value: Decimal, source: pint.Unit, target: pint.Unit) -> Decimal:
-    quantity: Any = _registry().Quantity(value, source)
-    return quantity.to(target).magnitude  # type: ignore[no-any-return]
+    with alone():  # the registry remembers what it has looked up
+        quantity: Any = _registry().Quantity(value, source)
+        return quantity.to(target).magnitude  # type: ignore[no-any-return]
 
 
 def is_frequency(unit: str) -> bool:
@@ -237,7 +239,8 @@ def base_unit(unit: str) -> str:
         unit: of the values.
     """
     found = _unit(unit)
-    return unit if found is None else f"{_registry().get_base_units(found)[1]:~P}"
+    with alone():
+        return unit if found is None else f"{_registry().get_base_units(found)[1]:~P}"
 
 
 def dimension_of(unit: str, *, where: str) -> Dimension:
@@ -253,7 +256,8 @@ def dimension_of(unit: str, *, where: str) -> Dimension:
     found = _unit(unit)
     if found is None:
         raise BadInput(f"{where}: there is no unit {unit!r}")
-    return {str(name): float(str(power)) for name, power in found.dimensionality.items()}
+    with alone():
+        return {str(name): float(str(power)) for name, power in found.dimensionality.items()}
 
 
 def product_words(powers: Mapping[str, float]) -> str:
@@ -262,6 +266,11 @@ def product_words(powers: Mapping[str, float]) -> str:
     Args:
         powers: of units that exist, by how they were written.
     """
+    with alone():
+        return _product_words(powers)
+
+
+def _product_words(powers: Mapping[str, float]) -> str:
     made: Any = _registry().Unit("")
     for name, power in powers.items():
         factor: Any = _unit(name)

@@ -127,7 +127,7 @@ def _positive(
         return 0.0
     value = read(written, unit)
     if not value > 0.0:
-        raise BadInput(f"{written.where}: found {value:g}, wanted more than zero")
+        raise BadInput(f"{written.where}: found {written.value}, wanted more than zero")
     return value
 
 

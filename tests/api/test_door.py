@@ -187,10 +187,10 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: ff.Parameter("d1", "4 Hz", bounds=("9 Hz", "1 kHz")), "[9.0, 1000.0]"),
     (lambda: ff.Parameter("d1", "4 m", bounds=(1, 9), unit="Hz"), "'m', wanted 'Hz'"),
-    (lambda: ff.Parameter("d1", [4.0], bounds=(1.0, 9.0)), "found [4.0]"),  # type: ignore[arg-type]
-    (lambda: ff.fit([1]), "fit: found a list"),  # type: ignore[arg-type]
-    (lambda: ff.profile("fit"), "profile: found a str"),  # type: ignore[arg-type]
-    (lambda: ff.identify(1), "identify: found a int"),  # type: ignore[arg-type]
+    (lambda: ff.Parameter("d1", [4.0], bounds=(1.0, 9.0)), "start is [4.0]"),  # type: ignore[arg-type]
+    (lambda: ff.fit([1]), "fit: problem is [1]"),  # type: ignore[arg-type]
+    (lambda: ff.profile("fit"), "profile: fit is"),  # type: ignore[arg-type]
+    (lambda: ff.identify(1), "identify: problem is 1"),  # type: ignore[arg-type]
     (lambda: ff.design(1), "design: found a int"),  # type: ignore[arg-type]
     (lambda: ff.report(1, "out"), "report: found a int"),  # type: ignore[arg-type]
     (lambda: ff.Sweep(SETUP, F_HZ, ["a"] * 21), "sweep: amplitude_v"),

@@ -266,6 +266,42 @@ def test_an_interrupted_chain_goes_on_as_if_it_had_not_been(
         ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
 
 
+@pytest.mark.parametrize("early", [True, False])
+def test_one_that_is_interrupted_between_two_steps_goes_on_from_them(
+    early: bool,
+    tmp_path: Path,
+    linear: ff.Posterior,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With too few steps for a result the chain is kept all the same."""
+    problem = closed.linear()
+    at = fitted(problem)
+    plain, calls = ff.Problem.logp, 0
+
+    def logp(self: ff.Problem, p: np.ndarray) -> np.ndarray:
+        nonlocal calls
+        calls += 1
+        if calls == (100 if early else 500):
+            raise KeyboardInterrupt
+        return plain(self, p)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ff.Problem, "logp", logp)
+        if early:
+            with pytest.raises(KeyboardInterrupt, match=re.escape(CHAIN_FILE)):
+                ff.posterior(problem, at, out=tmp_path)
+        else:
+            assert ff.posterior(problem, at, out=tmp_path).status == "interrupted"
+    assert capsys.readouterr() == ("", "")
+    with np.load(tmp_path / CHAIN_FILE) as kept:
+        steps = len(kept["places"])
+        assert steps not in (0, 200, 300, 450)
+    calls = 0
+    ended = ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
+    assert np.array_equal(ended.draws, linear.draws)
+
+
 def test_what_is_written_says_what_was_found(tmp_path: Path, linear: ff.Posterior) -> None:
     paths = ff.write_posterior(linear, tmp_path)
     assert {p.name for p in paths} == {

@@ -1,6 +1,6 @@
 """Every kind of fault, tried and survived: the table of kinds.
 
-    python -m tests.bench.bench_faults                     # all kinds, a quarter of an hour
+    python -m tests.bench.bench_faults                     # all kinds, half an hour or more
     python -m tests.bench.bench_faults --only archive      # kinds with that word in their name
 
 A fault is survived if the command ends with a documented exit code and one line on stderr (the

@@ -73,7 +73,7 @@ def sweep(**changed: Any) -> MeasuredSweep:
         ({"peaks_v": [1.0, np.nan]}, "peaks: number 2 is nan, wanted a finite number"),
         ({"peaks_v": [1.0, 0.0]}, "peaks 1, 0; wanted positive amplitudes"),
         ({"peaks_v": [[1.0, 2.0]]}, r"peaks_v has the shape \(1, 2\), wanted \(n,\)"),
-        ({"peaks_v": ["a", "b"]}, "peaks_v is not an array of numbers"),
+        ({"peaks_v": ["a", "b"]}, "peaks_v: found .* wanted an array of numbers"),
         ({"sigmas_v": [1.0]}, "standard deviations: 1 of them, wanted 2"),
         ({"sigmas_v": [1.0, -1.0]}, "standard deviations 1, -1, noise floor 0; wanted zero or"),
         ({"sigmas_v": [1.0, np.inf]}, "standard deviations: number 2 is inf"),

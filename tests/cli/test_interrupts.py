@@ -69,8 +69,32 @@ sys.settrace(send)
 """
 
 
-def test_an_end_while_modules_are_imported_has_the_exit_code_of_any_other(tmp_path: Path) -> None:
-    (tmp_path / "sitecustomize.py").write_text(IN_TEXT)
+#: Sends SIGINT when the module of the command line is begun, and when the process is about to end.
+AT_BEGIN = """
+import os, signal, sys
+
+def send(frame, event, argument):
+    if frame.f_code.co_filename.endswith("cli/main.py"):
+        sys.settrace(None)
+        os.kill(os.getpid(), signal.SIGINT)
+
+sys.settrace(send)
+"""
+AT_END = """
+import atexit, os, signal, threading
+
+atexit.register(os.kill, os.getpid(), signal.SIGINT)
+threading._register_atexit(os.kill, os.getpid(), signal.SIGINT)
+"""
+
+
+@pytest.mark.parametrize(
+    ("when", "code"), [(IN_TEXT, 130), (AT_BEGIN, 130), (AT_END, 2)], ids=["text", "begin", "end"]
+)
+def test_an_end_while_python_begins_or_ends_has_the_exit_code_of_any_other(
+    when: str, code: int, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(when)
     ended = subprocess.run(
         [sys.executable, "-m", "fitting", "check", "none.fmu"],
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
@@ -79,7 +103,43 @@ def test_an_end_while_modules_are_imported_has_the_exit_code_of_any_other(tmp_pa
         text=True,
         check=False,
     )
-    assert (ended.returncode, ended.stderr) == (130, INTERRUPTED)
+    assert (ended.returncode, len(ended.stderr.splitlines())) == (code, 1), ended.stderr
+    assert ended.stderr.startswith("fmu-fit: ")
+
+
+@pytest.mark.parametrize("words", [(), ("--json",)])
+def test_an_end_while_it_plans_is_one_line_and_130(
+    words: tuple[str, ...], swift_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = small_campaign(tmp_path / "campaign", swift_fmu)
+
+    def asks(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        len("")  # the signal is dealt with at a call
+
+    monkeypatch.setattr("fitting.api.fitted.solve_problem", asks)
+    with harmless(signal.SIGINT):
+        ended = told("reconstruct", small, "--out", tmp_path / "out", *QUICKLY, *words)
+    assert (ended.code, ended.out, ended.err) == (130, "", INTERRUPTED)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_library_that_makes_a_fault_of_an_interrupt_does_not_change_the_ending(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As compiled ones do that are being loaded."""
+
+    def loaded(*_: object) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            len("")
+        except KeyboardInterrupt as error:
+            raise ImportError("initialization failed") from error
+
+    monkeypatch.setattr("fitting.cli.check.run", loaded)
+    with harmless(signal.SIGINT):
+        ended = told("check", tmp_path / "none.fmu")
+    assert (ended.code, ended.err) == (130, INTERRUPTED)
 
 
 def test_an_end_during_the_fit_is_reported_and_gone_on_from(campaign: Path, tmp_path: Path) -> None:

@@ -199,3 +199,11 @@ def test_a_worker_that_is_replaced_is_a_line(
     [said] = [record.getMessage() for record in caplog.records]
     assert said.startswith("worker 1: ")
     assert "SIGKILL" in said
+
+
+def test_a_pipe_that_nobody_reads_is_no_log(folder: Path) -> None:
+    os.mkfifo(path := folder / "pipe")
+    ended = told("example", "--log", path)
+    assert (ended.code, ended.out, ended.err.count("\n")) == (2, "", 1)
+    assert ended.err.startswith(f"fmu-fit: --log {path}: ")
+    path.unlink()

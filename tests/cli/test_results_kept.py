@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from argparse import Namespace
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
@@ -42,6 +44,38 @@ def test_a_file_of_the_laboratory_is_kept(
     assert err.count("\n") == 1
     assert [p for p in tmp_path.rglob("*") if p.is_file()] == [path]
     assert path.read_text() == "measured"
+
+
+#: What stands where a command would write its figures, when its work is done.
+OBSTACLES: dict[str, Callable[[Path], None]] = {
+    "a file": Path.touch,
+    "a link to a file": lambda path: path.symlink_to(Q1),
+    "a link to nothing": lambda path: path.symlink_to("nothing"),
+    "a link to itself": lambda path: path.symlink_to(path.name),
+}
+
+
+@pytest.mark.parametrize("obstacle", OBSTACLES)
+@pytest.mark.parametrize("command", ["reconstruct", "identify", "design", "tradeoff"])
+def test_what_stands_where_figures_go_is_told_before_the_work(
+    command: str, obstacle: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    OBSTACLES[obstacle](path := tmp_path / "figures")
+    words = COMMANDS[command][0]
+    assert main([command, *words, "--out", str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(f"fmu-fit: {path}")
+    assert [p.name for p in tmp_path.iterdir()] == ["figures"]
+
+
+def test_a_folder_that_takes_no_files_is_told_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (path := tmp_path / "figures").mkdir()
+    monkeypatch.setattr(os, "access", lambda place, mode: Path(place) != path)  # root may all
+    assert main(["reconstruct", str(Q1), "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f"fmu-fit: {path}: ")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

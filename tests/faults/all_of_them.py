@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from tests.faults import archives, campaign_keys, curves, options, surroundings, tables
+from tests.faults import (
+    archives,
+    calls,
+    campaign_keys,
+    curves,
+    obstacles,
+    options,
+    refusals,
+    surroundings,
+    tables,
+)
 from tests.faults.case import Case
 
 
@@ -33,16 +43,23 @@ class Kind:
 
 SEED = 1
 KINDS = (
-    Kind(campaign_keys.KEYS, campaign_keys.cases, 900, 45),
-    Kind(campaign_keys.TEXT, campaign_keys.text_cases, 70, 24),
-    Kind(tables.DATA, tables.cases, 260, 40),
-    Kind(tables.INSTRUMENTS, tables.instrument_cases, 120, 24),
-    Kind(curves.CURVES, curves.cases, 300, 30),
-    Kind(archives.ARCHIVE, archives.archive_cases, 100, 40),
-    Kind(archives.DESCRIPTION, archives.description_cases, 140, 24),
-    Kind(options.OPTIONS, options.cases, 260, 50),
-    Kind(options.WORDS, options.word_cases, 80, 26),
-    Kind(surroundings.FILES, lambda count, seed: surroundings.file_cases(), 0, 0),
+    Kind(campaign_keys.KEYS, campaign_keys.cases, 900, 36),
+    Kind(campaign_keys.TEXT, campaign_keys.text_cases, 70, 22),
+    Kind(tables.DATA, tables.cases, 260, 24),
+    Kind(tables.INSTRUMENTS, tables.instrument_cases, 120, 22),
+    Kind(curves.CURVES, curves.cases, 300, 24),
+    Kind(archives.ARCHIVE, archives.archive_cases, 100, 24),
+    Kind(archives.DESCRIPTION, archives.description_cases, 140, 22),
+    Kind(options.OPTIONS, options.cases, 260, 26),
+    Kind(options.WORDS, options.word_cases, 80, 24),
+    Kind(refusals.MOUNTS, refusals.mount_cases, 44, 8),
+    Kind(refusals.DISKS, refusals.disk_cases, 156, 8),
+    Kind(refusals.ENDINGS, refusals.ending_cases, 320, 12),
+    Kind(obstacles.OBSTACLES, obstacles.cases, 186, 40),
+    Kind(obstacles.RECORDS, obstacles.record_cases, 40, 40),
+    Kind(calls.ARGUMENTS, calls.cases, 1500, 90),
+    Kind(calls.SIZES, calls.size_cases, 200, 12),
+    Kind(surroundings.FILES, surroundings.file_cases, 80, 24),
     Kind(surroundings.MACHINE, lambda count, seed: surroundings.machine_cases(), 0, 0, False),
 )
 

@@ -5,24 +5,29 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import random
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from fitting.cli.main import main
+from fitting.text.errors import BadInput
 from fitting.text.results_folder import LOCK_NAME, RECORD_NAME
 from tests.faults.scene import Scene
 
 DOCUMENTED = (0, 1, 2, 3, 4)
 COMPLAINTS = (2, 3)
 MOST_LINES = 21
+#: An interrupt is told in one line; a second one has another, that the command is ending.
+INTERRUPTED, MOST_INTERRUPTED = 130, 2
 MOST_S = 300
 #: What a folder of results holds beside them.
 KEPT = (RECORD_NAME, LOCK_NAME)
@@ -39,7 +44,9 @@ class Case:
     ``about`` are words of which every complaint has to hold one: file, key or option (none: nobody
     hears it). ``codes`` are the exit codes that are right. ``says``: words that the only complaint
     has to hold, all of them, beside what is wanted. ``shell``: the word is a line for a shell, in
-    which {run} is the command.
+    which {run} is the command. ``during``: what the machine does while it runs. ``writes``: whether
+    files that are whole may be left by a command that was refused, as those before a disk is full.
+    ``call``: of Python, in place of words.
     """
 
     kind: str
@@ -50,6 +57,15 @@ class Case:
     codes: tuple[int, ...] = DOCUMENTED
     says: tuple[str, ...] = ()
     shell: bool = False
+    during: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
+    writes: bool = False
+    call: Callable[[], object] | None = None
+
+
+def drawn(every: Iterable[Any], count: int, seed: int) -> list[Any]:
+    """So many of some, at most all, in an order drawn by the seed."""
+    found = list(every)
+    return random.Random(seed).sample(found, min(count, len(found)))
 
 
 @dataclass(frozen=True)
@@ -71,9 +87,25 @@ def problems(case: Case, scene: Scene, folder: Path) -> list[str]:
     ``folder`` is not there before and not there afterwards.
     """
     try:
+        if case.call is not None:
+            return _problems_of_call(case.call)
         return _problems(case, scene, folder)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _problems_of_call(call: Callable[[], object]) -> list[str]:
+    """Of Python: it is taken, or refused in one sentence."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a caller may have arrays that overflow
+            call()
+    except BadInput as error:
+        text = str(error)
+        return [] if text and "\n" not in text else [f"no sentence: {text[:300]}"]
+    except Exception as error:
+        return [f"left by {type(error).__name__}: {error}"]
+    return []
 
 
 def _problems(case: Case, scene: Scene, folder: Path) -> list[str]:
@@ -84,7 +116,8 @@ def _problems(case: Case, scene: Scene, folder: Path) -> list[str]:
     words = [word.replace(HERE, str(folder)) for word in case.words]
     case = replace(case, about=tuple(word.replace(HERE, str(folder)) for word in case.about))
     try:
-        ending = (_in_a_shell if case.shell else _in_process)(words, temporary)
+        with case.during():
+            ending = (_in_a_shell if case.shell else _in_process)(words, temporary)
     except (_Late, subprocess.TimeoutExpired):
         return [f"did not end within {MOST_S} s"]
     except SystemExit as error:
@@ -94,7 +127,8 @@ def _problems(case: Case, scene: Scene, folder: Path) -> list[str]:
     found = judged(case, ending)
     if ending.code != 70 and any(temporary.iterdir()):
         found.append(f"left in the temporary folder: {sorted(os.listdir(temporary))}")
-    return found + _left(folder / OUT, refused=ending.code == 2 and not case.shell)
+    refused = ending.code == 2 and not case.shell and not case.writes
+    return found + _left(folder / OUT, refused=refused)
 
 
 def judged(case: Case, ending: Ending) -> list[str]:
@@ -112,6 +146,10 @@ def judged(case: Case, ending: Ending) -> list[str]:
             for text in lines
             if not text.endswith("more complaints") and not any(w in text for w in case.about)
         ]
+    elif ending.code == INTERRUPTED or INTERRUPTED in case.codes:
+        found += [f"unlike a complaint: {t[:300]}" for t in lines if not t.startswith("fmu-fit: ")]
+        if ending.code == INTERRUPTED and not 0 < len(lines) <= MOST_INTERRUPTED:
+            found.append(f"{len(lines)} lines of an interrupt")
     elif lines and ending.code in case.codes:
         found.append(f"exit code {ending.code}, but stderr: {ending.complained[:300]}")
     return found + (_unsaid(case.says, lines) if case.says else [])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from tests.faults.campaign_keys import COMMAND
-from tests.faults.case import HERE, OUT, Case
+from tests.faults.case import HERE, OUT, Case, drawn
 from tests.faults.scene import CAMPAIGN, EXPERIMENTS, FMU, ONE, SWEEP, TWO
 
 FILES, MACHINE = "files that are none", "the machine"
@@ -49,7 +49,12 @@ KINDS: dict[str, Callable[[Path], None]] = {
 }
 
 
-def file_cases() -> Iterator[Case]:
+def file_cases(count: int, seed: int) -> Iterator[Case]:
+    """So many of the files that are none, drawn."""
+    yield from drawn(_file_cases(), count, seed)
+
+
+def _file_cases() -> Iterator[Case]:
     """Each file of the campaign, and the folder of the results, is something else."""
     for name in (CAMPAIGN, EXPERIMENTS, SWEEP, ONE, TWO, FMU):
         for what, make in KINDS.items():

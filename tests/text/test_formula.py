@@ -58,6 +58,8 @@ def test_what_has_no_value_is_not_finite_and_warns_nobody(text: str) -> None:
         ("'V'", "wanted a formula of"),
         ("a0 +", "found 'a0 +'"),
         ("", "wanted a formula of"),
+        ("V + " + "9" * 400, "wanted a number below 1e308"),
+        ("V + 1e999", "wanted a number below 1e308"),
         ("V" * 2000, "2000 characters"),
     ],
 )

@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
+
+from fitting.text.scratch import Scratch
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
 
@@ -63,3 +66,15 @@ def test_no_place_for_temporary_files_is_a_sentence(tmp_path: Path) -> None:
     said = told(NOWHERE, tmp_path).splitlines()
     assert len(said) == 1
     assert "TMPDIR" in said[0]
+
+
+def test_a_folder_that_is_named_as_seen_from_here_is_found_from_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As with TMPDIR=. for workers, which run in folders of their own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tempfile, "tempdir", ".")
+    with Scratch() as folder:
+        assert folder.parent == tmp_path
+    with Scratch(Path()) as folder:
+        assert folder.parent == tmp_path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
+from fitting.text.once import made_once
 from fitting.text.tables import Column, Table, named_column, not_numbers, parse_numbers
 
 Numbers = FloatArray | ComplexArray
@@ -220,7 +221,7 @@ def _of_column(table: Table, column: Column) -> Channel:
     first = table.cells[0][column.index] if table.cells else ""
     is_complex = as_complex(first) is not None
 
-    @cache  # parts of a recording share its columns
+    @made_once  # parts of a recording share its columns
     def read() -> Numbers:
         return _complex_cells(table, column) if is_complex else table.numbers(column)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
@@ -24,7 +25,7 @@ class Interrupts:
 
     def __init__(self) -> None:
         self.times = 0
-        self._held = False
+        self._held = self._over = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Deal with a signal.
@@ -34,6 +35,10 @@ class Interrupts:
             frame: where it came.
         """
         self.times += 1
+        if self._over:  # the exit code is settled, what is left are temporary files
+            if self.times > 2:
+                os._exit(INTERRUPTED)
+            return
         if self.times == 1 and not self._held:
             raise KeyboardInterrupt
         if self.times == 2:
@@ -41,6 +46,10 @@ class Interrupts:
                 os.write(2, f"{MORE}\n".encode())
         if self.times > 2:
             raise SystemExit(INTERRUPTED)
+
+    def end(self) -> None:
+        """The command is over: there is nothing left to interrupt, and its exit code stays."""
+        self._over = True
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -56,25 +65,39 @@ class Interrupts:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
+def interruptible(*, whole_process: bool = False) -> Iterator[Interrupts]:
     """While a command runs, all that asks it to end ends it alike.
 
     Also Ctrl-C in a command that was started in the background with Ctrl-C ignored: it is asked to
     end by ``kill -INT``. A hangup that was ignored (``nohup``) stays ignored.
+
+    Yields what counts the requests.
+
+    Args:
+        whole_process: whether the process ends with the command: what Python does then, as removing
+            temporary files, is not interrupted either.
     """
+    interrupts = Interrupts()
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield interrupts
         return
     signals = [signal.SIGINT, signal.SIGTERM]
     if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         signals.append(signal.SIGHUP)
-    interrupts = Interrupts()
     before = {number: signal.signal(number, interrupts) for number in signals}
+    if whole_process:  # before it is finalised, which would let a signal end it by its number
+        atexit.register(_ignore, signals)
     try:
-        yield
+        yield interrupts
     finally:
-        for number, handler in before.items():
+        interrupts.end()
+        for number, handler in before.items() if not whole_process else ():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+
+def _ignore(signals: Iterable[int]) -> None:
+    for number in signals:
+        signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager

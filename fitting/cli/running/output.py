@@ -109,8 +109,13 @@ def _file(name: str) -> logging.Handler:
 
 
 def _require_log(path: Path) -> None:
-    """Nothing is added to a file that is no log of this program."""
-    if not path.exists() or not stat.S_ISREG(path.stat().st_mode) or path.stat().st_size == 0:
+    """Nothing is added to a file that is no log of this program; a pipe may have no reader."""
+    if not path.exists():
+        return
+    found = path.stat()
+    if stat.S_ISFIFO(found.st_mode) or stat.S_ISSOCK(found.st_mode):
+        raise BadInput(f"--log {path}: is a pipe, wanted a file that can be written")
+    if not stat.S_ISREG(found.st_mode) or found.st_size == 0:
         return
     with path.open("rb") as file:
         if file.read(len(HEAD)) != HEAD.encode():

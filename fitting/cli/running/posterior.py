@@ -33,6 +33,7 @@ def draw(args: argparse.Namespace, out: Path) -> int:
     Raises:
         BadInput: campaign, fit or FMU are not what they should be, or emcee is missing.
         FmuFailure: the FMU failed where the fit ended.
+        KeyboardInterrupt: before there was a result; says how to go on from what is kept.
     """
     at, asked = _fit(args), _sampling(args)
     campaigns = [ff.read_campaign(path) for path in args.campaign]
@@ -43,7 +44,11 @@ def draw(args: argparse.Namespace, out: Path) -> int:
         tell("planning")
         problem = ff.Problem.of(campaigns, fmu)
         truth = truth_beside(problem, at)
-        found = ff.posterior(problem, at, asked, truth=truth, out=out, progress=tell)
+        try:
+            found = ff.posterior(problem, at, asked, truth=truth, out=out, progress=tell)
+        except KeyboardInterrupt as end:  # there is no result, but there may be a chain
+            way_on = f"{end}, go on with: {command_again(args)}" if str(end) else ""
+            raise KeyboardInterrupt(way_on) from None
         command = {"command": _command(args), "fit": args.at.as_posix()}
         provenance = {**command, **found.summary.provenance}
         found = replace(found, summary=replace(found.summary, provenance=provenance))

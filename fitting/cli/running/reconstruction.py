@@ -79,10 +79,7 @@ class _Solved(NamedTuple):
 def _reconstructed(
     args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, course: _Course
 ) -> int:
-    solved = _solved(args, campaigns, out, course)
-    if solved is None:
-        return 1
-    ended, memory, remaining = solved
+    ended, memory, remaining = _solved(args, campaigns, out, course)
     result = ended.result
     files = write_result(result, out)  # before anything else that may fail
     if args.external:
@@ -116,8 +113,12 @@ def _reconstructed(
 
 def _solved(
     args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, course: _Course
-) -> _Solved | None:
-    """The fit and its inference; None where it was interrupted before there was a result."""
+) -> _Solved:
+    """The fit and its inference.
+
+    Raises:
+        KeyboardInterrupt: before there was a result; says how to go on from what is kept.
+    """
     with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         check_external(args.external, _units(problem))
@@ -128,8 +129,8 @@ def _solved(
                 job = _Reconstruction(problem, out, memory, tell, remaining, course)
                 return _Solved(_ending(args, job), memory, remaining)
         except KeyboardInterrupt:
-            print(f"interrupted before there was a result{_way_on(args, memory)}")
-            return None
+            way_on = _way_on(args, memory)
+            raise KeyboardInterrupt(f"interrupted{way_on}" if way_on else "") from None
         except NoScale as refused:
             named = ", ".join(str(path) for path in args.campaign)
             raise ff.BadInput(f"{named}: {refused}") from None

@@ -59,6 +59,19 @@ class Walk:
         )
 
 
+class WalkInterrupted(KeyboardInterrupt):
+    """A walk that was asked to end: the steps that all walkers have taken, and how it goes on.
+
+    Args:
+        walk: At least one step.
+        random: State of its random numbers after them, for `walked`.
+    """
+
+    def __init__(self, walk: Walk, random: FloatArray) -> None:
+        super().__init__()
+        self.walk, self.random = walk, random
+
+
 def sampler_library() -> Any:
     """``emcee``.
 
@@ -80,19 +93,23 @@ def walked(
     mixture: Mixture,
     begin: tuple[FloatArray, FloatArray],
     steps: int,
-    seed: tuple[int, ...],
+    seed: tuple[int, ...] | FloatArray,
 ) -> Walk:
     """So many steps of all walkers; the same seed takes the same ones.
+
+    Interrupted and gone on with from where it was, it takes the same ones, too.
 
     Args:
         log_posterior: -inf where a point is impossible.
         mixture: Of all minima, or learnt.
         begin: Places (walkers, n) in units of the box, and ln of the posterior there (walkers,).
         steps: How many.
-        seed: Of the draws: of the chain, and of this part of it.
+        seed: Of the draws: of the chain, and of this part of it; or the state of the random numbers
+            of a walk that was interrupted.
 
     Raises:
         BadInput: ``emcee`` is not installed.
+        WalkInterrupted: Asked to end, after a step or more; KeyboardInterrupt before.
     """
     emcee = sampler_library()
     places, log = begin
@@ -108,13 +125,40 @@ def walked(
         (emcee.moves.DEMove(), DIFFERENCE),
     ]
     sampler = emcee.EnsembleSampler(walkers, n, log_posterior, moves=moves, vectorize=True)
-    random = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(seed)))
-    state = emcee.State(places, log_prob=log, random_state=random.get_state())
-    # the library doubts starts in a plane; those here have the width of the posterior in each axis,
-    # which may be a millionth of the box
-    sampler.run_mcmc(state, steps, skip_initial_state_check=True)
+    # the library's wrapper prints a traceback of whatever comes out, an interrupt as well
+    sampler.log_prob_fn = log_posterior
+    state = emcee.State(places, log_prob=log, random_state=_random_state(seed))
+    done, random = 0, np.empty(0)
+    try:
+        # the library doubts starts in a plane; those here have the width of the posterior in each
+        # axis, which may be a millionth of the box
+        for _ in sampler.sample(state, iterations=steps, skip_initial_state_check=True):
+            random, done = _as_numbers(sampler.random_state), done + 1
+    except KeyboardInterrupt:
+        if done == 0:
+            raise
+        raise WalkInterrupted(_walk_of(sampler, done), random) from None
+    return _walk_of(sampler, done)
+
+
+def _walk_of(sampler: Any, steps: int) -> Walk:
+    """The steps that all walkers have taken."""
     return Walk(
-        places=np.asarray(sampler.get_chain()),
-        log=np.asarray(sampler.get_log_prob()),
+        places=np.asarray(sampler.get_chain())[:steps],
+        log=np.asarray(sampler.get_log_prob())[:steps],
         accepted=float(np.mean(sampler.acceptance_fraction)),
     )
+
+
+def _random_state(seed: tuple[int, ...] | FloatArray) -> tuple[Any, ...]:
+    """State of random numbers that begin with a seed, or go on."""
+    if isinstance(seed, np.ndarray):
+        key, (place, has_normal, normal) = seed[:-3].astype(np.uint32), seed[-3:].tolist()
+        return ("MT19937", key, int(place), int(has_normal), normal)
+    state = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(seed))).get_state()
+    return tuple(state)
+
+
+def _as_numbers(state: tuple[Any, ...]) -> FloatArray:
+    """The same state as an array, exactly: whole numbers of 32 bits and one normal number."""
+    return np.array([*state[1], *state[2:]], dtype=float)

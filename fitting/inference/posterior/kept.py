@@ -11,17 +11,29 @@ import numpy as np
 
 from fitting.inference.posterior.chain import Walk
 from fitting.inference.posterior.start import Mixture
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.files import NoFile, read_whole, write_whole
 
+#: Where a part of the chain was interrupted, else not there.
+CUT = ("cut_steps", "cut_random")
 NAMES = ("job", "places", "log", "accepted", "counts", "bent", "centres", "roots", "weights")
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A part of a chain that was interrupted: `steps` of the chain at its end, `random` numbers."""
+
+    steps: int
+    random: FloatArray
 
 
 @dataclass(frozen=True)
 class Kept:
     """A walk, its proposals, what it cost: `evaluations`, `failed` of which had no value.
 
-    `bent` where a mixture about the minima alone would seldom have hit the posterior.
+    `bent` where a mixture about the minima alone would seldom have hit the posterior; `cut` where
+    its last part was interrupted.
     """
 
     walk: Walk
@@ -29,6 +41,7 @@ class Kept:
     bent: bool
     evaluations: int
     failed: int
+    cut: Cut | None = None
 
 
 def keep(path: Path, job: str, kept: Kept) -> None:
@@ -43,6 +56,8 @@ def keep(path: Path, job: str, kept: Kept) -> None:
         BadInput: the file cannot be written.
     """
     content = io.BytesIO()
+    cut = kept.cut
+    begun = {} if cut is None else dict(zip(CUT, (np.array(cut.steps), cut.random), strict=True))
     np.savez(
         content,
         allow_pickle=False,
@@ -55,6 +70,7 @@ def keep(path: Path, job: str, kept: Kept) -> None:
         weights=kept.mixture.weights,
         counts=np.array([kept.evaluations, kept.failed]),
         bent=np.array(kept.bent),
+        **begun,
     )
     write_whole(path, content.getvalue())
 
@@ -75,7 +91,7 @@ def kept_in(path: Path, job: str) -> Kept | None:
         return None
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
-            found = {name: file[name] for name in NAMES}
+            found = {name: file[name] for name in (*NAMES, *(n for n in CUT if n in file))}
     except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
         raise BadInput(f"{path}: is no chain of draws that can be gone on from") from error
     if str(found["job"]) != job:
@@ -86,4 +102,5 @@ def kept_in(path: Path, job: str) -> Kept | None:
     walk = Walk(places=found["places"], log=found["log"], accepted=float(found["accepted"]))
     evaluations, failed = map(int, found["counts"])
     mixture = Mixture(found["centres"], found["roots"], found["weights"])
-    return Kept(walk, mixture, bool(found["bent"]), evaluations, failed)
+    cut = Cut(int(found[CUT[0]]), found[CUT[1]]) if all(name in found for name in CUT) else None
+    return Kept(walk, mixture, bool(found["bent"]), evaluations, failed, cut)

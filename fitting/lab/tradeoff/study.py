@@ -22,6 +22,7 @@ from fitting.lab.tradeoff.records import Cost, Measurement, Reference, Setting, 
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.ruler import Ruler, without_number, work_of
 from fitting.lab.tradeoff.scenes import Scene
+from fitting.text.arguments import checked
 from fitting.text.checkpoint import Checkpoint
 from fitting.text.errors import BadInput
 
@@ -36,6 +37,7 @@ CHECKPOINT_NAME = "tradeoff-checkpoint.json"
 EVERY_S = 2.0
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
     """What is asked of a study.

@@ -14,14 +14,17 @@ from fitting.campaign.complex_trace import MeasuredComplex
 from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.signal.roughness import roughness
+from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
+from fitting.text.numbers import as_numbers, as_values
 
 #: Line widths that a sweep has to span for a delay to be told from the phase of the line itself.
 WIDTHS_FOR_DELAY = 3.0
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ComplexCurve:
     """Complex values of one sweep.
@@ -67,8 +70,8 @@ class ComplexCurve:
 
     def __post_init__(self) -> None:
         checked = MeasuredComplex(
-            frequency_hz=np.asarray(self.frequency_hz, dtype=float),
-            values=np.asarray(self.values, dtype=complex),
+            frequency_hz=as_numbers(self.frequency_hz, f"{self.source}: frequencies"),
+            values=np.asarray(as_values(self.values, f"{self.source}: values"), dtype=complex),
             source=Path(self.source),
         )
         object.__setattr__(self, "u_hz", checked.frequency_hz)

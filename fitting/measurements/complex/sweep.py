@@ -42,6 +42,7 @@ from fitting.measurements.response_curve import ResponseCurve
 from fitting.measurements.tones import PLATEAU
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
+from fitting.text.arguments import checked
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
@@ -59,6 +60,7 @@ class Wired(Prediction):
     solved: tuple[Solved, ...] = ()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ComplexSweep:
     """Amplitude and phase of a steady response to one tone after another, of one or several sweeps.

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
@@ -27,6 +28,7 @@ WIRINGS = ("transmission", "notch", "reflection")
 BACKGROUNDS = ("none", "constant", "slope")
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Wiring:
     """What stands beside the response.

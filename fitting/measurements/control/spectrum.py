@@ -12,10 +12,13 @@ import numpy.typing as npt
 from fitting.campaign.control_table import LEAST_POINTS
 from fitting.signal.rician import quadrature_noise
 from fitting.signal.roughness import roughness
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.numbers import as_numbers, require_size
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ControlSpectrum:
     """Amplitudes over drive frequency at one value of the controls.
@@ -48,8 +51,8 @@ class ControlSpectrum:
     level: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        u, y = (np.asarray(v, dtype=float) for v in (self.frequency_hz, self.amplitude))
         where = f"control sweep: spectrum at {self.label or dict(self.settings)}"
+        u, y = (as_numbers(v, where) for v in (self.frequency_hz, self.amplitude))
         if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS:
             raise BadInput(
                 f"{where}: frequencies of the shape {u.shape}, amplitudes {y.shape}; wanted (n,) "
@@ -59,10 +62,12 @@ class ControlSpectrum:
             raise BadInput(f"{where}: wanted positive frequencies that rise strictly")
         if not np.all(np.isfinite(y) & (y >= 0.0)) or not np.any(y > 0.0):
             raise BadInput(f"{where}: wanted amplitudes from zero on, not all of them zero")
+        require_size(u, f"{where}: frequencies")
+        require_size(y, f"{where}: amplitudes")
         object.__setattr__(self, "u_hz", u)
         object.__setattr__(self, "y", y)
         for name, value in (("sigmas", self.sigma), ("level", self.drive)):
-            object.__setattr__(self, name, np.broadcast_to(np.asarray(value, dtype=float), u.shape))
+            object.__setattr__(self, name, np.broadcast_to(as_numbers(value, where), u.shape))
 
     @cached_property
     def largest(self) -> float:

@@ -50,10 +50,12 @@ from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
+from fitting.text.arguments import checked
 from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class ControlSweep(MeasurementKind):
     """Spectra at several values of control quantities, one row for each point.

@@ -19,6 +19,7 @@ from fitting.signal.rotating import SENSED, Reference, reference
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Shifts reach over this part of the record.
 SHARE = 8
@@ -75,12 +76,14 @@ class DemodulatedRecord:
     spacing_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        t, y = np.asarray(self.time_s, dtype=float), np.asarray(self.values)
-        y = y.astype(complex if np.iscomplexobj(y) else float)
+        t = as_numbers(self.time_s, f"{self.source}: times")
+        y = as_values(self.values, f"{self.source}: values")
         if t.shape != y.shape:
             raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
         if not (np.isfinite(t).all() and np.isfinite(y).all()):
             raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(t, f"{self.source}: times")
+        require_size(y, f"{self.source}: values")
         object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "y", y)

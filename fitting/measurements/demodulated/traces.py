@@ -32,9 +32,11 @@ from fitting.measurements.traces.together import TracesTogether
 from fitting.measurements.traces.traces import SolvedTraces
 from fitting.signal.rotating import line_columns, rotating_responses
 from fitting.simulate.batch import Batch
+from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class DemodulatedTrace(DemodulatedRecord, AtOnePlace):
     """A free decay of one output of the FMU, demodulated at a frequency.

@@ -14,6 +14,7 @@ from scipy.special import digamma, gammaincinv
 from fitting.measurements.noise.averages import averages_seen
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, NoScale
+from fitting.text.numbers import as_numbers, require_size
 
 WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
 TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
@@ -92,7 +93,7 @@ class NoiseRecord:
     y: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        u, y = (np.asarray(v, dtype=float) for v in (self.frequency_hz, self.density))
+        u, y = (as_numbers(v, str(self.source)) for v in (self.frequency_hz, self.density))
         if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS + 1:
             raise BadInput(
                 f"{self.source}: {u.shape} frequencies and {y.shape} densities; wanted as many of "
@@ -100,6 +101,8 @@ class NoiseRecord:
             )
         if not (np.isfinite(u).all() and np.isfinite(y).all()):
             raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(u, f"{self.source}: frequencies")
+        require_size(y, f"{self.source}: densities")
         for k in np.flatnonzero(np.diff(u) <= 0.0)[:1]:
             raise BadInput(
                 f"{self.source}: point {k + 2}: frequency {u[k + 1]:.9g} Hz after {u[k]:.9g} Hz; "
@@ -130,7 +133,7 @@ class NoiseRecord:
             )
         if self.force_density is None:
             return np.ones(self.u_hz.size)
-        density = np.asarray(self.force_density, dtype=float)
+        density = as_numbers(self.force_density, f"{self.source}: force_density")
         if density.shape != np.shape(self.density):
             raise BadInput(
                 f"{self.source}: {density.shape} densities of the force and "

@@ -41,6 +41,7 @@ from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
+from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind
@@ -57,6 +58,7 @@ class SolvedSpectra(Prediction):
     levels: tuple[FloatArray, ...] = ()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class NoiseSpectrum(NoiseRecord, AtOnePlace):
     """A power spectral density of one output of the FMU under a random force.

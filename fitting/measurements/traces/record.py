@@ -17,6 +17,7 @@ from fitting.signal.decay import decay_start
 from fitting.signal.window import Window
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.numbers import as_numbers, require_size
 
 ONE, FIT = GAINS = ("one", "fit")
 REST, UNKNOWN = STARTS = ("rest", "unknown")
@@ -95,11 +96,13 @@ class TraceRecord:
     spacing_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        t, y = (np.asarray(v, dtype=float) for v in (self.time_s, self.values))
+        t, y = (as_numbers(v, str(self.source)) for v in (self.time_s, self.values))
         if t.shape != y.shape:
             raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
         if not (np.isfinite(t).all() and np.isfinite(y).all()):
             raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(t, f"{self.source}: times")
+        require_size(y, f"{self.source}: values")
         object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
         self._check_words()
         first = self._first(y)
@@ -174,7 +177,7 @@ class TraceRecord:
 
     def _waveform(self, driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform) -> Waveform:
         if isinstance(driven, tuple):
-            time_s, values = (np.asarray(v, dtype=float) for v in driven)
+            time_s, values = (as_numbers(v, f"{self.source}: driven") for v in driven)
             return Recorded(time_s, values, self.interpolation)
         return driven
 

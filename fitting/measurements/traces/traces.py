@@ -29,6 +29,7 @@ from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
 from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
 from fitting.simulate.batch import Batch
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 
 
@@ -39,6 +40,7 @@ class SolvedTraces(Prediction):
     designs: tuple[FloatArray, ...] = ()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Trace(TraceRecord, AtOnePlace):
     """A time series of one output of the FMU, under a recorded or declared input, or none.

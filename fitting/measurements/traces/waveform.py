@@ -20,6 +20,7 @@ import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.numbers import as_numbers
 
 HELD, LINEAR = INTERPOLATIONS = ("held", "linear")
 #: Nodes of the quadrature that takes the mean of a chirp over a step.
@@ -72,7 +73,7 @@ class Recorded:
 
     def __post_init__(self) -> None:
         for name in ("time_s", "values"):
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+            object.__setattr__(self, name, as_numbers(getattr(self, name), name))
         t, u = self.time_s, self.values
         if t.ndim != 1 or t.shape != u.shape or not t.size:
             raise BadInput(f"input: {t.shape} times and {u.shape} values, wanted equally many")

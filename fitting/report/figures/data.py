@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -16,6 +14,7 @@ from matplotlib.figure import Figure
 
 from fitting.report.plot.measurement import PLACES
 from fitting.text.arrays import FloatArray
+from fitting.text.csv_cells import csv_text
 from fitting.text.notation import index
 
 HEADS = ("panel", "series", "along x", "along y", "x", "y")
@@ -66,11 +65,7 @@ def figure_csv(figure: Figure) -> str:
             rows += [[*name, *p, *v] for p, v in zip(places, values, strict=True)]
     wide = max(map(len, rows), default=0)
     heads = (*HEADS, *MAP_HEADS) if wide > len(HEADS) else HEADS
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(row + [""] * (len(heads) - len(row)) for row in rows)
-    return text.getvalue()
+    return csv_text([heads, *(row + [""] * (len(heads) - len(row)) for row in rows)])
 
 
 def panels_of(figure: Figure) -> list[tuple[int, Axes]]:

@@ -1,0 +1,90 @@
+"""Arrays of measured numbers, as people hand them over: what is none is told in a sentence."""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput, shown
+
+#: Largest of measured values: its square, and sums of squares of squares, are still numbers.
+LEAST, MOST = 1e-70, 1e70
+
+
+def as_numbers(values: npt.ArrayLike, where: str) -> FloatArray:
+    """An array of doubles.
+
+    Args:
+        values: what is said to be one.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: it is none.
+    """
+    return np.asarray(_as_array(values, float, where), dtype=float)
+
+
+def as_values(values: npt.ArrayLike, where: str) -> FloatArray | ComplexArray:
+    """An array of doubles, or of complex numbers where these are handed over.
+
+    Args:
+        values: what is said to be one.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: it is none.
+    """
+    found = _as_array(values, None, where)
+    if np.iscomplexobj(found):
+        return np.asarray(_as_array(found, complex, where), dtype=complex)
+    return as_numbers(found, where)
+
+
+def _as_array(values: npt.ArrayLike, kind: type | None, where: str) -> Any:
+    try:
+        found = np.asarray(values, dtype=kind)
+        if found.dtype.kind in "SUMm":  # text would be read, times would be counted
+            raise TypeError
+    except (TypeError, ValueError, OverflowError):
+        what = " ".join(shown(values).split())  # arrays are shown on several lines
+        raise BadInput(f"{where}: found {what}, wanted an array of numbers") from None
+    return found
+
+
+def require_size(values: FloatArray | ComplexArray, where: str) -> None:
+    """Complain of values of which nothing can be computed in their unit; zeros alone pass.
+
+    Args:
+        values: finite ones.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: the largest of them is below `LEAST` or above `MOST`.
+    """
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if largest > 0.0 and not LEAST <= largest <= MOST:
+        raise BadInput(
+            f"{where}: the largest is {largest:.6g}, wanted {LEAST:g} to {MOST:g}, in another unit"
+        )
+
+
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number, of Python or numpy, and no truth value.
+
+    Args:
+        value: what was handed over.
+    """
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def is_real(value: object) -> bool:
+    """Whether a value is a real number, of Python or numpy, and no truth value.
+
+    Args:
+        value: what was handed over.
+    """
+    return isinstance(value, Real) and not isinstance(value, bool)
