@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from fitting.cli.words.values import default_workers
-from fitting.fmu.isolation import Isolate
 
 if TYPE_CHECKING:
     from fitting.api.fmu import Fmu
@@ -15,7 +14,11 @@ if TYPE_CHECKING:
 
 
 def fmu_for(
-    campaigns: Sequence[Campaign], out: Path, workers: int | None, *, isolate: Isolate = False
+    campaigns: Sequence[Campaign],
+    out: Path,
+    workers: int | None,
+    *,
+    isolate: bool | Literal["strict"] = False,
 ) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder of the results.
 

@@ -35,9 +35,9 @@ class Adequacy:
     residuals of the curve where it is least, named `curve`, and `share` their structured part over
     its largest amplitude (NaN: no curve). `describes` is False where the rule gives up the model;
     `noise_factor` is by how much uncorrelated residuals exceed the stated noise, 1 where they do
-    not, and `is_uneven` where only a part of them does, which is no noise; `outliers` are the numbers of single rows far beyond the rest, without which the noise
-    explains it. `converged` is False where the fit has not converged: then there are no values,
-    either.
+    not, and `is_uneven` where only a part of them does, which is no noise; `outliers` are the
+    numbers of single rows far beyond the rest, without which the noise explains it.
+    `converged` is False where the fit has not converged: then there are no values, either.
     `against` names the form of a line whose residuals the noise was taken from, where they are a
     sweep's own (`fitting.inference.closer_form`); empty where the noise is known. `remedy` is what
     would describe them so: a key of the campaign, or an output; empty where nobody knows one.
