@@ -42,6 +42,7 @@ class WarmStarts:
         self._lock = threading.Lock()
         self._server: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
+        self._owner = os.getpid()  # a fork of this process is no parent of what is forked here
         #: Whether forks are taken; isolated workers never are.
         self.is_wanted = True
         # a second thread of linear algebra would run in the process that is forked
@@ -62,7 +63,7 @@ class WarmStarts:
             environment: its variables.
             alone: whether they are not the caller's; such a process is started anew.
         """
-        if alone or not self.is_wanted:
+        if alone or not self.is_wanted or os.getpid() != self._owner:
             return self._cold(theirs, folder, environment, alone)
         with self._lock:
             asked = self._ready()
