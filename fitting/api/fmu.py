@@ -76,8 +76,8 @@ class Accuracy:
     settle_s: float | None = None
     window_s: float | None = None
     samples: int | None = None
-    force: Sequence[str] = ()
-    forbid: Sequence[str] = ()
+    force: str | Sequence[str] = ()
+    forbid: str | Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if self.relative is not None:

@@ -156,7 +156,7 @@ def test_what_cannot_be_driven_is_refused(fmu: ff.Fmu, mass: ff.Fmu) -> None:
         (lambda: ff.Accuracy(settle_s=-1.0), "settle_s: found -1.0"),
         (lambda: ff.Accuracy(window_s=0.0), "window_s: found 0.0"),
         (lambda: ff.Accuracy(samples=0), "samples: found 0"),
-        (lambda: ff.simulate(3), "Fmu: found a int"),  # type: ignore[arg-type]
+        (lambda: ff.simulate(3), "Fmu: source is 3"),  # type: ignore[arg-type]
         (lambda: ff.check(fmu, step_s=0.0), "step_s: found 0.0"),
     ):
         with pytest.raises(ff.BadInput, match=re.escape(words)):
