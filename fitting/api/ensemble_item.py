@@ -77,7 +77,7 @@ class EnsembleOptions:
         BadInput: a number out of its range.
     """
 
-    values: Sequence[str] = ()
+    values: str | Sequence[str] = ()
     profiles: bool = True
     starts: int | None = None
     quick: bool = False
