@@ -569,7 +569,7 @@ def identity_of(problem: Problem, command: str) -> Identity:
 @one_thread()
 def profile(
     fit: Fit,
-    names: Sequence[str] | None = None,
+    names: str | Sequence[str] | None = None,
     *,
     budget: int | None = None,
     bootstrap: int = 0,

@@ -150,7 +150,6 @@ class MeasuredExperiment:
         if self.sigmas_v.size == 0:
             _set(self, "sigmas_v", np.full(len(lines_hz), np.nan))
         _check_numbers(self.peaks_v, len(lines_hz), f"{where}: peaks")
-        require_size(self.peaks_v, f"{where}: peaks")
         if not np.all(self.peaks_v > 0.0):
             raise BadInput(f"{where}: peaks {_shown(self.peaks_v)}; wanted positive amplitudes")
         if self.phases is not None:
@@ -197,7 +196,6 @@ def _check_curve(frequency_hz: FloatArray, amplitude_v: FloatArray, least: int, 
     _check_numbers(frequency_hz, frequency_hz.size, f"{where}: frequencies")
     _check_numbers(amplitude_v, frequency_hz.size, f"{where}: amplitudes")
     require_size(frequency_hz, f"{where}: frequencies")
-    require_size(amplitude_v, f"{where}: amplitudes")
     if frequency_hz[0] <= 0.0 or np.any(np.diff(frequency_hz) <= 0.0):
         raise BadInput(f"{where}: wanted frequencies above zero that rise strictly")
     for i in np.flatnonzero(amplitude_v < 0.0)[:1]:

@@ -58,6 +58,7 @@ def test_what_no_pickle_can_carry_is_told(two: LocalProcesses) -> None:
     assert two.submit(work.refusing, Piece(2)).result() == (2, 4)
 
 
+@pytest.mark.cold_start
 def test_processes_have_one_thread_and_nothing_of_the_callers_program(two: LocalProcesses) -> None:
     assert two.submit(work.environment, "OPENBLAS_NUM_THREADS").result() == "1"
     assert two.submit(work.main_file, 0).result() == "child.py"

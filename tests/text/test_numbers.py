@@ -28,9 +28,17 @@ TAKERS: dict[str, tuple[Callable[..., Any], np.ndarray, np.ndarray]] = {
 }
 
 
-@pytest.mark.parametrize("taker", TAKERS)
 @pytest.mark.parametrize("factor", [1e-320, 1e-163, 1e163, 1e300])
-@pytest.mark.parametrize("which", ["axis", "values"])
+@pytest.mark.parametrize(
+    ("taker", "which"),
+    [
+        (taker, which)
+        for taker in TAKERS
+        for which in ("axis", "values")
+        # amplitudes of a campaign are in units of their largest: tests/fit/test_extremes.py
+        if (taker, which) != ("sweep", "values")
+    ],
+)
 def test_numbers_whose_squares_are_none_are_refused(taker: str, factor: float, which: str) -> None:
     take, axis, values = TAKERS[taker]
     scaled = (axis * factor, values) if which == "axis" else (axis, values * factor)
