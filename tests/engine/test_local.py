@@ -59,9 +59,13 @@ def test_what_no_pickle_can_carry_is_told(two: LocalProcesses) -> None:
 
 
 @pytest.mark.cold_start
-def test_processes_have_one_thread_and_nothing_of_the_callers_program(two: LocalProcesses) -> None:
-    assert two.submit(work.environment, "OPENBLAS_NUM_THREADS").result() == "1"
-    assert two.submit(work.main_file, 0).result() == "child.py"
+def test_processes_have_one_thread_and_nothing_of_the_callers_program() -> None:
+    one = LocalProcesses(1)
+    try:
+        assert one.submit(work.environment, "OPENBLAS_NUM_THREADS").result() == "1"
+        assert one.submit(work.main_file, 0).result() == "child.py"
+    finally:
+        one.shutdown(wait=False)
 
 
 def test_an_end_is_not_waited_for_and_leaves_nothing(tmp_path: Path) -> None:
