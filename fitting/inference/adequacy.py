@@ -31,7 +31,7 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size
-from fitting.signal.residual_tests import LAGS, STRUCTURED, TOLD, Structure, autoregression
+from fitting.signal.residual_tests import STRUCTURED, TOLD, Structure, innovations
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.notation import freedom_words, number
 
@@ -183,9 +183,7 @@ def _along(optimum: Optimum, rows: FloatArray, stated: RowCovariance, taken: Flo
 
 def _is_equal(left: FloatArray) -> bool:
     """Whether residuals of unknown noise are of one size, as far as they are no pattern."""
-    news = left.copy()
-    for lag, a in enumerate(autoregression(left, min(LAGS, left.size // 5)), start=1):
-        news[lag:] -= a * left[:-lag]
+    _, news = innovations(left)
     ranks = np.argsort(np.argsort(np.abs(news))) + 1.0
     parts = np.array_split(ranks, PARTS)
     if min(part.size for part in parts) < 2 or not np.any(news):

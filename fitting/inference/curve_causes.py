@@ -11,7 +11,7 @@ sets out from the best one of a scan, and moves all that belongs to the curve.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.tones import Tones
 from fitting.signal.misfit import excess_share, scaled_solution
-from fitting.signal.residual_tests import LAGS, autoregression
+from fitting.signal.residual_tests import innovations
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.finding import Finding, Kind
 
@@ -198,10 +198,7 @@ def _sigma(solution: Solution, places: Sequence[_Place]) -> FloatArray:
     known, sigma = solution.objective.data.sigma, solution.noise.sigma.copy()
     for mine in (place.rows for place in places):
         if not np.all(known[mine] > 0.0):
-            residuals = solution.final.residuals[mine]
-            news = residuals.copy()
-            for lag, a in enumerate(autoregression(news, min(LAGS, news.size // 5)), start=1):
-                news[lag:] -= a * residuals[:-lag]
+            _, news = innovations(solution.final.residuals[mine])
             sigma[mine] = float(np.sqrt(np.mean(news**2))) or 1.0
     return sigma
 
@@ -280,29 +277,45 @@ def _fitted(end: _End, trial: _Trial) -> _Trial:
     """A fit of the parameters, and of the sizes of a mistake, from a trial of it or from none."""
     lower, upper = search_bounds(end.solution.parameters)
     nothing = replace(trial, sizes=np.zeros(trial.sizes.size), x=end.solution.final.x)
-    found, here = min((_sized(end, t) for t in (trial, nothing)), key=lambda each: each[0].left)
-    for _ in range(STEPS):
+    begin = min((_sized(end, t) for t in (trial, nothing)), key=lambda each: each[0].left)
+
+    def along_step(found: _Trial, here: _Rows) -> Callable[[float], tuple[_Trial, _Rows]]:
         slopes = _carried(found, jacobian(end.solution.objective, found.x)) / end.sigma[:, None]
         step, _left = _step(end.solution, found.x, slopes, here)
-        tries = (
-            _sized(
-                end,
-                replace(
-                    found,
-                    x=np.clip(found.x + 0.5**k * step[: found.x.size], lower, upper),
-                    sizes=found.sizes + 0.5**k * _sizes(step, found),
-                ),
-            )
-            for k in range(HALVINGS)
-        )
-        better = next((each for each in tries if each[0].left < found.left), None)
+
+        def at(part: float) -> tuple[_Trial, _Rows]:
+            x = np.clip(found.x + part * step[: found.x.size], lower, upper)
+            return _sized(end, replace(found, x=x, sizes=found.sizes + part * _sizes(step, found)))
+
+        return at
+
+    return _descended(begin, along_step, STEPS)[0]
+
+
+def _descended(
+    begin: tuple[_Trial, _Rows],
+    along_step: Callable[[_Trial, _Rows], Callable[[float], tuple[_Trial, _Rows]]],
+    steps: int,
+) -> tuple[_Trial, _Rows]:
+    """The end of so many steps, each halved until chi square falls; less than one is no gain.
+
+    Args:
+        begin: a trial and its rows.
+        along_step: of a trial and its rows what a part of the next step leads to.
+        steps: at most.
+    """
+    here = begin
+    for _ in range(steps):
+        at = along_step(*here)
+        tries = (at(0.5**k) for k in range(HALVINGS))
+        better = next((each for each in tries if each[0].left < here[0].left), None)
         if better is None:
             break
-        gained = found.left - better[0].left
-        found, here = better
+        gained = here[0].left - better[0].left
+        here = better
         if gained < 1.0:
             break
-    return found
+    return here
 
 
 def _sizes(step: FloatArray, trial: _Trial) -> FloatArray:
@@ -322,18 +335,11 @@ def _sized(end: _End, trial: _Trial) -> tuple[_Trial, _Rows]:
         rows = here.rows - turned @ scaled_solution(turned, here.rows)
         return replace(moved, left=float(rows @ rows)), replace(here, rows=rows)
 
-    found, here = at(trial.sizes)
-    for _ in range(SIZE_STEPS if trial.sizes.size else 0):
+    def along_step(found: _Trial, here: _Rows) -> Callable[[float], tuple[_Trial, _Rows]]:
         step = -scaled_solution(here.slopes, here.rows)[: trial.sizes.size]
-        tries = (at(found.sizes + 0.5**k * step) for k in range(HALVINGS))
-        better = next((each for each in tries if each[0].left < found.left), None)
-        if better is None:
-            break
-        gained = found.left - better[0].left
-        found, here = better
-        if gained < 1.0:
-            break
-    return found, here
+        return lambda part: at(found.sizes + part * step)
+
+    return _descended(at(trial.sizes), along_step, SIZE_STEPS if trial.sizes.size else 0)
 
 
 def _step(

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.special import bdtrc, ndtri
+from scipy.special import bdtrc
 
 from fitting.signal.chi_square import tail
 from fitting.signal.residual_tests import LAGS, SMALLEST_RESIDUAL, white_noise_p
+from fitting.signal.roughness import MEDIAN_OF_NORMAL
 from fitting.text.arrays import FloatArray
 
 #: Probability of residuals along an axis, by white noise, below which they are correlated.
@@ -136,7 +137,7 @@ def of_one_size(white: FloatArray) -> bool:
         white: over their noise, shape (m,).
     """
     sizes = np.sort(np.abs(white))[: white.size - min(MOST_OFF, int(FEW * white.size))]
-    half = float(ndtri(0.75)) * math.sqrt(float(np.mean(sizes**2)))
+    half = MEDIAN_OF_NORMAL * math.sqrt(float(np.mean(sizes**2)))
     inside = int(np.count_nonzero(sizes < half))
     return bool(bdtrc(inside - 1, sizes.size, 0.5) >= CORRELATED)
 

@@ -299,10 +299,7 @@ def _whitened(
     """Autoregression of residuals that hang together, what it leaves, and whether of one size."""
     if p_value >= STRUCTURED:
         return np.zeros(0), residuals, one_size_p(residuals, slopes.asked, slopes.leverage)
-    coefficients = autoregression(residuals, _lags(residuals.size))
-    news = residuals.copy()
-    for lag, a in enumerate(coefficients, start=1):
-        news[lag:] -= a * residuals[:-lag]
+    coefficients, news = innovations(residuals)
     first = coefficients.size  # what stands before these is not known
     known = one_size_p(news[first:], slopes.asked[first:], slopes.leverage[first:])
     return coefficients, news, known
@@ -453,6 +450,21 @@ def autoregression(series: FloatArray, longest: int) -> FloatArray:
             best, least = a, criterion
         forward, backward = (forward - k * backward)[1:], (backward - k * forward)[:-1]
     return best
+
+
+def innovations(series: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients (order,) of the autoregression of a series, and what that leaves of it, (m,).
+
+    What stands before the first `order` values is not known: it counts as zero.
+
+    Args:
+        series: shape (m,), any unit.
+    """
+    coefficients = autoregression(series, _lags(series.size))
+    news = series.copy()
+    for lag, a in enumerate(coefficients, start=1):
+        news[lag:] -= a * series[:-lag]
+    return coefficients, news
 
 
 def autocorrelation(coefficients: FloatArray, length: int) -> FloatArray:
