@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar, cast
 
 from fitting.engine.loop import Answer
-from fitting.engine.process import end, start
+from fitting.engine.process import ONE_THREAD, end, start
 from fitting.text.scratch import Scratch
 
 _log = logging.getLogger(__name__)
@@ -24,10 +24,6 @@ Result = TypeVar("Result")
 Arguments = ParamSpec("Arguments")
 
 CLOSING_S = 2.0
-#: Sums of a library of linear algebra depend on its threads, and processes are the parallelism.
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
-)
 _Call = tuple[bytes, Future[Any]]
 
 

@@ -23,22 +23,18 @@ MOST_ROUNDS = 20
 #: Longest time from when a process that ends closes its files to its end, and between two looks, s.
 GOING_S, LOOK_S = 10.0, 0.01
 CALLER_S = 1.0  # time between two looks whether the caller is there
-
-
 #: What a process that is alone knows of its caller: where programs and libraries are, and words.
 PLAIN = {
     *("PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PYTHONHOME", "TZ", "LANG", "LANGUAGE"),
     *("SYSTEMROOT", "SystemRoot"),
 }
-#: A library of linear algebra starts no threads, which would keep what the process gives up, and
-#: the C library does not set aside 64 MB of a limited address space for every thread.
-ALONE = {
-    "MALLOC_ARENA_MAX": "1",
-    **dict.fromkeys(
-        ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
-        "1",
-    ),
-}
+#: Libraries of linear algebra start no threads.
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
+#: Those threads would keep what the process gives up, and for each that asks for memory the C
+#: library would set aside 64 MB of a limited address space.
+ALONE = {"MALLOC_ARENA_MAX": "1", **ONE_THREAD}
 #: The flag of a process that is ending (Linux, ``PF_EXITING``).
 ENDING = 0x4
 
@@ -100,9 +96,9 @@ def end(
     if sys.platform != "win32":
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
+    process.wait()  # before the look for others, which would find it again and again till then
     if folder is not None:
         end_marked(folder)
-    process.wait()
 
 
 def end_marked(folder: Path) -> None:

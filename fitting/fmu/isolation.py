@@ -9,6 +9,7 @@ import sys
 from dataclasses import dataclass
 from typing import Literal
 
+from fitting.fmu.worker.calls import PROCESSORS
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
@@ -23,8 +24,6 @@ CREATE_RULESET, VERSION = 444, 1
 #: The versions of Landlock that keep from cutting files short, from devices and from signals.
 TRUNCATES, CONTROLS, SIGNALS = 3, 5, 6
 GET_SECCOMP = 21
-#: Processors whose system calls are known here.
-KNOWN = ("x86_64", "aarch64")
 
 
 @checked
@@ -72,9 +71,14 @@ class Isolation:
         )
 
 
-def lacks() -> tuple[str, ...]:
-    """What this system cannot keep from an isolated FMU, a part of a sentence each."""
-    version = landlock_version()
+def lacks(*, kept: bool = True, filtered: bool = True) -> tuple[str, ...]:
+    """What this system cannot keep from an isolated FMU, a part of a sentence each.
+
+    Args:
+        kept: whether it was kept to a folder, where the system has that.
+        filtered: whether its calls are refused, where the system has that.
+    """
+    version = landlock_version() if kept else 0
     found = []
     if version < 1:
         found.append("it may write files elsewhere, control devices and send signals")
@@ -82,7 +86,7 @@ def lacks() -> tuple[str, ...]:
         may = "send signals to your other processes"
         may = may if version >= CONTROLS else f"control devices, and {may}"
         found.append(f"it may {may if version >= TRUNCATES else f'empty files elsewhere, {may}'}")
-    if not _has_filter():
+    if not (filtered and _has_filter()):
         found.append("it may use the network, and change what belongs to files and to the machine")
     return tuple(found)
 
@@ -96,6 +100,6 @@ def landlock_version() -> int:
 
 def _has_filter() -> bool:
     """Whether system calls can be refused."""
-    if sys.platform != "linux" or platform.machine() not in KNOWN:
+    if sys.platform != "linux" or platform.machine() not in PROCESSORS:
         return False
     return int(ctypes.CDLL(None).prctl(GET_SECCOMP, 0, 0, 0, 0)) >= 0

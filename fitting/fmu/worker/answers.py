@@ -21,8 +21,8 @@ from fitting.fmu.runs import Counts
 from fitting.fmu.worker.messages import Reply
 from fitting.fmu.worker.reuse import Verdict
 
-#: Number of the batch, process that answers, bytes of the text, numbers.
-HEAD = struct.Struct("!QQIQ")
+#: Bytes of the text, and how many numbers follow it.
+HEAD = struct.Struct("!IQ")
 #: Bytes of an answer beside the numbers that were asked for: words, and what is known of resets.
 MOST_BESIDE = 2**28
 CHUNK = 2**20
@@ -42,7 +42,7 @@ def packed(reply: Reply) -> bytes:
     numbers, trials = told.pop("results"), told.pop("trials")
     told |= {"counts": asdict(reply.counts), "verdict": asdict(reply.verdict)}
     text = json.dumps(told).encode()
-    head = HEAD.pack(told["number"], told["process"], len(text), numbers.size)
+    head = HEAD.pack(len(text), numbers.size)
     return b"".join((head, text, np.ascontiguousarray(numbers, dtype="=f8").tobytes(), trials))
 
 
@@ -56,7 +56,7 @@ def unpacked(data: bytes) -> Reply:
         NotAnAnswer: they are something else.
     """
     try:
-        _, _, size, count = HEAD.unpack_from(data)
+        size, count = HEAD.unpack_from(data)
         told = json.loads(data[HEAD.size : HEAD.size + size])
         numbers = np.frombuffer(data, "=f8", count, HEAD.size + size)
         verdict, counts = told["verdict"], told["counts"]

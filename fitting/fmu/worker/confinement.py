@@ -61,15 +61,14 @@ def confine(isolation: Isolation, folder: Path) -> tuple[str, ...]:
         folder: in which alone it may write.
     """
     _limit(isolation)
-    missing = lacks()
+    kept = filtered = False
     if sys.platform == "linux":
         libc = ctypes.CDLL(None, use_errno=True)
         libc.prctl(SET_NO_NEW_PRIVS, 1, 0, 0, 0)
-        if not _keep_to(libc, folder):
-            missing += ("it may write files elsewhere",)
+        kept = _keep_to(libc, folder)
         _drop_capabilities(libc)
-        if not _refuse_calls(libc):
-            missing += ("it may use the network",)
+        filtered = _refuse_calls(libc)
+    missing = lacks(kept=kept, filtered=filtered)
     return tuple(f"isolated, but this system cannot hold all of it: {words}" for words in missing)
 
 
