@@ -18,19 +18,12 @@ from fitting.fmu import FmuWorkers, Run
 from fitting.fmu.isolation import Isolation, lacks
 from fitting.text.errors import BadInput, FmuFailure
 from tests.support.attempts import KINDS
-from tests.support.cfmu_build import build_c_fmu
+from tests.support.cfmu_build import PULLED, build_c_fmu, misbehaving
 from tests.support.processes import is_gone, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="system calls of Linux")
 
 RUNS_PYTHON = 21  # of `misbehave`, in the order of the enum in model.h
-PULLED = Run(
-    start_values={"force": 1.0},
-    settle_s=0.0,
-    sample_step_s=1e-3,
-    samples=4,
-    outputs=("displacement",),
-)
 #: What refuses: the system, or that there is nothing to be had.
 REFUSALS = (
     "PermissionError",
@@ -51,9 +44,7 @@ def running(code: str, folder: Path) -> Run:
     """A run in which the FMU has code of Python run in its worker."""
     path = folder / "code.py"
     path.write_text(code)
-    return replace(
-        PULLED, start_values={"force": 1.0, "misbehave": RUNS_PYTHON, "label": str(path)}
-    )
+    return misbehaving(RUNS_PYTHON, path)
 
 
 @pytest.fixture

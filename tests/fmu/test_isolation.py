@@ -18,17 +18,10 @@ from fitting.cli.main import main
 from fitting.fmu import FmuWorkers, Run
 from fitting.fmu.isolation import Isolation
 from fitting.text.errors import BadInput, FmuFailure
-from tests.support.cfmu_build import build_c_fmu
+from tests.support.cfmu_build import PULLED, build_c_fmu, misbehaving
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
 
-PULLED = Run(
-    start_values={"force": 1.0},
-    settle_s=0.0,
-    sample_step_s=1e-3,
-    samples=4,
-    outputs=("displacement",),
-)
 LIMITS = Isolation(memory_mb=200.0, processor_s=0.5, files=40, written_mb=2.0)
 # values of `misbehave`, in the order of the enum in model.h
 HANGS, ABORTS, FILLS_MEMORY, FILLS_DISK = 1, 10, 16, 17
@@ -45,10 +38,6 @@ def isolated(good: Path) -> Iterator[FmuWorkers]:
     """One for all tests: after a failure it can be used on."""
     with FmuWorkers(good, timeout_s=100.0, isolation=LIMITS) as workers:
         yield workers
-
-
-def misbehaving(how: int, label: Path | str = "") -> Run:
-    return replace(PULLED, start_values={"force": 1.0, "misbehave": how, "label": str(label)})
 
 
 def landlock() -> bool:

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu import FmuWorkers
 from fitting.text.errors import FmuFailure, NoAnswer
-from tests.support.cfmu_build import build_c_fmu
+from tests.support.cfmu_build import PULLED, build_c_fmu, misbehaving
 from tests.support.processes import is_gone, is_stopped, wait_until
 
 pytestmark = [
@@ -22,13 +22,6 @@ pytestmark = [
 ]
 
 ROOT = Path(__file__).parents[2]
-PULLED = Run(
-    start_values={"force": 1.0},
-    settle_s=0.0,
-    sample_step_s=1e-3,
-    samples=4,
-    outputs=("displacement",),
-)
 # values of `misbehave`, in the order of the enum in model.h
 HANGS = 1
 IS_KILLED, IS_KILLED_ONCE, FORKS, PRINTS_MUCH_AND_ABORTS, WRITES_FILE = range(11, 16)
@@ -39,10 +32,6 @@ LINES = 300_000
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_c_fmu(tmp_path_factory.mktemp("cfmus"))
-
-
-def misbehaving(how: int, label: Path | str = "") -> Run:
-    return replace(PULLED, start_values={"force": 1.0, "misbehave": how, "label": str(label)})
 
 
 def pulled(workers: FmuWorkers) -> list[float]:

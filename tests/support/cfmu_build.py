@@ -10,13 +10,34 @@ import subprocess
 import sysconfig
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
 
+from fitting.fmu import Run
+
 SOURCES = Path(__file__).parent / "cfmus"
 REFERENCE = Path(__file__).parent / "reference_fmus"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
+#: A run of the oscillator under a force.
+PULLED = Run(
+    start_values={"force": 1.0},
+    settle_s=0.0,
+    sample_step_s=1e-3,
+    samples=4,
+    outputs=("displacement",),
+)
+
+
+def misbehaving(how: int, label: Path | str = "") -> Run:
+    """The same run, in which the oscillator does something wrong.
+
+    Args:
+        how: value of `misbehave`, in the order of the enum in model.h.
+        label: path, port or word that this is done with.
+    """
+    return replace(PULLED, start_values={"force": 1.0, "misbehave": how, "label": str(label)})
 
 
 def build_c_fmu(
