@@ -1,7 +1,7 @@
-"""Values of which campaigns that are fitted together say what cannot be true of both.
+"""Values of campaigns that are fitted together and contradict each other.
 
-A joint fit lies between them and is neither's. Such a value has no verdict: what each campaign says
-of it by itself is told instead.
+What the joint fit finds then is true of none of them. A value keeps its verdict only where each of
+them determines it by itself and they say the same; of the others it is told what each says alone.
 """
 
 from __future__ import annotations
@@ -22,21 +22,34 @@ APART = 3.0
 
 
 def contradicted(joint: JointResult | None, units: Mapping[str, str]) -> dict[str, str]:
-    """What campaigns say of values by themselves, by name, where that differs; mostly empty.
+    """Why values have no verdict, by name, where campaigns contradict each other; mostly empty.
 
     Args:
         joint: the tests of their agreement; None: nothing was tested.
         units: of the values, by name.
     """
-    if joint is None or not contradictions(joint):
+    found = contradictions(joint)
+    if joint is None or not found:
         return {}
+    sides = {side for test in found for side in (test.one, test.other)}
+    names = {part.name for part in joint.series}
+    # a side of several campaigns is the rest of them all
+    parts = [part for part in joint.series if part.name in sides or not sides <= names]
     said = {}
     for name, unit in units.items():
-        alone = {part.name: part.alone[name] for part in joint.series if name in part.alone}
-        told = {series: each for series, each in alone.items() if math.isfinite(each.std)}
-        if any(_apart(one, other) for one, other in itertools.combinations(told.values(), 2)):
-            each = (f"{series} alone says {_words(e, unit)}" for series, e in told.items())
-            said[name] = f"{listed(each)}: these contradict each other"
+        told = {p.name: p.alone[name] for p in parts if name in p.alone}
+        told = {series: each for series, each in told.items() if math.isfinite(each.std)}
+        differ = any(_apart(one, other) for one, other in itertools.combinations(told.values(), 2))
+        if not differ and len(told) == len(parts):
+            continue
+        each = (f"{series} alone says {_words(e, unit)}" for series, e in told.items())
+        told_words = f"{listed(each)}: " if told else ""
+        said[name] = told_words + (
+            "these contradict each other"
+            if differ
+            else f"{listed(p.name for p in parts)} contradict each other, and not each of them "
+            "determines this value by itself"
+        )
     return said
 
 

@@ -10,9 +10,10 @@ import pytest
 
 from fitting.campaign import Experiment
 from fitting.fit.fit import Fit, Status
+from fitting.inference.contradictions import contradicted
 from fitting.inference.findings import findings_of
 from fitting.inference.infer import Inference
-from fitting.inference.joint_result import JointResult, PairTest, SeriesPart
+from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind as Warning_
@@ -39,6 +40,7 @@ from tests.support.curve_fits import (
 from tests.support.datasets import SETUP
 
 NOISE = 0.02
+UNKNOWN = Estimate(math.nan, math.nan)
 #: Of a result that no campaign made.
 ORIGIN = Provenance(
     fmu_name="",
@@ -368,3 +370,18 @@ def test_the_campaign_that_differs_is_named_once(
     fit = fitted_line(sweep(line(U) + noise(), NOISE))
     found = findings_of(fit, None, joint(**sigmas))
     assert [f.subject for f in found if f.kind is Kind.contradiction] == named
+
+
+def test_values_stay_that_every_contradicting_campaign_determines_alone_and_alike() -> None:
+    """What one of them alone determines rests, in the joint fit, on the other one's data, too."""
+    told = {
+        "a": {"f": Estimate(5.0, 0.1), "d": Estimate(10.0, 0.1), "theta": Estimate(1.0, 0.1)},
+        "b": {"f": Estimate(5.1, 0.1), "d": Estimate(11.0, 0.1), "theta": UNKNOWN},
+        "c": {"f": Estimate(9.0, 1.0), "d": UNKNOWN, "theta": UNKNOWN},
+    }
+    result = joint(ab=9.0, ac=0.5, bc=0.5)
+    parts = tuple(replace(part, alone=told[part.name]) for part in result.series)
+    units = dict.fromkeys(("f", "d", "theta", "gain_of_a"), "Hz")
+    named = contradicted(replace(result, series=parts), units)
+    assert set(named) == {"d", "theta", "gain_of_a"}
+    assert contradicted(replace(joint(ab=1.0), series=parts), units) == {}
