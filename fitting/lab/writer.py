@@ -128,11 +128,18 @@ def _campaign(series: Series, head: Sequence[str]) -> str:
 
 
 def _line(series: Series) -> Resonance:
-    """The line of the sweep, as a laboratory would fit it; too much noise is told by its option."""
+    """The line of the sweep, as a laboratory would fit it.
+
+    Too much noise hides it, and a drift moves it out of the sweep: both are told.
+    """
+    told = ", ".join(
+        f"{name} = {getattr(series.bench, name):g}"
+        for name in ("noise_scale", "drift_hz", "curvature_hz")
+    )
     return fit_resonance(
         series.sweep.frequency_hz,
         series.sweep.amplitude_v,
-        source=f"synthesize: the sweep with noise_scale = {series.bench.noise_scale:g}",
+        source=f"synthesize: the sweep with {told}",
     )
 
 

@@ -113,7 +113,6 @@ def test_processes_make_the_same_table_interrupted_and_with_one_of_them_killed(
     assert found.cost_kind == ("processor" if Path("/proc/self/schedstat").exists() else "wall")
 
 
-@pytest.mark.nightly  # the last digits of an error differ between these processes at times
 def test_a_cluster_makes_the_same_table(
     wanted: list[tuple[Any, ...]],
     swift_fmu: Path,
@@ -133,7 +132,13 @@ def test_a_cluster_makes_the_same_table(
     with cluster_in_this_process() as cluster, ff.Fmu(path, workers=1) as fmu:
         found = ff.tradeoff("string", fmu, options=OPTIONS, executor=cluster.scheduler_address)
     assert not path.exists()
-    assert table(found) == wanted
+    # errors are differences of nearly equal numbers: what is left of rounding may differ
+    rows, expected = table(found), list(wanted)
+    errors = [[m.error for m, _ in each] for each in (rows, expected)]
+    assert errors[0] == pytest.approx(errors[1], rel=1e-6, abs=1e-15, nan_ok=True)
+    assert [(replace(m, error=0.0), timed) for m, timed in rows] == [
+        (replace(m, error=0.0), timed) for m, timed in expected
+    ]
 
 
 class Losing(Executor):
