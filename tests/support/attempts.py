@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import fcntl
 import json
 import os
@@ -492,7 +493,12 @@ def keep_in_memory(given: Any) -> None:
 
 @attempt("privilege")
 def other_user(given: Any) -> None:
-    _in_child(lambda: os.setuid(65534 if os.getuid() != 65534 else 0))
+    try:
+        _in_child(lambda: os.setuid(65534 if os.getuid() != 65534 else 0))
+    except OSError as error:
+        if error.errno == errno.EINVAL:  # no such user in the namespace of who is not root
+            raise PermissionError(error.errno, error.strerror) from error
+        raise
 
 
 @attempt("privilege")
