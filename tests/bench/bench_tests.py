@@ -40,7 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pytest", "-q", "-n", str(options.workers)]
-        command += ["--dist", "worksteal", "-p", "tests.support.costs", "--costs", folder]
+        # named, as pytest looks for its settings above every folder that it is given
+        command += ["--dist", "worksteal", "-c", str(ROOT / "pyproject.toml")]
+        command += ["-p", "tests.support.costs", "--costs", folder]
         before = _waited_for_s()
         process = subprocess.Popen(
             [*command, *options.paths],
