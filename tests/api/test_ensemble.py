@@ -121,6 +121,7 @@ def test_finished_items_of_another_ensemble_are_refused(swift_fmu: Path, tmp_pat
             ff.ensemble(other, swift_fmu, options, executor=pool, out=tmp_path)
 
 
+@pytest.mark.nightly
 def test_a_cluster_that_loses_a_worker_makes_the_same_table(
     wanted: tuple[str, ...], swift_fmu: Path, tmp_path: Path
 ) -> None:

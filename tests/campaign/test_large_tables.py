@@ -81,7 +81,7 @@ def test_hertz_of_many_points_are_the_same_numbers() -> None:
     np.testing.assert_array_equal(hertz_of(values, "Hz", where=""), values)
 
 
-@pytest.mark.parametrize("command", ["line", "init"])
+@pytest.mark.parametrize("command", ["line", pytest.param("init", marks=pytest.mark.nightly)])
 def test_a_wide_table_is_refused_in_one_line(command: str, tmp_path: Path) -> None:
     path = tmp_path / "wide.csv"
     head = "frequency (Hz)," + ",".join(f"c{k} (V)" for k in range(99_999))
@@ -95,7 +95,7 @@ def test_a_wide_table_is_refused_in_one_line(command: str, tmp_path: Path) -> No
     assert "100000 columns" in said[0]
 
 
-@pytest.mark.parametrize("command", ["line", "init"])
+@pytest.mark.parametrize("command", ["line", pytest.param("init", marks=pytest.mark.nightly)])
 def test_a_long_table_is_announced_and_read_a_few_times(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

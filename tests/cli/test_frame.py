@@ -173,7 +173,7 @@ def test_a_reader_that_has_seen_enough_does_not_stop_the_work(tmp_path: Path) ->
     ("where", "code", "words"),
     [
         (">/dev/full", 2, "fmu-fit: standard output: .*\n"),
-        (">&-", 0, ""),
+        pytest.param(">&-", 0, "", marks=pytest.mark.nightly),
         pytest.param("2>&-", 0, "", marks=pytest.mark.nightly),
         pytest.param("2>/dev/full", 0, "", marks=pytest.mark.nightly),
         (">&- 2>&- <&-", 0, ""),

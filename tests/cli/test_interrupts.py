@@ -226,6 +226,7 @@ def test_ends_during_the_profiles_keep_the_fit(
     assert job.left_behind() == []
 
 
+@pytest.mark.nightly
 def test_an_end_of_several_processes_shows_the_settings_so_far(tmp_path: Path) -> None:
     """Also where it comes while the processes start, and no setting has ended."""
     out = tmp_path / "out"

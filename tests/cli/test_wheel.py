@@ -99,6 +99,7 @@ def test_the_wheel_holds_models_builder_and_examples(wheel: Path) -> None:
     }
 
 
+@pytest.mark.nightly
 def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
     archive = hatch("sdist", ROOT, tmp_path / "sdist")
     with tarfile.open(archive) as tar:

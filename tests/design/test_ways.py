@@ -126,7 +126,14 @@ def problem(seed: int) -> DesignProblem:
     )
 
 
-@pytest.mark.parametrize("criterion", ["target", "D", "A"])
+@pytest.mark.parametrize(
+    "criterion",
+    [
+        "target",
+        pytest.param("D", marks=pytest.mark.nightly),
+        pytest.param("A", marks=pytest.mark.nightly),
+    ],
+)
 def test_what_a_time_allows_is_nearly_the_best_of_all(criterion: str) -> None:
     worse = []
     for seed in range(20):

@@ -145,6 +145,7 @@ def test_derivatives_of_setups(bound: BoundCampaign, workers: FmuWorkers, limits
     assert rows.by_setting[:, 0] == pytest.approx((above - below) / 2.0, rel=1e-3, abs=1e-8)
 
 
+@pytest.mark.nightly
 def test_points_of_equal_fit_share_what_the_data_hold(
     bound: BoundCampaign, weighed: Weighed
 ) -> None:

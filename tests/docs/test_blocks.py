@@ -73,7 +73,11 @@ def printed(words: Sequence[str], folder: Path, text: str, exit_code: int) -> st
 
 
 #: Pages whose blocks take longest; each of their commands has tests of its own.
-LONG = ("docs/how-to/control-sweep.md", "docs/how-to/other-tools.md")
+LONG = (
+    "docs/how-to/control-sweep.md",
+    "docs/how-to/other-tools.md",
+    "docs/tutorials/notebook.md",
+)
 RUN = [
     pytest.param(name, marks=[pytest.mark.nightly] if name in LONG else [])
     for name, found in ALL.items()

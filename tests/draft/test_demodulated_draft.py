@@ -50,7 +50,9 @@ def fitted(campaign: Path) -> Result:
     return read_result(out / "result.json")
 
 
-@pytest.mark.parametrize("lines", [ONE, TWO], ids=["one line", "two lines"])
+@pytest.mark.parametrize(
+    "lines", [ONE, pytest.param(TWO, marks=pytest.mark.nightly)], ids=["one line", "two lines"]
+)
 def test_x_and_y_over_time_find_frequency_and_width(
     lines: tuple[tuple[float, float, float], ...], tmp_path: Path
 ) -> None:

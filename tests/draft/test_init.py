@@ -185,10 +185,18 @@ def test_the_model_of_two_modes_is_the_simplest_that_describes(phases: bool, dri
 @pytest.mark.parametrize(
     ("seed", "share"),
     [
-        *((0, 0.7), (1, 1.3), (2, -0.7)),
+        *((0, 0.7), (2, -0.7)),
         *(
             pytest.param(seed, share, marks=pytest.mark.nightly)
-            for seed, share in ((0, 1.3), (0, -0.7), (1, 0.7), (1, -0.7), (2, 0.7), (2, 1.3))
+            for seed, share in (
+                (1, 1.3),
+                (0, 1.3),
+                (0, -0.7),
+                (1, 0.7),
+                (1, -0.7),
+                (2, 0.7),
+                (2, 1.3),
+            )
         ),
     ],
 )
@@ -632,7 +640,8 @@ def test_a_record_that_does_not_decay_is_no_ringdown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("driven", "second", "late"), [(0.1, 0.0, True), (0.0, 0.0, False), (0.0, 0.6, False)]
+    ("driven", "second", "late"),
+    [(0.1, 0.0, True), (0.0, 0.0, False), pytest.param(0.0, 0.6, False, marks=pytest.mark.nightly)],
 )
 def test_a_drive_before_a_decay_is_left_out(
     driven: float, second: float, late: bool, tmp_path: Path

@@ -136,7 +136,11 @@ def starts(campaign: dict[str, Any]) -> dict[str, float]:
     return {box["name"]: box["start"] for box in campaign["parameters"]}
 
 
-@pytest.mark.parametrize(("phases", "seed"), [(False, 1), (True, 2)], ids=["amplitudes", "phases"])
+@pytest.mark.parametrize(
+    ("phases", "seed"),
+    [(False, 1), pytest.param(True, 2, marks=pytest.mark.nightly)],
+    ids=["amplitudes", "phases"],
+)
 def test_the_draft_of_a_map_runs_as_it_is_and_finds_the_coupling(
     phases: bool, seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -121,10 +121,10 @@ def nightly(*values: object) -> Any:
     [
         nightly("ASD (V/√Hz)", 0.5, "", False),
         nightly("noise (V/sqrt(Hz))", 0.5, "", False),
-        ("level (dBm/Hz)", 0.0, "", False),
+        nightly("level (dBm/Hz)", 0.0, "", False),
         ("PSD", 1.0, "density", False),
         nightly("amplitude spectral density", 0.5, "root", False),
-        ("S (V)", 0.5, "root", True),
+        nightly("S (V)", 0.5, "root", True),
         ("reading", 1.0, "density", True),
     ],
 )

@@ -95,7 +95,7 @@ def test_a_drift_that_is_not_told_is_no_success(fitted: Fit) -> None:
     assert "peaks" in lost.message
 
 
-@pytest.mark.parametrize("misfit", ["slack", "squares"])
+@pytest.mark.parametrize("misfit", [nightly("slack"), "squares"])
 def test_the_scale_of_the_amplitudes_changes_no_bit(misfit: str, fitted: Fit) -> None:
     """Powers of two from 1e-285 to 1e285: the same x, chi scaled."""
     scene = Scene(noise=1e-3, peaks=False, misfit=misfit, points=15, nu=(1e-3, 1e-3, 2))
@@ -241,7 +241,9 @@ def on_bound(result: Result, end: str) -> bool:
     )
 
 
-@pytest.mark.parametrize("box", [(50.0, 100.0), (100.0, 200.0)])
+@pytest.mark.parametrize(
+    "box", [pytest.param((50.0, 100.0), marks=pytest.mark.nightly), (100.0, 200.0)]
+)
 def test_a_solution_on_a_bound_is_reached_and_told(box: tuple[float, float], fitted: Fit) -> None:
     for start in (sum(box) / 2.0, *box):
         scene = Scene(fitted={"d1": Fitted(*box, start, 100.0)})

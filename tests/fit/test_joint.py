@@ -334,6 +334,7 @@ def of_two_pairs(folder: Path) -> list[Path]:
     return paths
 
 
+@pytest.mark.nightly
 def test_the_shipped_series_together_hold_the_widths_alone(swift_fmu: Path, tmp_path: Path) -> None:
     with FmuWorkers(swift_fmu, workers=2) as workers:
         variables = workers.description.variables

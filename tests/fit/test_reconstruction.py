@@ -270,6 +270,7 @@ def without_times(result: Result) -> str:
     return repr(replace(result, seconds=0.0, history=history, provenance=provenance))
 
 
+@pytest.mark.nightly
 def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
     noisy_campaign: BoundCampaign, tmp_path: Path
 ) -> None:
@@ -413,7 +414,9 @@ def test_a_maximum_outside_the_first_points_is_found(
 @pytest.mark.parametrize(
     ("box", "start", "warned", "noted"),
     [
-        ((0.2, 0.5), 0.3, True, False),  # sin 2 theta > 0: lambda is nowhere a real number
+        pytest.param(
+            (0.2, 0.5), 0.3, True, False, marks=pytest.mark.nightly
+        ),  # sin 2 theta > 0: lambda is nowhere a real number
         ((1.2, 2.5), 1.3, False, True),  # it is not at the start, but it is at the end
         pytest.param((1.7, 2.5), 1.8, False, False, marks=pytest.mark.nightly),
     ],

@@ -155,7 +155,8 @@ def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
     assert "100 and 200 Hz" in said
 
 
-@pytest.mark.parametrize("series", ["q1", pytest.param("q2", marks=pytest.mark.nightly)])
+@pytest.mark.nightly  # on every day in closed form: test_continuation
+@pytest.mark.parametrize("series", ["q1", "q2"])
 def test_clean_data_give_the_width_back_through_the_fmu(
     series: str, swift_fmu: Path, tmp_path: Path
 ) -> None:

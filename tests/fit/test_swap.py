@@ -107,7 +107,7 @@ def campaign(folder: Path, fmu: Path, misfit: str, outputs: list[str]) -> Path:
 @pytest.mark.parametrize(
     ("reset", "misfit", "profiles"),
     [
-        ("RESET_WORKS", "slack", False),
+        pytest.param("RESET_WORKS", "slack", False, marks=pytest.mark.nightly),
         ("RESET_DOES_NOTHING", "squares", False),
         # stepping an input takes its time
         pytest.param("RESET_DOES_NOTHING", "squares", True, marks=pytest.mark.nightly),

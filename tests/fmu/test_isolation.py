@@ -63,7 +63,7 @@ def test_what_takes_too_much_is_stopped(
     isolated.run([PULLED])
 
 
-#: A small caller, and one of 600 MB: Linux counts a caller's memory for what it starts.
+#: A small caller, and one of 300 MB: Linux counts a caller's memory for what it starts.
 CALLER = """
 import sys
 from pathlib import Path
@@ -83,14 +83,14 @@ with FmuWorkers(Path(sys.argv[1]), timeout_s=100.0, isolation=LIMITS) as workers
     ("caller_mb", "how", "of_memory"),
     [
         (0, FILLS_MEMORY, True),
-        (600, FILLS_MEMORY, False),
-        pytest.param(600, ABORTS, False, marks=pytest.mark.nightly),
+        (300, FILLS_MEMORY, False),
+        pytest.param(300, ABORTS, False, marks=pytest.mark.nightly),
     ],
 )
 def test_memory_is_named_where_it_is_known_to_have_been_the_end(
     good: Path, caller_mb: int, how: int, of_memory: bool
 ) -> None:
-    """What a caller of 600 MB starts counts as that large: its sentence names the limits alone."""
+    """What a caller of 300 MB starts counts as that large: its sentence names the limits alone."""
     command = [sys.executable, "-c", CALLER, str(good), str(caller_mb), str(how)]
     ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
     assert ("more than 200 MB" in ended.stdout) is of_memory

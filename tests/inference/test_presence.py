@@ -66,7 +66,10 @@ def test_as_many_unknowns_as_rows_tell_nothing() -> None:
     assert chance(np.ones(5), np.ones(5), np.zeros(5), 5) == 0.0 <= SURELY
 
 
-@pytest.mark.parametrize(("noise", "said"), [(1e-5, True), (5e-4, True), (5e-3, False)])
+@pytest.mark.parametrize(
+    ("noise", "said"),
+    [(1e-5, True), (5e-4, True), pytest.param(5e-3, False, marks=pytest.mark.nightly)],
+)
 def test_a_weak_line_is_described_and_noise_is_not(noise: float, said: bool) -> None:
     """A line of 1 mV in both quadratures whose noise nobody stated, half of it and five times."""
     rng = default_rng(7)

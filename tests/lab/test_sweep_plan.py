@@ -148,7 +148,7 @@ def test_a_pump_is_set_as_planned_and_time_may_be_a_constant(tmp_path: Path) -> 
     assert new.truth["pumped"] == made.truth["pumped"]
 
 
-@pytest.mark.parametrize("phases", [False, True])
+@pytest.mark.parametrize("phases", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_what_a_design_proposes_is_measured_and_fitted(
     tmp_path: Path, phases: bool, swift_modes_fmu: Path
 ) -> None:

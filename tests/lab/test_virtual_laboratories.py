@@ -162,6 +162,7 @@ def test_where_a_descent_is_stuck_is_no_noise_and_no_bound(tmp_path: Path) -> No
     assert low < laboratory.truth()["d1"] < 1000.0 < high
 
 
+@pytest.mark.nightly
 def test_an_exchange_that_the_box_excludes_is_told(tmp_path: Path) -> None:
     """The reflection has the same amplitudes with d1 and d2 exchanged, and f1 and f2."""
     laboratory = KINDS["joint"](6004)

@@ -62,6 +62,7 @@ def test_what_is_no_part_is_refused(
         problem.part(settings)
 
 
+@pytest.mark.nightly
 def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.Problem) -> None:
     """The closed form's own truth: theta enters the unpumped line through its width alone."""
     whole = ff.identify(problem)

@@ -81,6 +81,7 @@ def test_refusals_are_those_of_the_python_fmu(pair: tuple[Instance, Instance], c
     assert pair[0].status_message() == pair[1].status_message()
 
 
+@pytest.mark.nightly
 def test_nothing_is_touched_that_is_not_its_own(
     twin: Unpacked, compiled: Callable[..., Path], tmp_path: Path
 ) -> None:

@@ -474,7 +474,7 @@ def test_the_fit_of_the_response_gives_the_line_back(result: Result, data: Shown
 
 VERY_MANY = "very many, long names"
 #: What the paper's, many names and hostile ones do not make more likely to overlap.
-FURTHER = (VERY_MANY, "one tone", "three tones")
+FURTHER = (VERY_MANY, "many, long names", "one tone", "three tones")
 
 
 def shapes() -> Iterator[tuple[str, ShownCampaign]]:

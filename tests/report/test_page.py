@@ -450,6 +450,7 @@ def test_the_file_is_written_whole_with_real_figures(written: Written) -> None:
     assert "2, 3 and 4 " in page.text_content()  # are not drawn here
 
 
+@pytest.mark.nightly
 def test_whoever_draws_the_files_are_the_same(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -51,7 +51,7 @@ def behind_cable(f: FloatArray) -> ComplexArray:
     [
         (line_alone, "transmission"),
         pytest.param(on_crosstalk, "fano", marks=pytest.mark.nightly),
-        (on_slope, "sloped"),
+        pytest.param(on_slope, "sloped", marks=pytest.mark.nightly),
         (behind_cable, "transmission"),
     ],
     ids=["line", "constant", "slope", "cable"],
@@ -107,7 +107,9 @@ def test_errors_have_the_size_of_the_closed_form() -> None:
 
 
 @sampled(2, 8)
-@pytest.mark.parametrize("phases", [True, False], ids=["complex", "amplitudes"])
+@pytest.mark.parametrize(
+    "phases", [True, pytest.param(False, marks=pytest.mark.nightly)], ids=["complex", "amplitudes"]
+)
 def test_errors_are_wider_where_neighbours_follow_each_other(phases: bool, count: int) -> None:
     """Noise of first order, rho = 0.7: the variance of sums is (1 + rho)/(1 - rho) = 5.7 times."""
     pulls = []
@@ -521,7 +523,9 @@ def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.Monkey
 
 
 @sampled(4, 12)
-@pytest.mark.parametrize("averaged", [1, 25], ids=["single", "averaged"])
+@pytest.mark.parametrize(
+    "averaged", [1, pytest.param(25, marks=pytest.mark.nightly)], ids=["single", "averaged"]
+)
 def test_readings_that_nobody_averaged_are_told_from_averaged_ones(
     averaged: int, count: int
 ) -> None:

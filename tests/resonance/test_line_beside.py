@@ -95,7 +95,11 @@ def test_both_amplitudes_of_a_curve_are_told_with_their_errors_by_line_and_campa
 
 
 @sampled(2, 10)
-@pytest.mark.parametrize("parts", [np.abs, np.asarray], ids=["amplitudes", "complex"])
+@pytest.mark.parametrize(
+    "parts",
+    [pytest.param(np.abs, marks=pytest.mark.nightly), np.asarray],
+    ids=["amplitudes", "complex"],
+)
 def test_a_weak_second_line_is_told_and_fitted_beside_the_first(
     parts: type[np.ndarray], count: int, tmp_path: Path
 ) -> None:

@@ -32,7 +32,7 @@ def averaged(s: FloatArray, averages: float, seed: int) -> FloatArray:
 
 
 @sampled(5, 12)
-@pytest.mark.parametrize("averages", [1, 30])
+@pytest.mark.parametrize("averages", [1, pytest.param(30, marks=pytest.mark.nightly)])
 def test_frequency_width_quality_and_power_are_found_with_their_errors(
     averages: int, count: int
 ) -> None:
