@@ -13,6 +13,7 @@ from fmu_src import coupled_modes, modes_steady
 from fmu_src.modes_equations import SINGLE, Parameters, matrices, pairs
 from fmu_src.modes_linear import ModesSolver, at_rest
 from fmu_src.modes_rk4 import ModesRungeKutta
+from fmu_src.modes_tails import Side
 from fmu_src.oscillator_precise import in_precise_arithmetic
 from fmu_src.start_values import BuildError, checked_start_values
 from tests.support.linear_motion import Modes, Piece, motion
@@ -385,8 +386,8 @@ def test_a_coupling_may_be_zero_but_not_negative_when_a_model_is_built() -> None
 
 
 def test_sidebands_that_one_side_alone_needs_too_many_of_are_refused() -> None:
-    """1610 steps of the pump down to the resonance at -f, and none above the drive."""
-    p = ONE | {"f1": 1.0, "u1": 1.3, "A2": 0.0, "pump_hz": 1.0 / 700.0, "depth_f1": 0.4}
+    """The pump moves the resonance by 0.2 Hz, 4000 times its own frequency."""
+    p = ONE | {"f1": 1.0, "u1": 1.3, "A2": 0.0, "pump_hz": 1.0 / 20000.0, "depth_f1": 0.4}
     slave = started(p)
     assert not slave.step(0.1)
     assert "1500 sidebands" in slave.message
@@ -423,24 +424,27 @@ def test_the_bound_of_a_cut_is_near_what_it_costs_where_one_mode_resounds_beyond
     pump_hz: float,
     cut: tuple[int, int],
     mode: tuple[float, float],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Only one mode: no norm is larger than its number. Kept sidebands alone, then all."""
     (below, above), p = cut, pumped_mode(*mode, pump_hz, u)
     one = parameters(p)
     frame = modes_steady.Frame(matrices(one), None, pump_hz)
-    tails = modes_steady._Tail(frame, u, 1), modes_steady._Tail(frame, u, -1)
+    tails = Side(frame, u, 1).tail(above), Side(frame, u, -1).tail(below)
+    assert [tail.end for tail in tails] == [above, below]
     with in_precise_arithmetic():
         chain = modes_steady._Chain(frame, u, below, above)
-        found = [complex(row[0]) for row in chain.solved(one.g)]
+        found = chain.solved(one.g)
+        sizes = [abs(x[0]) for x in found]
+        ends = max(sizes[0], sizes[-1])
+        bound = chain.errors(one.g, found, sizes, tails)[0] * ends
+        alone = tails[0]._replace(rest=0.0), tails[1]._replace(rest=0.0)
+        least = chain.errors(one.g, found, sizes, alone)[0] * ends
     truth = {k: TWO_PI**2 * complex(x[0]) for k, x in modes(p).sidebands(u).items()}
     kept = range(-below, above + 1)
-    error = sum(abs(found[k + below] - truth[k]) for k in kept)
+    error = sum(abs(found[k + below][0] - truth[k]) for k in kept)
     beyond = sum(abs(x) for k, x in truth.items() if k not in kept)
-    sizes = [abs(x) for x in found]
-    assert error + beyond <= chain.bound(tails, sizes)
-    monkeypatch.setattr(modes_steady._Tail, "after", lambda _tail, _k: 0.0)
-    assert error <= chain.bound(tails, sizes) <= 1.3 * error
+    assert error + beyond <= bound
+    assert error <= least <= 1.3 * error
 
 
 @pytest.mark.parametrize("u", [0.97, 1.31, 4.0])
@@ -449,7 +453,7 @@ def test_sidebands_do_not_depend_on_where_the_chain_is_cut_first(
 ) -> None:
     """It grows on both sides until its bound holds; by a dense solve."""
     p = THREE | PUMP | {"u1": u}
-    monkeypatch.setattr(modes_steady._Tail, "first_guess", lambda tail: max(tail.least, 1))
+    monkeypatch.setattr(Side, "guess", lambda _side, _wanted, _most: 1)
     made = parameters(p)
     frame = modes_steady.Frame(matrices(made), None, p["pump_hz"])
     found = modes_steady.steady_state(frame, made.g, u)
@@ -460,22 +464,45 @@ def test_sidebands_do_not_depend_on_where_the_chain_is_cut_first(
         assert np.abs(turn * np.array(found.sideband(k)) - x).max() <= 1e-12 * size
 
 
+#: Drive, pump, depth and damping of one mode at 1 Hz. What is beyond a cut is bounded by damping
+#: at a resonance, by a gap from one frequency to its negative, by the recursion, or far out.
+TAILS = (
+    (1.0, 0.02, 0.2, 1e-3),
+    (1.0, 0.0063, 0.03, 1e-4),
+    (1.05, 0.002, 3e-4, 1e-7),
+    (0.2, 0.31, 0.3, 1e-5),
+    (0.0, 0.013, 0.4, 1e-3),
+    (2.9, 1.96, 0.1, 0.11),
+    (1.4, 0.1, 0.75, 1e-2),
+)
+
+
 @pytest.mark.parametrize("sign", [1, -1])
-def test_what_is_beyond_a_cut_is_bounded_by_its_continued_fraction(sign: int) -> None:
+@pytest.mark.parametrize("centre", [None, 1.1])
+@pytest.mark.parametrize(("u", "pump_hz", "depth", "width"), TAILS)
+def test_what_is_beyond_a_cut_is_bounded_by_its_continued_fraction(
+    u: float, pump_hz: float, depth: float, width: float, centre: float | None, sign: int
+) -> None:
     """S_k = A(v_k) - (p/2)^2/S_(k+1) of one mode, from far out where it is A(v_k) alone."""
-    u, pump_hz, depth, width = 1.0, 0.02, 0.2, 1e-3
     made = parameters(pumped_mode(depth, width, pump_hz, u))
-    frame = modes_steady.Frame(matrices(made), None, pump_hz)
-    tail = modes_steady._Tail(frame, u, sign)
-    schur = complex(math.inf)
-    ratios = {}
-    for k in range(2000, tail.least, -1):
+    side = Side(modes_steady.Frame(matrices(made), centre, pump_hz), u, sign)
+    schurs, rests, schur, rest = {}, {}, complex(math.inf), 0.0
+    for k in range(round(8.0 / pump_hz), 0, -1):
         v = u + sign * k * pump_hz
-        schur = 1.0 - v * v + 1j * v * width - 0.25 * depth * depth / schur
-        ratios[k] = tail.at(k) * abs(schur)
-    assert min(ratios.values()) >= 1.0 - 1e-12
-    last = tail.least + len(tail._bounds)
-    assert ratios[last] <= 1.05
+        own = 1.0 - v * v + 1j * v * width
+        if centre is not None:
+            own = 1.0 - centre * (2.0 * v - centre) + 1j * centre * width
+        schurs[k - 1] = schur = own - 0.25 * depth * depth / schur
+        # |X_k|/|X_(k-1)|, and the sum of all from k on over |X_(k-1)|
+        rests[k - 1] = rest = 0.5 * depth / abs(schur) * (1.0 + rest)
+    tight = []
+    for end in range(round(3.0 / pump_hz)):
+        tail = side.tail(end)
+        assert tail.end <= end + round(2.5 / pump_hz)
+        assert tail.schur * abs(schurs[tail.end]) >= 1.0 - 1e-12
+        assert tail.rest >= (1.0 - 1e-12) * rests[tail.end]
+        tight.append(tail.schur * abs(schurs[tail.end]))
+    assert min(tight) <= 1.1
 
 
 @pytest.mark.parametrize("damped", [0, 1])
