@@ -26,6 +26,7 @@ from .model_error import ModelError
 from .modes_equations import SINGLE, Parameters, check, matrices, pairs
 from .modes_linear import FOUR_PI_SQUARED, NO_OFFSETS, TWO_PI, ModesSolver, at_rest
 from .modes_rk4 import ModesRungeKutta
+from .modes_steady import TOLERANCES
 from .oscillator_phase import Frequency
 from .variables import Accuracy, Variable
 
@@ -50,7 +51,7 @@ def _example(n: int) -> tuple[list[float], list[float], list[float]]:
     f = [6.9523e6 + 63.4e3 * i for i in range(n)]
     coupling = [0.6476e6 if j == i + 1 else 0.0 for i, j in pairs(n)]
     zeros, none = (0.0,) * n, (0.0,) * len(coupling)
-    off = dict.fromkeys(SINGLE, 0.0)
+    off: dict[str, Any] = dict.fromkeys(SINGLE, 0.0)
     p = Parameters(
         f=tuple(f),
         d=zeros,
@@ -184,6 +185,15 @@ def _settings() -> list[Variable]:
             maximum=2,
         ),
         substep_parameter(RK4),
+        fixed(
+            "tolerance",
+            "Real",
+            TOLERANCES[0],
+            "error allowed to the periodic motion under a pump, relative to readout and to the "
+            "largest displacement at each tone",
+            minimum=TOLERANCES[0],
+            maximum=TOLERANCES[1],
+        ),
         Variable(
             "b",
             "Real",
@@ -410,6 +420,10 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         kind, substep = self.value("solver"), checked_substep(self.value("rk4_substep"))
         if kind not in (EXACT, ENVELOPE, RK4):
             raise ModelError(f"solver = {kind!r}: 0 (exact), 1 (envelope) or 2 (rk4) is wanted")
+        if not TOLERANCES[0] <= p.tolerance <= TOLERANCES[1]:
+            raise ModelError(
+                f"tolerance = {p.tolerance!r}: {TOLERANCES[0]!r} to {TOLERANCES[1]!r} is wanted"
+            )
         if kind == RK4:
             return ModesRungeKutta(p, substep, offsets)
         return ModesSolver(p, kind == ENVELOPE, offsets)
@@ -426,6 +440,8 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
             g=self._row("g"),
             depth_f=self._row("depth_f"),
             depth_coupling=tuple(self.value(f"depth_lambda{mark}") for mark in marks),
+            readout=self._row("readout"),
+            tolerance=self.value("tolerance"),
             **{name: self.value(name) for name in SINGLE},
         )
 

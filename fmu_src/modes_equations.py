@@ -32,7 +32,8 @@ SINGLE = ("u1", "u2", "A1", "A2", "phase1", "phase2", "pump_hz", "pump_phase")
 class Parameters(NamedTuple):
     """The physical parameters: frequencies, damping and coupling in Hz, angles in rad.
 
-    ``coupling`` and ``depth_coupling`` go through the pairs i < j row by row, see ``pairs``.
+    ``coupling`` and ``depth_coupling`` go through the pairs i < j row by row, see ``pairs``;
+    ``tolerance`` is what accuracy is asked for under a pump, and ``readout`` of which sum.
     """
 
     f: Reals
@@ -49,11 +50,19 @@ class Parameters(NamedTuple):
     pump_phase: float
     depth_f: Reals
     depth_coupling: Reals
+    readout: Reals = ()
+    tolerance: float = 1e-14
 
     @property
     def pumped(self) -> bool:
         """Whether anything is modulated."""
         return any(self.depth_f) or any(self.depth_coupling)
+
+    @property
+    def moves(self) -> Parameters:
+        """What moves the modes without the drive: the same, drives and what is read left out."""
+        still = self._replace(u1=0.0, u2=0.0, A1=0.0, A2=0.0, phase1=0.0, phase2=0.0)
+        return still._replace(pump_phase=0.0, g=(), readout=(), tolerance=0.0)
 
     @property
     def tones(self) -> tuple[tuple[float, float, float], ...]:
@@ -62,7 +71,7 @@ class Parameters(NamedTuple):
 
 
 class Matrices(NamedTuple):
-    """C and C_p over (2 pi)^2 in 50 digits and as doubles, and what bounds them.
+    """C, C_p and D over (2 pi)^2 in 50 digits and as doubles, and what bounds them.
 
     ``eta`` are the eigenfrequencies of C, rising, in Hz, ``shapes`` their vectors as columns;
     ``lowest`` and ``highest`` bound the eigenvalues of C, ``narrowest`` and ``widest`` are the
@@ -71,9 +80,11 @@ class Matrices(NamedTuple):
     """
 
     stiffness: Exact
+    stiffness_values: list[list[float]]
     pump: Exact
     pump_values: list[list[float]]
     damping: list[Decimal]
+    damping_values: Reals
     eta: Reals
     shapes: list[list[float]]
     lowest: float
@@ -96,16 +107,19 @@ def matrices(p: Parameters) -> Matrices:
         stiffness = _symmetric(p, [1.0] * n, [1.0] * len(p.coupling))
         pump = _symmetric(p, p.depth_f, p.depth_coupling)
         _check_positive(p, stiffness)
-    values, shapes = eigensystem([[float(x) for x in row] for row in stiffness])
+    stiffness_values = [[float(x) for x in row] for row in stiffness]
+    values, shapes = eigensystem(stiffness_values)
     highest = values[-1] * (1.0 + 1e-12)
     # Jacobi's eigenvalues are good to rounding of the largest
     lowest = max(values[0] - 1e-14 * highest, 0.0)
     pump_values = [[float(x) for x in row] for row in pump]
     return Matrices(
         stiffness,
+        stiffness_values,
         pump,
         pump_values,
         [Decimal(d) for d in p.d],
+        p.d,
         tuple(math.sqrt(max(v, 0.0)) for v in values),
         shapes,
         lowest,

@@ -11,17 +11,19 @@ import cmath
 import math
 from collections.abc import Sequence
 from decimal import Decimal
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .model_error import ModelError
 from .modes_equations import Parameters, matrices
 from .modes_motion import PeriodTable, Propagator, PumpedPropagator, generator
 from .modes_stability import MOST_PERIODS, check_stable
-from .modes_steady import Frame, steady_state
+from .modes_steady import Frame, Wanted, steady_state
 from .oscillator_phase import Frequency, kept_phase
 from .oscillator_precise import Precise, in_precise_arithmetic
 
 if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 or later
+    from .modes_equations import Matrices
     from .modes_steady import Steady
 
     #: Displacements, then velocities over 2 pi (envelope: imaginary parts of analytic signals).
@@ -36,6 +38,8 @@ NO_OFFSETS = (0.0, 0.0, 0.0)
 DECAYED = Decimal("1e-43")
 #: The parameters on which the propagators of the full equations depend.
 MOVES = ("f", "d", "coupling", "depth_f", "depth_coupling", "pump_hz")
+#: Sets of modes and pump whose matrices are in store.
+MOST_STABLE = 16
 #: Sidebands below this part of the largest one are left out of the sum.
 NO_LINE = 1e-19
 ZERO = Decimal(0)
@@ -81,6 +85,22 @@ class Flows:
         return self._table
 
 
+@lru_cache(maxsize=MOST_STABLE)
+def _stable(p: Parameters) -> Matrices:
+    """Return the matrices of modes and pump; raise ModelError where the motion grows by the pump.
+
+    Kept from run to run, as the next one often has other tones alone.
+    """
+    m = matrices(p)
+    # the full equations are those that grow
+    check_stable(Frame(m, None, p.pump_hz), _fastest_hz(m))
+    return m
+
+
+def _fastest_hz(m: Matrices) -> float:
+    return max(m.eta[-1], *map(abs, m.damping_values))
+
+
 class ModesSolver:
     """N modes between changes of their parameters, exactly or in a rotating frame."""
 
@@ -88,10 +108,9 @@ class ModesSolver:
         """Check stability; responses and propagators are made when first needed."""
         self.p, self.envelope, self.offsets = p, envelope, offsets
         self.n = len(p.f)
-        self.matrices = matrices(p)
+        self.matrices = _stable(p.moves)
+        self.wanted = Wanted(p.tolerance, p.readout)
         self.frame = Frame(self.matrices, centre_of(p) if envelope else None, p.pump_hz)
-        # the full equations are those that grow
-        check_stable(self.frame._replace(centre=None), self.fastest_hz)
         self._responses: dict[float, Steady] = {}
         self._periodic: list[Pumped] = []
         self._motion: _ExactMotion | _PumpedMotion | None = None
@@ -101,7 +120,7 @@ class ModesSolver:
     @property
     def fastest_hz(self) -> float:
         """The highest frequency of the system's own."""
-        return max(self.matrices.eta[-1], *(abs(d) for d in self.p.d))
+        return _fastest_hz(self.matrices)
 
     @property
     def flows(self) -> Flows:
@@ -113,14 +132,14 @@ class ModesSolver:
     def response(self, u: float) -> Steady:
         """Return the response to cos(2 pi u t), over (2 pi)^2, in s^2."""
         if u not in self._responses:
-            self._responses[u] = steady_state(self.frame, self.p.g, u)
+            self._responses[u] = steady_state(self.frame, self.p.g, u, self.wanted)
         return self._responses[u]
 
     def full_response(self, u: float) -> Steady:
         """Return what ``response`` does, of the full equations."""
         if not self.envelope:
             return self.response(u)
-        return steady_state(self.frame._replace(centre=None), self.p.g, u)
+        return steady_state(self.frame._replace(centre=None), self.p.g, u, self.wanted)
 
     # -- the course of a run --------------------------------------------------------------------
 
@@ -279,7 +298,7 @@ class _ExactMotion:
             self._turns: list[Precise] = []
             for (u, size, phase), offset in solver.driven:
                 amplitude = _precise(cmath.rect(size, phase) / FOUR_PI_SQUARED)
-                response = [amplitude * x for x in solver.response(u).sidebands[0]]
+                response = [amplitude * x for x in solver.response(u).exact]
                 exact = Decimal(u)
                 turning = Propagator([[ZERO, -exact], [exact, ZERO]])
                 self._tones.append(_Turning(response, exact, turning))
@@ -293,7 +312,7 @@ class _ExactMotion:
         """Return the displacements that a unit input holds."""
         if solver.envelope:
             return [ZERO] * (2 * self._n)
-        still = solver.response(0.0).sidebands[0]
+        still = solver.response(0.0).exact
         return [*(x.re / Decimal(FOUR_PI_SQUARED) for x in still), *([ZERO] * self._n)]
 
     def begin(self, state: State) -> None:

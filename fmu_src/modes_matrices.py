@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import mul
 from typing import TYPE_CHECKING
 
 from .oscillator_precise import Precise
@@ -56,22 +57,22 @@ def solve_precise(matrix: list[list[Precise]], right: Sequence[Precise]) -> list
 def product(a: Sequence[Sequence[complex]], b: Sequence[Sequence[complex]]) -> Complex:
     """Return the product of two matrices."""
     columns = list(zip(*b))
-    return [[sum(x * y for x, y in zip(row, column)) for column in columns] for row in a]
+    return [[sum(map(mul, row, column)) for column in columns] for row in a]
 
 
 def applied(a: Sequence[Sequence[complex]], x: Sequence[complex]) -> list[complex]:
     """Return the product of a matrix and a vector."""
-    return [sum(p * q for p, q in zip(row, x)) for row in a]
+    return [sum(map(mul, row, x)) for row in a]
 
 
 def frobenius(a: Sequence[Sequence[complex]]) -> float:
     """Return the Frobenius norm, which bounds the 2-norm."""
-    return math.hypot(*(abs(x) for row in a for x in row))
+    return math.hypot(*[abs(x) for row in a for x in row])
 
 
 def length(x: Sequence[complex]) -> float:
     """Return the 2-norm of a vector."""
-    return math.hypot(*(abs(v) for v in x))
+    return math.hypot(*map(abs, x))
 
 
 def eigensystem(matrix: Real) -> tuple[list[float], list[list[float]]]:

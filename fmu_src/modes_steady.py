@@ -5,18 +5,18 @@ A tone exp(2 pi i u t) moves the pumped modes at v_k = u + k u_p, all integers k
     A(v_k) X_k + C_p/2 (X_(k-1) + X_(k+1)) = g for k = 0, else 0,     A(v) = C - v^2 + i v D,
 
 everything over (2 pi)^2 and the pump's phase taken out (X_k turns with exp(i k phi_p)). The chain
-is cut at -below and +above and eliminated from both ends to the middle (a matrix continued
-fraction: H. Risken, The Fokker-Planck Equation, chapter 9), then corrected with residuals of 50
-digits, so that what is left is the cut. It is bounded: beyond it the Schur complements S_k obey
+is cut at -below and +above and eliminated in doubles from both ends to the middle (a matrix
+continued fraction: H. Risken, The Fokker-Planck Equation, chapter 9). What that costs is bounded:
 
-    |S_k^-1| <= s_k = 1/(1/a_k - p^2 s_(k+1)/4),     |A(v_k)^-1| <= a_k,  p = |C_p|,
+* the cut changes the last blocks by at most p^2 s/4, p = |C_p|, s a bound of the inverse Schur
+  complement beyond (``modes_tails``), and leaves out all that is beyond;
+* rounding leaves a residual r_j in each block, which is calculated, and its own rounding added;
+* what both do to all X_k follows from norms of blocks B_kj of the chain's inverse, which the
+  elimination yields: the sum over k of |X_k - true X_k| is at most that over j of
+  |r_j| times the sum over k of |B_kj|.
 
-    1/a_k = max(|v_k| min d, distance of v_k^2 from the range of C's eigenvalues,
-                distance of v_k^2 from the nearest one - |v_k| max d),
-
-so cutting there changes the last blocks by at most p^2 s/4, and what that does to every X_k follows
-from norms of the inverse, which the elimination yields too. The chain grows until the sum of all
-these, and of all that is beyond the cut, is below ``WANTED`` of the largest X_k.
+The chain grows until the cut costs less than is asked for. Where rounding costs more, the solution
+is corrected with residuals of 50 digits.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from .model_error import ModelError
 from .modes_matrices import applied, frobenius, inverse, length, product, solve_precise
+from .modes_tails import Side, Tail
 from .oscillator_precise import Precise, in_precise_arithmetic
 
 if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 or later
@@ -35,12 +36,14 @@ if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 o
     from .modes_matrices import Complex
 
     Vector = list[Precise]
+    Rounded = list[complex]
 
-#: Largest part of the largest sideband that cutting the chain may cost, all sidebands together.
-WANTED = 1e-14
-#: No more sidebands on a side than this, and none of the scalar bounds beyond this many.
+#: Least and largest error that may be asked for; the least is as exact as doubles are.
+TOLERANCES = 1e-14, 0.1
+#: No more sidebands on a side than this.
 MOST_SIDEBANDS = 1500
-MOST_BOUNDED = 200_000
+#: Rounding of a double, relative.
+EPSILON = 2.0**-53
 
 
 class Frame(NamedTuple):
@@ -64,14 +67,29 @@ class Frame(NamedTuple):
 
     def block(self, v: Decimal) -> list[list[Precise]]:
         """Return A(v) in the current decimal arithmetic."""
-        c = None if self.centre is None else Decimal(self.centre)
-        square = v * v if c is None else c * (v + v - c)
-        carrier = v if c is None else c
+        square, carrier = self._exact(v)
         m = self.matrices
         return [
             [Precise(x - square, carrier * d) if i == j else Precise(x) for j, x in enumerate(row)]
             for i, (row, d) in enumerate(zip(m.stiffness, m.damping))
         ]
+
+    def rounded(self, v: Decimal) -> Complex:
+        """Return A(v) in doubles, but for rounding that of the current decimal arithmetic."""
+        square, carrier = self._exact(v)
+        m = self.matrices
+        rows: Complex = [list(row) for row in m.stiffness_values]
+        speed = float(carrier)
+        for i, (row, d) in enumerate(zip(rows, m.damping_values)):
+            row[i] = complex(float(m.stiffness[i][i] - square), speed * d)
+        return rows
+
+    def _exact(self, v: Decimal) -> tuple[Decimal, Decimal]:
+        """Return what stands for v^2 and for v before D."""
+        if self.centre is None:
+            return v * v, v
+        c = Decimal(self.centre)
+        return c * (v + v - c), c
 
     def distance(self, v: float) -> float:
         """Return a lower bound of 1/|A(v)^-1|.
@@ -85,50 +103,84 @@ class Frame(NamedTuple):
         return max(gap, carrier * m.narrowest, between - carrier * m.widest)
 
 
+class Wanted(NamedTuple):
+    """What accuracy is asked for: that of the read-out, and of the largest displacement.
+
+    ``tolerance``: the error, relative to either at the tone's own frequency; ``readout``: weights
+    of the modes in it, none: it does not count.
+    """
+
+    tolerance: float = TOLERANCES[0]
+    readout: Sequence[float] = ()
+
+    def error(self, carrier: Sequence[complex], largest: float) -> float:
+        """Return how far all sidebands together may be off.
+
+        Args:
+            carrier: X_0.
+            largest: the norm of the largest sideband, of which no more can be asked than doubles
+                hold.
+        """
+        size = length(carrier)
+        seen = abs(sum(w * x for w, x in zip(self.readout, carrier)))
+        if seen:
+            size = min(size, seen / math.hypot(*self.readout))
+        return max(self.tolerance * size, TOLERANCES[0] * largest)
+
+
 class Steady(NamedTuple):
     """Response to exp(2 pi i u t), in s^2 times (2 pi)^2: X_k for k = -below and up.
 
-    ``bound``: how far, at most, all sidebands together are from those of the endless chain.
+    ``bound``: how far, at most, all sidebands together are from those of the endless chain;
+    ``exact``: X_0 in 50 digits, without a pump.
     """
 
-    sidebands: list[list[Precise]]
+    sidebands: list[Rounded]
     below: int
     bound: float
+    exact: Vector
 
-    def sideband(self, k: int) -> list[complex]:
+    def sideband(self, k: int) -> Rounded:
         """Return X_k; 0 beyond the chain."""
         place = self.below + k
         if 0 <= place < len(self.sidebands):
-            return [complex(x) for x in self.sidebands[place]]
+            return self.sidebands[place]
         return [0j] * len(self.sidebands[0])
 
 
-def steady_state(frame: Frame, g: Sequence[float], u: float) -> Steady:
+def steady_state(
+    frame: Frame, g: Sequence[float], u: float, wanted: Wanted | None = None
+) -> Steady:
     """Return the response of the modes to a tone of unit amplitude on the gains ``g``.
 
-    Raises ModelError where there is none, and where the sidebands do not converge.
+    Args:
+        frame: the equations.
+        g: gain of the drive on each mode.
+        u: frequency of the tone in Hz.
+        wanted: accuracy under a pump; None: as exact as doubles are.
+
+    Raises:
+        ModelError: there is none, or the sidebands do not converge.
     """
     with in_precise_arithmetic():
-        if not frame.matrices.pump_norm:
-            try:
-                return Steady([_unpumped(frame, g, u)], 0, 0.0)
-            except ZeroDivisionError as error:
-                raise ModelError(
-                    f"a drive at {u!r} Hz has no steady state: it lies on an undamped "
-                    "eigenfrequency"
-                ) from error
-        return _pumped(frame, g, u)
+        if frame.matrices.pump_norm:
+            return _pumped(frame, g, u, wanted or Wanted())
+        try:
+            exact = solve_precise(frame.block(Decimal(u)), [Precise(x) for x in g])
+        except ZeroDivisionError as error:
+            raise ModelError(
+                f"a drive at {u!r} Hz has no steady state: it lies on an undamped eigenfrequency"
+            ) from error
+        return Steady([[complex(x) for x in exact]], 0, 0.0, exact)
 
 
-def _unpumped(frame: Frame, g: Sequence[float], u: float) -> Vector:
-    return solve_precise(frame.block(Decimal(u)), [Precise(x) for x in g])
-
-
-def _pumped(frame: Frame, g: Sequence[float], u: float) -> Steady:
+def _pumped(frame: Frame, g: Sequence[float], u: float, wanted: Wanted) -> Steady:
     """Return the response under the pump from a chain that is long enough."""
-    tails = _Tail(frame, u, 1), _Tail(frame, u, -1)
-    above, below = (tail.first_guess() for tail in tails)
+    sides = Side(frame, u, 1), Side(frame, u, -1)
+    above, below = (side.guess(0.5 * wanted.tolerance, MOST_SIDEBANDS) for side in sides)
     while True:
+        tails = sides[0].tail(above), sides[1].tail(below)
+        above, below = (tail.end for tail in tails)
         if max(above, below) > MOST_SIDEBANDS:
             raise ModelError(
                 f"the pump at pump_hz = {frame.pump_hz!r} Hz needs more than {MOST_SIDEBANDS} "
@@ -136,92 +188,47 @@ def _pumped(frame: Frame, g: Sequence[float], u: float) -> Steady:
             )
         chain = _Chain(frame, u, below, above)
         found = chain.solved(g)
-        sizes = [length([complex(x) for x in row]) for row in found]
-        bound = chain.bound(tails, sizes)
-        if bound <= WANTED * max(sizes):
-            return Steady(found, below, bound)
+        sizes = [length(x) for x in found]
+        cut, rounding = chain.errors(g, found, sizes, tails)
+        most = wanted.error(found[below], max(sizes))
+        ends = max(sizes[0], sizes[-1])
+        if ends * cut <= most and not (ends + rounding) * cut + rounding <= most:
+            found, rounding = chain.corrected(g, found), 0.0
+            ends = max(length(found[0]), length(found[-1]))
+        bound = (ends + rounding) * cut + rounding
+        if bound <= most:
+            # and the way to the outputs: amplitude, phase, sum over the modes
+            return Steady(found, below, bound + (len(g) + 12) * EPSILON * sum(sizes), [])
         above, below = above + 1 + above // 4, below + 1 + below // 4
 
 
-class _Tail:
-    """The scalar bounds s_k of one side, k = 1 and up in the direction ``sign``."""
-
-    def __init__(self, frame: Frame, u: float, sign: int) -> None:
-        p = frame.matrices.pump_norm
-        near: list[float] = []
-        while True:
-            v = u + sign * (len(near) + 1) * frame.pump_hz
-            last = _beyond(frame, v, sign)
-            if last is not None:
-                break
-            if len(near) == MOST_BOUNDED:
-                raise ModelError(
-                    f"pump_hz = {frame.pump_hz!r} Hz is too slow: more than {MOST_BOUNDED} "
-                    f"sidebands of a drive at {u!r} Hz lie below the highest eigenfrequency"
-                )
-            near.append(frame.distance(v))
-        # from here on all a_k are smaller: the fixed point of the recursion bounds every s_k
-        s = 2.0 / (last + math.sqrt((last - p) * (last + p)))
-        bounds = [s]
-        self.least = 0  # the chain must reach this far: beyond it every s_k exists
-        for k in range(len(near), 0, -1):
-            rest = near[k - 1] - 0.25 * p * p * s
-            if rest <= 0.0:
-                self.least = k
-                break
-            s = 1.0 / rest
-            bounds.append(s)
-        self._bounds = bounds[::-1]
-        self._half = 0.5 * p
-
-    def at(self, k: int) -> float:
-        """Return s_k, k > ``least``."""
-        return self._bounds[min(k - self.least, len(self._bounds)) - 1]
-
-    def first_guess(self) -> int:
-        """Return where the sidebands have fallen to the wanted part, by their bounds."""
-        k, left = max(self.least, 1), 1.0
-        while left > WANTED and k < MOST_SIDEBANDS:
-            k += 1
-            left *= min(1.0, self._half * self.at(k))
-        return k
-
-    def after(self, k: int) -> float:
-        """Return a bound of the sum of all |X_j|, j > k, over |X_k|."""
-        total, part, last = 0.0, 1.0, self.least + len(self._bounds)
-        for j in range(k + 1, max(last, k + 1) + 1):
-            part *= self._half * self.at(j)
-            total += part
-            if part < 1e-300:
-                return total
-        # beyond the last one every ratio is at most that of the fixed point, below 1/3
-        ratio = self._half * self._bounds[-1]
-        return total + part * ratio / (1.0 - ratio)
-
-
-def _beyond(frame: Frame, v: float, sign: int) -> float | None:
-    """Return a bound of 1/|A| that holds from v outwards, if it is twice the pump's norm."""
-    m = frame.matrices
-    square = frame.square(v)
-    gap = m.lowest - square if frame.centre is not None and sign < 0 else square - m.highest
-    outwards = frame.centre is not None or v * sign > 0.0
-    return gap if outwards and gap >= 2.0 * m.pump_norm else None
-
-
 class _Chain:
-    """The blocks from -below to +above, eliminated in doubles from both ends to the middle."""
+    """The blocks from -below to +above, eliminated in doubles from both ends to the middle.
+
+    Sidebands stand in lists in rising order: X_0 at the place ``below``.
+    """
 
     def __init__(self, frame: Frame, u: float, below: int, above: int) -> None:
         self.frame, self.below, self.above = frame, below, above
         step, tone = Decimal(frame.pump_hz), Decimal(u)
-        self.blocks = {k: frame.block(tone + k * step) for k in range(-below, above + 1)}
+        self._at = [tone + k * step for k in range(-below, above + 1)]
+        self._blocks = [frame.rounded(v) for v in self._at]
         self._half_pump = [[0.5 * x for x in row] for row in frame.matrices.pump_values]
         self.inverses: dict[int, Complex] = {}
         self.ratios: dict[int, Complex] = {}
-        for sign, most in ((1, above), (-1, below)):
-            for k in range(most, 0, -1):
-                self._eliminate(sign * k, sign * (k + 1))
-        self.inverses[0] = inverse(self._schur(0, (1, -1)))
+        try:
+            for sign, most in ((1, above), (-1, below)):
+                for k in range(most, 0, -1):
+                    self._eliminate(sign * k, sign * (k + 1))
+            self.inverses[0] = inverse(self._schur(0, (1, -1)))
+        except ZeroDivisionError as error:
+            raise self._refusal() from error
+
+    def _refusal(self) -> ModelError:
+        return ModelError(
+            f"the sidebands of the pump at pump_hz = {self.frame.pump_hz!r} Hz cannot be solved "
+            "for: the modes are too close to undamped, or to instability"
+        )
 
     def _eliminate(self, k: int, outer: int) -> None:
         """Store S_k^-1 and R_k of X_k = R_k X_(k-1)."""
@@ -230,59 +237,65 @@ class _Chain:
 
     def _schur(self, k: int, outer: Sequence[int]) -> Complex:
         """Return A(v_k) + C_p/2 R_j summed over the neighbours j further out."""
-        rows = [[complex(x) for x in row] for row in self.blocks[k]]
+        rows = self._blocks[self.below + k]
         for j in outer:
             if j in self.ratios:
                 added = product(self._half_pump, self.ratios[j])
                 rows = [[x + y for x, y in zip(a, b)] for a, b in zip(rows, added)]
         return rows
 
-    def solved(self, g: Sequence[float]) -> list[Vector]:
-        """Return X_k for k = -below and up, corrected until doubles can hold no more."""
-        n = len(g)
-        keys = range(-self.below, self.above + 1)
-        found = {k: [Precise(0.0)] * n for k in keys}
-        right = {k: [Precise(x if k == 0 else 0.0) for x in g] for k in keys}
-        before = math.inf
+    # -- solutions ------------------------------------------------------------------------------
+
+    def solved(self, g: Sequence[float]) -> list[Rounded]:
+        """Return X_k for a drive g of X_0, in doubles."""
+        found = {0: applied(self.inverses[0], g)}
+        for sign, most in ((1, self.above), (-1, self.below)):
+            for k in range(1, most + 1):
+                found[sign * k] = applied(self.ratios[sign * k], found[sign * (k - 1)])
+        return [found[k] for k in range(-self.below, self.above + 1)]
+
+    def corrected(self, g: Sequence[float], found: Sequence[Rounded]) -> list[Rounded]:
+        """Return X_k, corrected by residuals of 50 digits until doubles can hold no more."""
+        blocks = [self.frame.block(v) for v in self._at]
+        exact = [[_precise(x) for x in row] for row in found]
+        before = max(abs(x) for row in found for x in row)
         while True:
-            change = self._solved_in_doubles(self._residual(right, found))
-            for k in keys:
-                found[k] = [x + _precise(y) for x, y in zip(found[k], change[k])]
-            size = max(abs(y) for row in change.values() for y in row)
-            largest = max(abs(complex(x)) for row in found.values() for x in row)
-            if size <= 1e-19 * largest:
-                return [found[k] for k in keys]
+            change = self._solved_for(self._residual(blocks, g, exact))
+            exact = [[x + _precise(y) for x, y in zip(*rows)] for rows in zip(exact, change)]
+            size = max(abs(y) for row in change for y in row)
+            rounded = [[complex(x) for x in row] for row in exact]
+            largest = max(abs(x) for row in rounded for x in row)
+            # each change is as much smaller than the one before as this one was
+            if size * size <= 1e-19 * largest * before:
+                return rounded
             if not size < 0.1 * before:
-                raise ModelError(
-                    f"the sidebands of the pump at pump_hz = {self.frame.pump_hz!r} Hz cannot be "
-                    "solved for: the modes are too close to undamped, or to instability"
-                )
+                raise self._refusal()
             before = size
 
-    def _residual(self, right: dict[int, Vector], found: dict[int, Vector]) -> dict[int, Vector]:
-        """Return what the equations leave, in the current decimal arithmetic."""
-        pump = self.frame.matrices.pump
+    def _residual(
+        self, blocks: Sequence[list[Vector]], g: Sequence[float], found: Sequence[Vector]
+    ) -> list[Rounded]:
+        """Return what the equations leave, in the current decimal arithmetic, rounded."""
         half = Decimal("0.5")
-        left = {}
-        for k, block in self.blocks.items():
-            sides = [found[j] for j in (k - 1, k + 1) if j in found]
-            row_rest = []
-            for i, row in enumerate(block):
-                rest = right[k][i]
-                for j, x in enumerate(row):
-                    rest = rest - x * found[k][j]
-                    if pump[i][j]:
-                        weight = half * pump[i][j]
-                        for side in sides:
-                            y = side[j]
+        weights = [[half * x for x in row] for row in self.frame.matrices.pump]
+        left = []
+        for place, block in enumerate(blocks):
+            sides = [found[j] for j in (place - 1, place + 1) if 0 <= j < len(found)]
+            rests = []
+            for i, (row, weighted) in enumerate(zip(block, weights)):
+                rest = Precise(g[i] if place == self.below else 0.0)
+                for j, (x, weight) in enumerate(zip(row, weighted)):
+                    rest = rest - x * found[place][j]
+                    if weight:
+                        for y in (side[j] for side in sides):
                             rest = Precise(rest.re - weight * y.re, rest.im - weight * y.im)
-                row_rest.append(rest)
-            left[k] = row_rest
+                rests.append(complex(rest))
+            left.append(rests)
         return left
 
-    def _solved_in_doubles(self, rest: dict[int, Vector]) -> dict[int, list[complex]]:
-        """Return the solution for a right side, by the elimination that is in store."""
-        gathered = {k: [complex(x) for x in row] for k, row in rest.items()}
+    def _solved_for(self, rest: list[Rounded]) -> list[Rounded]:
+        """Return the solution for any right side, by the elimination that is in store."""
+        gathered = {k: rest[self.below + k] for k in range(-self.below, self.above + 1)}
         for sign, most in ((1, self.above), (-1, self.below)):
             for k in range(most, 0, -1):
                 # (C_p/2 S^-1)^T = S^-1 C_p/2, both are symmetric
@@ -295,46 +308,93 @@ class _Chain:
                 own = applied(self.inverses[sign * k], gathered[sign * k])
                 led = applied(self.ratios[sign * k], found[sign * (k - 1)])
                 found[sign * k] = [x + y for x, y in zip(own, led)]
-        return found
+        return [found[k] for k in range(-self.below, self.above + 1)]
 
-    def bound(self, tails: tuple[_Tail, _Tail], sizes: Sequence[float]) -> float:
-        """Return what the cut costs at most, over all sidebands; inf where no bound holds."""
-        quarter = 0.25 * self.frame.matrices.pump_norm**2
-        above, below = self._norms(1, self.above), self._norms(-1, self.below)
-        cut = quarter * tails[0].at(self.above + 1), quarter * tails[1].at(self.below + 1)
-        middle = frobenius(self.inverses[0])
-        across = above.reach[-1] * middle * below.reach[-1]
-        feedback = max(
-            above.own[-1] * cut[0] + across * cut[1], across * cut[0] + below.own[-1] * cut[1]
+    # -- errors ---------------------------------------------------------------------------------
+
+    def errors(
+        self,
+        g: Sequence[float],
+        found: Sequence[Rounded],
+        sizes: Sequence[float],
+        tails: tuple[Tail, Tail],
+    ) -> tuple[float, float]:
+        """Return what the cut costs at most, over |X| at the ends, and what rounding does.
+
+        Both over all sidebands; inf where no bound holds. ``sizes``: the norms of ``found``;
+        ``tails``: what is beyond the chain, above and below it.
+        """
+        high, low = self._spread(1, self.above), self._spread(-1, self.below)
+        columns = [*reversed(low.columns(high)), *high.columns(low)[1:]]
+        # of norms that are known to some digits alone
+        rounding = 1.01 * sum(
+            column * rest for column, rest in zip(columns, self._rests(g, found, sizes))
         )
-        if feedback >= 0.5:
-            return math.inf
-        last = max(sizes[0], sizes[-1]) / (1.0 - feedback)
-        changed = cut[0] * (above.from_end + sum(below.reach[1:]) * middle * above.reach[-1])
-        changed += cut[1] * (below.from_end + sum(above.reach[1:]) * middle * below.reach[-1])
-        beyond = tails[0].after(self.above) + tails[1].after(self.below)
-        return last * (changed + beyond)
+        quarter = 0.25 * self.frame.matrices.pump_norm**2
+        cut = quarter * tails[0].schur, quarter * tails[1].schur
+        across = high.reach[-1] * high.own[0] * low.reach[-1]
+        feedback = max(
+            high.own[-1] * cut[0] + across * cut[1], across * cut[0] + low.own[-1] * cut[1]
+        )
+        if not feedback < 0.5:
+            return math.inf, rounding
+        changed = cut[0] * columns[-1] + cut[1] * columns[0]
+        return (changed + (tails[0].rest + tails[1].rest)) / (1.0 - feedback), rounding
 
-    def _norms(self, sign: int, most: int) -> _Norms:
+    def _spread(self, sign: int, most: int) -> _Spread:
         """Return norms of blocks of the chain's inverse on one side, the middle included."""
-        ratios = [frobenius(self.ratios[sign * k]) for k in range(1, most + 1)]
+        ratios = [0.0, *(frobenius(self.ratios[sign * k]) for k in range(1, most + 1))]
         reach, own = [1.0], [frobenius(self.inverses[0])]
-        for k, ratio in enumerate(ratios, start=1):
-            reach.append(reach[-1] * ratio)
-            own.append(frobenius(self.inverses[sign * k]) + ratio * ratio * own[-1])
-        from_end, part = 0.0, 1.0
-        for k in range(most, -1, -1):
-            from_end += own[k] * part
-            part *= ratios[k - 1] if k else 1.0
-        return _Norms(reach, own, from_end)
+        for k in range(1, most + 1):
+            reach.append(reach[-1] * ratios[k])
+            own.append(frobenius(self.inverses[sign * k]) + ratios[k] * ratios[k] * own[-1])
+        return _Spread(ratios, reach, own)
+
+    def _rests(
+        self, g: Sequence[float], found: Sequence[Rounded], sizes: Sequence[float]
+    ) -> list[float]:
+        """Return bounds of the 2-norms of what the equations of each block leave.
+
+        Of sums of 3 n + 1 products of doubles, and of entries of A that are rounded.
+        """
+        least = 8.0 * (len(g) + 2) * EPSILON
+        half = 0.5 * self.frame.matrices.pump_norm
+        none: Rounded = [0j] * len(g)
+        around, weights = [none, *found, none], [0.0, *sizes, 0.0]
+        rests = []
+        for place, (block, own) in enumerate(zip(self._blocks, found)):
+            sides = [x + y for x, y in zip(around[place], around[place + 2])]
+            driven: Sequence[complex] = g if place == self.below else none
+            pushed, tied = applied(block, own), applied(self._half_pump, sides)
+            left = [x - y - z for x, y, z in zip(driven, pushed, tied)]
+            size = frobenius(block) * sizes[place] + half * (weights[place] + weights[place + 2])
+            rests.append(length(left) + least * (size + length(driven)))
+        return rests
 
 
-class _Norms(NamedTuple):
-    """Bounds: |X_k|/|X_0|, |block (k, k)| of the inverse, sum of |blocks (k, last)|."""
+class _Spread(NamedTuple):
+    """Bounds of one side: |R_k|, |X_k|/|X_0|, and |block (k, k)| of the chain's inverse."""
 
+    ratios: list[float]
     reach: list[float]
     own: list[float]
-    from_end: float
+
+    def columns(self, other: _Spread) -> list[float]:
+        """Return the sums over all i of |block (i, k)| of the inverse, k = 0 and up.
+
+        Outwards the blocks of a column fall by |R_i|, inwards they are those of a row, as the
+        inverse is symmetric; on the other side they are |X_i|/|X_0| times that in the middle.
+        """
+        outwards = [1.0]
+        for ratio in reversed(self.ratios[1:]):
+            outwards.append(1.0 + ratio * outwards[-1])
+        outwards.reverse()
+        inner = self.own[0] * sum(other.reach[1:])
+        columns = [self.own[0] * outwards[0] + inner]
+        for ratio, own, before, out in zip(self.ratios[1:], self.own[1:], self.own, outwards[1:]):
+            inner = ratio * (inner + before)
+            columns.append(own * out + inner)
+        return columns
 
 
 def _precise(z: complex) -> Precise:

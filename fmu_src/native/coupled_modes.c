@@ -30,6 +30,8 @@ static struct parameters parameters_of(const struct slave *slave)
     memcpy(p.u, v + V_u1, sizeof p.u);
     memcpy(p.size, v + V_A1, sizeof p.size);
     memcpy(p.phase, v + V_phase1, sizeof p.phase);
+    memcpy(p.readout, v + V_readout1, sizeof p.readout);
+    p.tolerance = v[V_tolerance];
     p.modes.pump_hz = v[V_pump_hz];
     p.pump_phase = v[V_pump_phase];
     return p;
@@ -38,11 +40,14 @@ static struct parameters parameters_of(const struct slave *slave)
 static bool check_choice(const double *values, struct report *report)
 {
     const int solver = (int)values[V_solver];
-    const double substep = values[V_rk4_substep];
+    const double substep = values[V_rk4_substep], tolerance = values[V_tolerance];
     if (!(0.0 <= substep && substep < INFINITY))
         return refuse(report, "rk4_substep = %r s: 0 or a positive time is wanted", substep);
     if (solver < EXACT || solver > RK4)
         return refuse(report, "solver = %d: 0 (exact), 1 (envelope) or 2 (rk4) is wanted", solver);
+    if (!(LEAST_TOLERANCE <= tolerance && tolerance <= MOST_TOLERANCE))
+        return refuse(report, "tolerance = %r: %r to %r is wanted", tolerance, LEAST_TOLERANCE,
+                      MOST_TOLERANCE);
     return true;
 }
 
@@ -598,7 +603,8 @@ static bool write_pumped_tone(struct slave *slave, const double *seed,
     write_steady_change(slave, seed, change, tone, &by);
     amplitude_of(slave, seed, tone, &a, &da);
     if (found == NULL ||
-        !steady_tangent(&scratch->matrices, &scratch->frame, &by, found, &scratch->chain, dx))
+        !steady_tangent(&scratch->matrices, &scratch->frame, &by, found,
+                        slave->motion.run.p.tolerance, &scratch->chain, dx))
         return false;
     for (int place = 0; place < 2; ++place) {
         const int side = place ? -1 : 1;

@@ -12,7 +12,6 @@ enum method { LINEAR, SINGLE, RUNGE_KUTTA };
 
 /* All that there is, is stored, but for the room in which derivatives are calculated. */
 struct scratch {
-    bool made;
     struct propagator room;
 };
 

@@ -8,9 +8,9 @@
 enum solver { ENVELOPE = 1, RK4 }; /* the numbers that they have in CoupledOscillator */
 enum branch { LOWER, UPPER };
 
-/* All that there is, is stored. */
+/* All that there is, is stored; a record needs a member. */
 struct scratch {
-    bool made;
+    bool unused;
 };
 
 struct motion {

@@ -209,19 +209,20 @@ static double relative_of(const struct matrices *m, const double values[MODES])
 
 bool matrices_of(const struct modes *modes, struct matrices *m, struct report *report)
 {
-    double rounded[MODES][MODES], values[MODES];
+    double values[MODES];
     symmetric(modes, NULL, NULL, m->stiffness);
     symmetric(modes, modes->depth_f, modes->depth_coupling, m->pump);
     if (!check_positive(modes, m, report))
         return false;
     for (int i = 0; i < MODES; ++i) {
         m->damping[i] = real_of(modes->d[i]);
+        m->damping_values[i] = modes->d[i];
         for (int j = 0; j < MODES; ++j) {
-            rounded[i][j] = real_double(m->stiffness[i][j]);
+            m->stiffness_values[i][j] = real_double(m->stiffness[i][j]);
             m->pump_values[i][j] = real_double(m->pump[i][j]);
         }
     }
-    eigensystem(rounded, values, m->shapes);
+    eigensystem(m->stiffness_values, values, m->shapes);
     m->highest = values[MODES - 1] * (1.0 + 1e-12);
     /* Jacobi's eigenvalues are good to rounding of the largest */
     m->lowest = fmax(values[0] - 1e-14 * m->highest, 0.0);

@@ -16,15 +16,18 @@ struct modes {
     double pump_hz;
 };
 
+/* Under a pump, tolerance is what accuracy is asked for, and readout of which sum. */
 struct parameters {
     struct modes modes;
     double g[MODES];
     double u[2], size[2], phase[2], pump_phase;
+    double readout[MODES], tolerance;
 };
 
-/* C and C_p in 192 bits and as doubles, and what bounds them: see Matrices in the Python model. */
+/* C, C_p and D in 192 bits and as doubles, and what bounds them: see Matrices in the Python model. */
 struct matrices {
     struct real stiffness[MODES][MODES], pump[MODES][MODES], damping[MODES];
+    double stiffness_values[MODES][MODES], damping_values[MODES];
     double pump_values[MODES][MODES], eta[MODES], shapes[MODES][MODES];
     double lowest, highest, narrowest, widest, pump_norm, relative_pump;
 };

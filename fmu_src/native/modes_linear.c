@@ -129,7 +129,7 @@ const struct steady *response_of(struct scratch *scratch, int place, struct repo
 {
     struct steady *steady = &scratch->response[place];
     if (!scratch->has_response[place] &&
-        !steady_of(&scratch->matrices, &scratch->frame, scratch->p.g,
+        !steady_of(&scratch->matrices, &scratch->frame, &scratch->p,
                    frequency_at(scratch, place), &scratch->chain, steady, report))
         return NULL;
     scratch->has_response[place] = true;
@@ -143,7 +143,7 @@ const struct steady *full_response_of(struct scratch *scratch, int place, struct
     if (!scratch->envelope)
         return response_of(scratch, place, report);
     full.rotating = false;
-    if (!steady_of(&scratch->matrices, &full, scratch->p.g, frequency_at(scratch, place),
+    if (!steady_of(&scratch->matrices, &full, &scratch->p, frequency_at(scratch, place),
                    &scratch->chain, steady, report))
         return NULL;
     return steady;

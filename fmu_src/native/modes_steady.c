@@ -4,23 +4,22 @@
 
 #include <string.h>
 
-/* Largest part of the largest sideband that cutting the chain may cost, all sidebands together. */
-#define WANTED 1e-14
+/* Rounding of a double, relative. */
+#define EPSILON 0x1p-53
 
-static double square_at(const struct frame *frame, double v)
+/* What stands for v^2. */
+static struct real square_of(const struct frame *frame, struct real v)
 {
-    return frame->rotating ? frame->centre * (2.0 * v - frame->centre) : v * v;
+    const struct real c = real_of(frame->centre);
+    return frame->rotating ? real_multiply(c, real_subtract(real_add(v, v), c))
+                           : real_multiply(v, v);
 }
 
 struct precise_matrix block_at(const struct matrices *m, const struct frame *frame, double u, int k)
 {
-    const struct real step = real_multiply(real_of(k), real_of(frame->pump_hz));
-    const struct real v = real_add(real_of(u), step), c = real_of(frame->centre);
-    const struct real square =
-        frame->rotating
-            ? real_multiply(c, real_subtract(real_add(v, v), c))
-            : real_multiply(v, v);
-    const struct real carrier = frame->rotating ? c : v;
+    const struct real v = real_add(real_of(u), real_multiply(real_of(k), real_of(frame->pump_hz)));
+    const struct real square = square_of(frame, v);
+    const struct real carrier = frame->rotating ? real_of(frame->centre) : v;
     struct precise_matrix a;
     memset(&a, 0, sizeof a);
     for (int i = 0; i < MODES; ++i) {
@@ -30,20 +29,6 @@ struct precise_matrix block_at(const struct matrices *m, const struct frame *fra
         a.x[i][i].im = real_multiply(carrier, m->damping[i]);
     }
     return a;
-}
-
-/* A lower bound of 1/|A^-1|: A's field of values keeps the first two off 0, its distance from a
- * normal matrix the third. */
-static double distance_at(const struct matrices *m, const struct frame *frame, double v)
-{
-    const double square = square_at(frame, v);
-    const double carrier = fabs(frame->rotating ? frame->centre : v);
-    const double gap = fmax(square - m->highest, m->lowest - square);
-    double between = INFINITY;
-    for (int i = 0; i < MODES; ++i)
-        between = fmin(between, fabs(m->eta[i] * m->eta[i] - square));
-    between -= 1e-12 * m->highest;
-    return fmax(fmax(gap, carrier * m->narrowest), between - carrier * m->widest);
 }
 
 struct vector steady_sideband(const struct steady *steady, int k)
@@ -58,85 +43,6 @@ static struct block *block_of(struct chain *chain, int k)
     return &chain->block[MOST_SIDEBANDS + k];
 }
 
-/* --- the bounds of what is beyond the cut ------------------------------------------------------ */
-
-/* A bound of 1/|A| that holds from v outwards, if it is twice the pump's norm; 0 otherwise. */
-static double beyond(const struct matrices *m, const struct frame *frame, double v, int sign)
-{
-    const double square = square_at(frame, v);
-    const double gap =
-        frame->rotating && sign < 0 ? m->lowest - square : square - m->highest;
-    const bool outwards = frame->rotating || v * sign > 0.0;
-    return outwards && gap >= 2.0 * m->pump_norm ? gap : 0.0;
-}
-
-static bool tail_of(const struct matrices *m, const struct frame *frame, double u, int sign,
-                    struct tail *tail, struct report *report)
-{
-    const double p = m->pump_norm;
-    int near = 0;
-    double last, s;
-    for (;;) {
-        const double v = u + sign * (near + 1) * frame->pump_hz;
-        last = beyond(m, frame, v, sign);
-        if (last > 0.0)
-            break;
-        if (near == MOST_BOUNDED)
-            return refuse(report,
-                          "pump_hz = %r Hz is too slow: more than %d sidebands of a drive at %r Hz "
-                          "lie below the highest eigenfrequency",
-                          frame->pump_hz, MOST_BOUNDED, u);
-        tail->s[++near] = distance_at(m, frame, v);
-    }
-    /* from here on all a_k are smaller: the fixed point of the recursion bounds every s_k */
-    s = 2.0 / (last + sqrt((last - p) * (last + p)));
-    tail->last = near + 1;
-    tail->least = 0;
-    tail->half_pump = 0.5 * p;
-    tail->s[tail->last] = s;
-    for (int k = near; k > 0; --k) {
-        const double rest = tail->s[k] - 0.25 * p * p * s;
-        if (rest <= 0.0) {
-            tail->least = k; /* the chain must reach this far: beyond it every s_k exists */
-            break;
-        }
-        s = 1.0 / rest;
-        tail->s[k] = s;
-    }
-    return true;
-}
-
-static double tail_at(const struct tail *tail, int k)
-{
-    return tail->s[k < tail->last ? k : tail->last];
-}
-
-/* Where the sidebands have fallen to the wanted part, by their bounds. */
-static int first_guess(const struct tail *tail)
-{
-    int k = tail->least > 1 ? tail->least : 1;
-    double left = 1.0;
-    while (left > WANTED && k < MOST_SIDEBANDS)
-        left *= fmin(1.0, tail->half_pump * tail_at(tail, ++k));
-    return k;
-}
-
-/* A bound of the sum of all |X_j|, j > k, over |X_k|. */
-static double after(const struct tail *tail, int k)
-{
-    const int last = tail->last > k + 1 ? tail->last : k + 1;
-    double total = 0.0, part = 1.0, ratio;
-    for (int j = k + 1; j <= last; ++j) {
-        part *= tail->half_pump * tail_at(tail, j);
-        total += part;
-        if (part < 1e-300)
-            return total;
-    }
-    /* beyond the last one every ratio is at most that of the fixed point, below 1/3 */
-    ratio = tail->half_pump * tail->s[tail->last];
-    return total + part * ratio / (1.0 - ratio);
-}
-
 /* --- the chain -------------------------------------------------------------------------------- */
 
 static void halve_pump(const struct matrices *m, struct chain *chain)
@@ -146,15 +52,29 @@ static void halve_pump(const struct matrices *m, struct chain *chain)
             chain->half_pump.x[i][j] = complex_of(0.5 * m->pump_values[i][j], 0.0);
 }
 
+/* A(v_k) in doubles, but for rounding that of all digits. */
+static struct matrix rounded_block(const struct matrices *m, const struct frame *frame, double u,
+                                   int k)
+{
+    const struct real v = real_add(real_of(u), real_multiply(real_of(k), real_of(frame->pump_hz)));
+    const struct real square = square_of(frame, v);
+    const double carrier = frame->rotating ? frame->centre : real_double(v);
+    struct matrix a;
+    for (int i = 0; i < MODES; ++i) {
+        for (int j = 0; j < MODES; ++j)
+            a.x[i][j] = complex_of(m->stiffness_values[i][j], 0.0);
+        a.x[i][i].re = real_double(real_subtract(m->stiffness[i][i], square));
+        a.x[i][i].im = carrier * m->damping_values[i];
+    }
+    return a;
+}
+
 /* A(v_k) + C_p/2 R_j summed over the neighbours j further out, inverted. */
 static bool eliminate(const struct matrices *m, const struct frame *frame,
                       const struct steady *steady, int k, struct chain *chain)
 {
-    const struct precise_matrix exact = block_at(m, frame, steady->u, k);
-    struct matrix rows;
-    for (int i = 0; i < MODES; ++i)
-        for (int j = 0; j < MODES; ++j)
-            rows.x[i][j] = precise_complex(exact.x[i][j]);
+    struct block *block = block_of(chain, k);
+    struct matrix rows = block->own = rounded_block(m, frame, steady->u, k);
     for (int side = 1; side >= -1; side -= 2) {
         const int outer = k + side;
         struct matrix added;
@@ -165,7 +85,7 @@ static bool eliminate(const struct matrices *m, const struct frame *frame,
             for (int j = 0; j < MODES; ++j)
                 rows.x[i][j] = c_add(rows.x[i][j], added.x[i][j]);
     }
-    return matrix_inverse(&rows, &block_of(chain, k)->inverse);
+    return matrix_inverse(&rows, &block->inverse);
 }
 
 static void lead(struct chain *chain, int k)
@@ -245,13 +165,16 @@ static void solve_in_doubles(const struct steady *steady, struct chain *chain)
         }
 }
 
-/* Solve for the blocks' right sides, corrected until doubles can hold no more. */
-static bool solved(const struct matrices *m, const struct frame *frame,
-                   const struct steady *steady, struct chain *chain)
+/* Correct what was found for the blocks' right sides by residuals of all digits, until doubles can
+ * hold no more. */
+static bool corrected(const struct matrices *m, const struct frame *frame,
+                      const struct steady *steady, struct chain *chain)
 {
-    double before = INFINITY;
-    for (int k = -steady->below; k <= steady->above; ++k)
-        memset(&block_of(chain, k)->found, 0, sizeof(struct precise_vector));
+    double before = 0.0;
+    for (int k = -steady->below; k <= steady->above; ++k) {
+        const struct vector x = precise_vector_rounded(&block_of(chain, k)->found);
+        before = fmax(before, vector_largest(&x));
+    }
     for (;;) {
         double size = 0.0, largest = 0.0;
         write_rest(m, frame, steady, chain);
@@ -265,7 +188,8 @@ static bool solved(const struct matrices *m, const struct frame *frame,
             }
             size = fmax(size, vector_largest(&block->rest));
         }
-        if (size <= 1e-19 * largest)
+        /* each change is as much smaller than the one before as this one was */
+        if (size * size <= 1e-19 * largest * before)
             return true;
         if (!(size < 0.1 * before))
             return false;
@@ -273,121 +197,234 @@ static bool solved(const struct matrices *m, const struct frame *frame,
     }
 }
 
-/* Bounds of one side: |X_last|/|X_0|, the sum of |X_k|/|X_0|, |block (last, last)| of the inverse,
- * and the sum of |blocks (k, last)|. */
-struct norms {
-    double reach, reaches, own, from_end;
-};
+/* --- what the cut and rounding cost ------------------------------------------------------------ */
 
-static struct norms norms_of(struct chain *chain, int sign, int most)
+static void spread_of(struct chain *chain, int sign, int most, struct spread *spread)
 {
-    double ratios[MOST_SIDEBANDS + 1], own[MOST_SIDEBANDS + 1], part = 1.0;
-    struct norms norms = {1.0, 0.0, 0.0, 0.0};
+    double *own = spread->own;
+    spread->most = most;
+    spread->reach[0] = 1.0;
     own[0] = matrix_norm(&block_of(chain, 0)->inverse);
     for (int k = 1; k <= most; ++k) {
         const struct block *block = block_of(chain, sign * k);
-        ratios[k] = matrix_norm(&block->ratio);
-        norms.reach *= ratios[k];
-        norms.reaches += norms.reach;
-        own[k] = matrix_norm(&block->inverse) + ratios[k] * ratios[k] * own[k - 1];
+        const double ratio = spread->ratio[k] = matrix_norm(&block->ratio);
+        spread->reach[k] = spread->reach[k - 1] * ratio;
+        own[k] = matrix_norm(&block->inverse) + ratio * ratio * own[k - 1];
     }
-    norms.own = own[most];
-    for (int k = most; k >= 0; --k) {
-        norms.from_end += own[k] * part;
-        part *= k ? ratios[k] : 1.0;
-    }
-    return norms;
 }
 
-/* What the cut costs at most, over all sidebands; infinite where no bound holds. */
-static double bound_of(const struct matrices *m, const struct steady *steady, struct chain *chain)
+/* Outwards the blocks of a column fall by |R_i|, inwards they are those of a row, as the inverse is
+ * symmetric; on the other side they are |X_i|/|X_0| times that in the middle. */
+static void write_columns(struct spread *spread, const struct spread *other)
 {
+    double *column = spread->column, inner = 0.0;
+    column[spread->most] = 1.0;
+    for (int k = spread->most; k > 0; --k)
+        column[k - 1] = 1.0 + spread->ratio[k] * column[k];
+    for (int k = 1; k <= other->most; ++k)
+        inner += other->reach[k];
+    inner *= spread->own[0];
+    column[0] = spread->own[0] * column[0] + inner;
+    for (int k = 1; k <= spread->most; ++k) {
+        inner = spread->ratio[k] * (inner + spread->own[k - 1]);
+        column[k] = spread->own[k] * column[k] + inner;
+    }
+}
+
+static struct vector driven(const double *g, int k)
+{
+    struct vector x;
+    for (int i = 0; i < MODES; ++i)
+        x.x[i] = complex_of(k == 0 ? g[i] : 0.0, 0.0);
+    return x;
+}
+
+/* A bound of the 2-norm of what the equations of a block leave: of sums of 3 n + 1 products of
+ * doubles, and of entries of A that are rounded. */
+static double rest_of(const struct matrices *m, const double *g, const struct steady *steady,
+                      struct chain *chain, int k)
+{
+    const struct vector before = steady_sideband(steady, k - 1), x = steady_sideband(steady, k);
+    const struct vector after = steady_sideband(steady, k + 1), push = driven(g, k);
+    const double least = 8.0 * (MODES + 2) * EPSILON;
+    const struct matrix *own = &block_of(chain, k)->own;
+    const struct vector sides = plus(before, &after), pushed = matrix_applied(own, &x);
+    const struct vector tied = matrix_applied(&chain->half_pump, &sides);
+    const double size = matrix_norm(own) * vector_norm(&x) +
+                        0.5 * m->pump_norm * (vector_norm(&before) + vector_norm(&after));
+    struct vector left;
+    for (int i = 0; i < MODES; ++i)
+        left.x[i] = c_subtract(c_subtract(push.x[i], pushed.x[i]), tied.x[i]);
+    return vector_norm(&left) + least * (size + vector_norm(&push));
+}
+
+/* What the cut costs at most, over |X| at the ends, and what rounding does, each over all sidebands;
+ * infinite where no bound holds. */
+struct errors {
+    double cut, rounding;
+};
+
+static struct errors errors_of(const struct matrices *m, const double *g,
+                               const struct steady *steady, const struct tail tails[2],
+                               struct chain *chain)
+{
+    struct spread *high = &chain->spread[0], *low = &chain->spread[1];
     const double quarter = 0.25 * (m->pump_norm * m->pump_norm);
-    const struct norms up = norms_of(chain, 1, steady->above);
-    const struct norms down = norms_of(chain, -1, steady->below);
-    const double high = quarter * tail_at(&chain->tail[0], steady->above + 1);
-    const double low = quarter * tail_at(&chain->tail[1], steady->below + 1);
-    const double middle = matrix_norm(&block_of(chain, 0)->inverse);
-    const double across = up.reach * middle * down.reach;
-    const double feedback =
-        fmax(up.own * high + across * low, across * high + down.own * low);
-    const double ends = fmax(vector_norm(&steady->sideband[MOST_SIDEBANDS - steady->below]),
-                             vector_norm(&steady->sideband[MOST_SIDEBANDS + steady->above]));
-    double changed;
-    if (feedback >= 0.5)
-        return INFINITY;
-    changed = high * (up.from_end + down.reaches * middle * up.reach);
-    changed += low * (down.from_end + up.reaches * middle * down.reach);
-    return ends / (1.0 - feedback) *
-           (changed +
-            (after(&chain->tail[0], steady->above) + after(&chain->tail[1], steady->below)));
-}
-
-/* A unit tone on the gains as the right side. */
-static void push(const double *g, const struct steady *steady, struct chain *chain)
-{
+    const double above = quarter * tails[0].schur, below = quarter * tails[1].schur;
+    struct errors errors = {INFINITY, 0.0};
+    double across, feedback, high_own, low_own;
+    spread_of(chain, 1, steady->above, high);
+    spread_of(chain, -1, steady->below, low);
+    write_columns(high, low);
+    write_columns(low, high);
     for (int k = -steady->below; k <= steady->above; ++k)
-        for (int i = 0; i < MODES; ++i)
-            block_of(chain, k)->right.x[i] = precise_of(k == 0 ? g[i] : 0.0, 0.0);
+        errors.rounding +=
+            (k > 0 ? high->column[k] : low->column[-k]) * rest_of(m, g, steady, chain, k);
+    errors.rounding *= 1.01; /* of norms that are known to some digits alone */
+    high_own = high->own[high->most];
+    low_own = low->own[low->most];
+    across = high->reach[high->most] * high->own[0] * low->reach[low->most];
+    feedback = fmax(high_own * above + across * below, across * above + low_own * below);
+    if (feedback < 0.5)
+        errors.cut = (above * high->column[high->most] + below * low->column[low->most] +
+                      (tails[0].rest + tails[1].rest)) /
+                     (1.0 - feedback);
+    return errors;
 }
 
-/* Take over the solution; the norm of the largest sideband. */
-static double keep(struct chain *chain, struct steady *steady)
+/* How far all sidebands together may be off: relative to the read-out, or the displacement, at the
+ * tone's own frequency, but no more than doubles hold of the largest sideband. */
+static double allowed(const struct parameters *p, const struct steady *steady, double largest)
 {
-    double largest = 0.0;
-    steady->carrier = block_of(chain, 0)->found;
+    const struct vector x = steady_sideband(steady, 0);
+    struct complex seen = {0.0, 0.0};
+    double size = vector_norm(&x);
+    for (int i = 0; i < MODES; ++i)
+        seen = c_add(seen, c_scale(p->readout[i], x.x[i]));
+    if (!c_is_zero(seen))
+        size = fmin(size, c_abs(seen) / norm_of(p->readout, MODES));
+    return fmax(p->tolerance * size, LEAST_TOLERANCE * largest);
+}
+
+/* --- responses --------------------------------------------------------------------------------- */
+
+/* The solution in doubles for a unit tone on the gains. */
+static void solve_unit(const double *g, struct chain *chain, struct steady *steady)
+{
+    struct vector *x = steady->sideband + MOST_SIDEBANDS;
+    const struct vector push = driven(g, 0);
+    x[0] = matrix_applied(&block_of(chain, 0)->inverse, &push);
+    for (int sign = 1; sign >= -1; sign -= 2)
+        for (int k = 1; k <= (sign > 0 ? steady->above : steady->below); ++k)
+            x[sign * k] = matrix_applied(&block_of(chain, sign * k)->ratio, &x[sign * (k - 1)]);
+}
+
+static bool correct_unit(const struct matrices *m, const struct frame *frame, const double *g,
+                         struct chain *chain, struct steady *steady)
+{
     for (int k = -steady->below; k <= steady->above; ++k) {
-        struct vector *x = &steady->sideband[MOST_SIDEBANDS + k];
-        *x = precise_vector_rounded(&block_of(chain, k)->found);
-        largest = fmax(largest, vector_norm(x));
+        struct block *block = block_of(chain, k);
+        for (int i = 0; i < MODES; ++i) {
+            block->right.x[i] = precise_of(k == 0 ? g[i] : 0.0, 0.0);
+            block->found.x[i] = precise_of_complex(steady->sideband[MOST_SIDEBANDS + k].x[i]);
+        }
     }
-    return largest;
+    if (!corrected(m, frame, steady, chain))
+        return false;
+    for (int k = -steady->below; k <= steady->above; ++k)
+        steady->sideband[MOST_SIDEBANDS + k] =
+            precise_vector_rounded(&block_of(chain, k)->found);
+    return true;
+}
+
+static double ends_of(const struct steady *steady)
+{
+    return fmax(vector_norm(&steady->sideband[MOST_SIDEBANDS - steady->below]),
+                vector_norm(&steady->sideband[MOST_SIDEBANDS + steady->above]));
+}
+
+/* Solve a chain of this length, correct it where rounding costs more than is asked for; whether its
+ * bound, which is written, is what was asked for. */
+static bool long_enough(const struct matrices *m, const struct frame *frame,
+                        const struct parameters *p, const struct tail tails[2],
+                        struct chain *chain, struct steady *steady, bool *solvable)
+{
+    double total = 0.0, largest = 0.0, ends, most;
+    struct errors errors;
+    *solvable = eliminated(m, frame, steady, chain);
+    if (!*solvable)
+        return false;
+    solve_unit(p->g, chain, steady);
+    for (int k = -steady->below; k <= steady->above; ++k) {
+        const double size = vector_norm(&steady->sideband[MOST_SIDEBANDS + k]);
+        total += size;
+        largest = fmax(largest, size);
+    }
+    errors = errors_of(m, p->g, steady, tails, chain);
+    most = allowed(p, steady, largest);
+    ends = ends_of(steady);
+    if (ends * errors.cut <= most &&
+        !((ends + errors.rounding) * errors.cut + errors.rounding <= most)) {
+        *solvable = correct_unit(m, frame, p->g, chain, steady);
+        if (!*solvable)
+            return false;
+        errors.rounding = 0.0;
+        ends = ends_of(steady);
+    }
+    steady->bound = (ends + errors.rounding) * errors.cut + errors.rounding;
+    if (!(steady->bound <= most))
+        return false;
+    /* and the way to the outputs: amplitude, phase, sum over the modes */
+    steady->bound += (MODES + 12) * EPSILON * total;
+    return true;
 }
 
 /* The response under the pump, from a chain that is long enough. */
-static bool pumped_steady(const struct matrices *m, const struct frame *frame, const double *g,
-                          struct chain *chain, struct steady *steady, struct report *report)
+static bool pumped_steady(const struct matrices *m, const struct frame *frame,
+                          const struct parameters *p, struct chain *chain, struct steady *steady,
+                          struct report *report)
 {
+    const struct side up = side_of(m, frame, steady->u, 1);
+    const struct side down = side_of(m, frame, steady->u, -1);
+    struct tail tails[2];
+    bool solvable = true;
     halve_pump(m, chain);
-    if (!tail_of(m, frame, steady->u, 1, &chain->tail[0], report) ||
-        !tail_of(m, frame, steady->u, -1, &chain->tail[1], report))
-        return false;
-    steady->above = first_guess(&chain->tail[0]);
-    steady->below = first_guess(&chain->tail[1]);
-    for (;;) {
-        double largest;
+    steady->above = side_guess(&up, 0.5 * p->tolerance, MOST_SIDEBANDS);
+    steady->below = side_guess(&down, 0.5 * p->tolerance, MOST_SIDEBANDS);
+    while (solvable) {
+        if (!side_tail(&up, steady->above, &tails[0], report) ||
+            !side_tail(&down, steady->below, &tails[1], report))
+            return false;
+        steady->above = tails[0].end;
+        steady->below = tails[1].end;
         if (steady->above > MOST_SIDEBANDS || steady->below > MOST_SIDEBANDS)
             return refuse(report,
                           "the pump at pump_hz = %r Hz needs more than %d sidebands of a drive at "
                           "%r Hz: a faster or a weaker pump is wanted",
                           frame->pump_hz, MOST_SIDEBANDS, steady->u);
-        push(g, steady, chain);
-        if (!eliminated(m, frame, steady, chain) || !solved(m, frame, steady, chain))
-            return refuse(report,
-                          "the sidebands of the pump at pump_hz = %r Hz cannot be solved for: the "
-                          "modes are too close to undamped, or to instability",
-                          frame->pump_hz);
-        largest = keep(chain, steady);
-        steady->bound = bound_of(m, steady, chain);
-        if (steady->bound <= WANTED * largest)
+        if (long_enough(m, frame, p, tails, chain, steady, &solvable))
             return true;
         steady->above += 1 + steady->above / 4;
         steady->below += 1 + steady->below / 4;
     }
+    return refuse(report,
+                  "the sidebands of the pump at pump_hz = %r Hz cannot be solved for: the modes are "
+                  "too close to undamped, or to instability",
+                  frame->pump_hz);
 }
 
-bool steady_of(const struct matrices *m, const struct frame *frame, const double *g, double u,
-               struct chain *chain, struct steady *steady, struct report *report)
+bool steady_of(const struct matrices *m, const struct frame *frame, const struct parameters *p,
+               double u, struct chain *chain, struct steady *steady, struct report *report)
 {
     struct precise_matrix block;
     steady->u = u;
     if (m->pump_norm != 0.0)
-        return pumped_steady(m, frame, g, chain, steady, report);
+        return pumped_steady(m, frame, p, chain, steady, report);
     steady->below = steady->above = 0;
     steady->bound = 0.0;
     block = block_at(m, frame, u, 0);
     for (int i = 0; i < MODES; ++i)
-        steady->carrier.x[i] = precise_of(g[i], 0.0);
+        steady->carrier.x[i] = precise_of(p->g[i], 0.0);
     if (!precise_solve(&block.x[0][0], steady->carrier.x, MODES))
         return refuse(report,
                       "a drive at %r Hz has no steady state: it lies on an undamped eigenfrequency",
@@ -444,12 +481,23 @@ static void change_block(const struct matrices *m, const struct frame *frame,
 
 bool steady_tangent(const struct matrices *m, const struct frame *frame,
                     const struct steady_change *change, const struct steady *steady,
-                    struct chain *chain, struct vector dx[3])
+                    double tolerance, struct chain *chain, struct vector dx[3])
 {
     halve_pump(m, chain);
-    for (int k = -steady->below; k <= steady->above; ++k)
-        change_block(m, frame, change, steady, k, &block_of(chain, k)->right);
-    if (!eliminated(m, frame, steady, chain) || !solved(m, frame, steady, chain))
+    if (!eliminated(m, frame, steady, chain))
+        return false;
+    for (int k = -steady->below; k <= steady->above; ++k) {
+        struct block *block = block_of(chain, k);
+        change_block(m, frame, change, steady, k, &block->right);
+        block->rest = precise_vector_rounded(&block->right);
+    }
+    solve_in_doubles(steady, chain);
+    for (int k = -steady->below; k <= steady->above; ++k) {
+        struct block *block = block_of(chain, k);
+        for (int i = 0; i < MODES; ++i)
+            block->found.x[i] = precise_of_complex(block->rest.x[i]);
+    }
+    if (tolerance <= LEAST_TOLERANCE && !corrected(m, frame, steady, chain))
         return false;
     memset(dx, 0, 3 * sizeof *dx);
     for (int k = -1; k <= 1; ++k)

@@ -8,7 +8,6 @@
 void slave_start(struct slave *slave)
 {
     memset(slave, 0, STATE_SIZE);
-    slave->scratch.made = false;
     slave->phase = INSTANTIATED;
     slave->moving_stale = slave->steady_stale = true;
     for (int i = 0; i < VARIABLE_COUNT; ++i)

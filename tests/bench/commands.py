@@ -156,6 +156,12 @@ COMMANDS = (
         smoke="--laboratories 1 --by-fmu 0",
     ),
     Command(
+        "pumped_error",
+        "errors of pumped modes against what is declared",
+        smoke="--smoke",
+        quick=True,
+    ),
+    Command(
         "quirks",
         "what check and init make of FMUs of others",
         smoke="--coverage 1 --only 'reset keeps'",

@@ -76,6 +76,30 @@ def sidebands(p: Values, u: float, reach: int, phase: float = 0.0) -> dict[int, 
         return {k - reach: [x[k * n + i] for i in range(n)] for k in range(size)}
 
 
+def long_sidebands(p: Values, u: float, reach: int, phase: float = 0.0) -> dict[int, list[Any]]:
+    """Return what ``sidebands`` does, of long chains: eliminated block by block from both ends."""
+    with mp.workdps(DIGITS):
+        stiffness, pump, damping, gains = _matrices(p)
+        n, half = count(p), pump / 2
+
+        def schur(k: int, outer: list[Any]) -> Any:
+            v = 2 * mp.pi * (mp.mpf(u) + k * mp.mpf(p["pump_hz"]))
+            own = stiffness - v * v * mp.eye(n) + 1j * v * damping
+            return (own + sum((half * r for r in outer), mp.zeros(n))) ** -1
+
+        ratios: dict[int, Any] = {}
+        for sign in (1, -1):
+            for k in range(sign * reach, 0, -sign):
+                outer = [ratios[k + sign]] if abs(k) < reach else []
+                ratios[k] = -schur(k, outer) * half
+        found = {0: schur(0, [ratios[1], ratios[-1]]) * gains}
+        for k in range(1, reach + 1):
+            for side in (k, -k):
+                found[side] = ratios[side] * found[side - (1 if side > 0 else -1)]
+        turn = mp.expj(mp.mpf(phase))
+        return {k: [turn**k * z for z in x] for k, x in found.items()}
+
+
 def tones(p: Values) -> list[tuple[float, Any]]:
     """Return frequency and complex amplitude of the tones that drive."""
     return [
