@@ -20,6 +20,7 @@ from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
+from fitting.inference.assumptions import assumption_findings
 from fitting.inference.causes import causes_of, without_outliers
 from fitting.inference.closer_form import closer_form
 from fitting.inference.conditions import condition_sentences
@@ -217,6 +218,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         findings=(
             *findings_of(fit, adequacy, joint if is_best else None, causes),
             *(equivalent_findings(knowledge) if describes else ()),
+            *(assumption_findings(fit, {**parameters, **derived}) if describes else ()),
         ),
     )
 

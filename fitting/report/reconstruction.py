@@ -150,6 +150,7 @@ def answer_block(answer: Answer) -> tuple[Line, ...]:
     ]
     if answer.advice or answer.command:
         lines.append(Line("Next", words=answer.advice, command=answer.command))
+    lines += [Line("Assumed" if k == 0 else "", words=s) for k, s in enumerate(answer.assumed)]
     return tuple(lines)
 
 

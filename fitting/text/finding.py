@@ -27,6 +27,7 @@ class Kind(StrEnum):
     equivalent_solution = "equivalent_solution"
     posterior_incomplete = "posterior_incomplete"
     posterior_unchecked = "posterior_unchecked"
+    assumption = "assumption"
 
 
 @dataclass(frozen=True, kw_only=True)
