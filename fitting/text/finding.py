@@ -28,6 +28,7 @@ class Kind(StrEnum):
     posterior_incomplete = "posterior_incomplete"
     posterior_unchecked = "posterior_unchecked"
     assumption = "assumption"
+    combination = "combination"
 
 
 @dataclass(frozen=True, kw_only=True)

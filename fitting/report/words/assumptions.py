@@ -1,4 +1,4 @@
-"""What a result assumes, and by how much its values would shift otherwise, a sentence each."""
+"""What a result assumes, and what its data know in combination only: a sentence each."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 
 from fitting.campaign.laws import in_base
 from fitting.inference.assumptions import SHIFT
+from fitting.inference.combinations import ALONE
 from fitting.result.result import Result
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed, number, prefixed
@@ -22,6 +23,31 @@ def assumption_sentences(result: Result) -> tuple[str, ...]:
     """
     found = (f for f in result.findings if f.kind is Kind.assumption)
     return tuple(_sentence(result, finding) for finding in found)
+
+
+def combination_sentences(result: Result) -> tuple[str, ...]:
+    """A sentence for each pair of parameters that the data know in one combination only.
+
+    Args:
+        result: of a reconstruction.
+    """
+    found = (f for f in result.findings if f.kind is Kind.combination)
+    return tuple(_together(result, finding) for finding in found)
+
+
+def _together(result: Result, finding: Finding) -> str:
+    said = []
+    for name, value in result.parameters.items():
+        alone = finding.numbers.get(f"{ALONE}{name}")
+        if alone is not None:
+            alone /= in_base(value.unit, name).factor if value.unit else 1.0
+            said.append(f"{name} to {_shown(alone, value.unit).removeprefix('+')}")
+    rho = number(finding.numbers["correlation"], 5)
+    return (
+        f"{finding.subject}: the data determine one combination (ρ = {rho}); with the other one "
+        f"known they would determine {' and '.join(said)}. A measurement under other settings, in "
+        "which both act otherwise, parts them."
+    )
 
 
 def _sentence(result: Result, finding: Finding) -> str:
