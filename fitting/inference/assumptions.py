@@ -7,8 +7,7 @@ something else in place of what is assumed the rows are r', and the fit moves by
 
 which is repeated from there with the same W until it moves no more; where rows do not get smaller
 so, the model is fitted anew. A value moves by what dx changes of it, and by what the assumption
-changes of it at one x. What is left of the rows is how much larger chi square would be: little of
-it is what no data tell.
+changes of it at one x. The rise of chi square is whether the data would show it.
 
 Source: G. Box, "Use and abuse of regression", Technometrics 8 (1966) 625: bias by what is left out.
 """
@@ -133,7 +132,7 @@ def _followed(solution: Solution, other: Objective) -> _Moved | None:
         except FmuFailure:
             return None
         if np.all(np.abs(step) < SMALL * errors):
-            return _Moved(x + step, other, float(there @ there))
+            return _Moved(x + step, other, _rise(solution, there[: here.size]))
         if float(there @ there) >= float(rows @ rows):
             return None
         x, rows = x + step, there
@@ -146,8 +145,16 @@ def _fitted(solution: Solution, objective: Objective, x: FloatArray) -> _Moved:
     errors = np.sqrt(np.diag(solution.errors.covariance))
     evaluator.likelihood = evaluator.likelihood.let_out(x, errors)
     optimum = most_likely(evaluator, [x])
-    rows = solution.noise.covariance.whitened(solution.final.residuals)
-    return _Moved(optimum.expansion.x, objective, optimum.data_square - float(rows @ rows))
+    likelihood = optimum.likelihood
+    rows = likelihood.inflation * optimum.expansion.sample.rows[: likelihood.data_rows]
+    before = solution.noise.covariance.whitened(solution.final.residuals)
+    return _Moved(optimum.expansion.x, objective, _rise(solution, rows - before))
+
+
+def _rise(solution: Solution, change: FloatArray) -> float:
+    """By how much chi square of the data rises with a ``change`` (m,) of the whitened rows."""
+    before = solution.noise.covariance.whitened(solution.final.residuals)
+    return float(change @ (change + 2.0 * before))
 
 
 def _started(solution: Solution, assumption: Assumption) -> FloatArray:

@@ -19,7 +19,7 @@ import numpy as np
 from fitting.lab.modes import CoupledModes, Pump
 from fitting.lab.pumped import STRING, check_rotation, check_steady, pumped_modes
 from fitting.lab.string import TwoModes
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Points in a line width where peaks are looked for; half spans at first and at last, in widths.
 SOUGHT, FIRST_REACH, LAST_REACH = 10.0, 6.0, 60.0
@@ -120,6 +120,31 @@ class SubharmonicBench:
         )
         return replace(sample, pump=pump)
 
+    def phasors(self, volts: float, pump_hz: float, u_hz: FloatArray) -> ComplexArray:
+        """Phasors (n,) of the observed mode, in m under 1 m/s2.
+
+        Args:
+            volts: of the pump.
+            pump_hz: its frequency, Hz.
+            u_hz: frequencies, (n,), Hz.
+        """
+        waves = self.sample(volts, pump_hz).response(u_hz)
+        return np.asarray(waves @ self.string.transform()[0])
+
+    def swept(self, volts: float, pump_hz: float, u_hz: FloatArray) -> ComplexArray:
+        """Phasors of one more sweep, V, (n,), without noise.
+
+        Args:
+            volts: of the pump.
+            pump_hz: its frequency, Hz.
+            u_hz: frequencies, (n,), Hz.
+
+        Raises:
+            ValueError: the pump makes the motion grow, which has no steady state.
+        """
+        check_steady(self.sample(volts, pump_hz), f"a pump of {volts:g} V at {pump_hz:g} Hz")
+        return np.asarray(self.detector_v * self.phasors(volts, pump_hz, u_hz))
+
     def magnitude(self, volts: float, pump_hz: float, u_hz: FloatArray) -> FloatArray:
         """Amplitudes (n,) of the observed mode, in m under 1 m/s2.
 
@@ -128,8 +153,7 @@ class SubharmonicBench:
             pump_hz: its frequency, Hz.
             u_hz: frequencies, (n,), Hz.
         """
-        waves = self.sample(volts, pump_hz).response(u_hz)
-        return np.asarray(np.abs(waves @ self.string.transform()[0]))
+        return np.asarray(np.abs(self.phasors(volts, pump_hz, u_hz)))
 
     def peaks_hz(self, volts: float, pump_hz: float, reach_hz: float) -> tuple[float, float]:
         """The two highest peaks of the line under a pump, Hz, lower one first; equal: there is one.
@@ -212,14 +236,9 @@ def measure_subharmonic(bench: SubharmonicBench, seed: int) -> SubharmonicSweeps
     Raises:
         ValueError: a pump makes the motion grow, which has no steady state.
     """
-    for k, s in enumerate(bench.sweeps):
-        pump = f"a pump of {s.volts:g} V at {s.pump_hz:g} Hz"
-        check_steady(bench.sample(s.volts, s.pump_hz), f"sweeps[{k}]: {pump}")
     rng = np.random.default_rng(seed)
-    waves = np.array(
-        [bench.magnitude(s.volts, s.pump_hz, bench.frequency_hz(s)) for s in bench.sweeps]
-    )
-    true_v = waves * bench.detector_v
+    waves = [bench.swept(s.volts, s.pump_hz, bench.frequency_hz(s)) for s in bench.sweeps]
+    true_v = np.abs(np.array(waves))
     noise = rng.standard_normal((2, *true_v.shape)) * bench.noise_v * bench.noise_scale
     return SubharmonicSweeps(
         bench=bench,

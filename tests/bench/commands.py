@@ -156,6 +156,12 @@ COMMANDS = (
         smoke="--laboratories 1 --by-fmu 0",
     ),
     Command(
+        "pumped_string",
+        "lambda from pumped sweeps without the pump's depth",
+        full=("", "--coupling 0.05 --laboratories 20", "--fisher"),
+        smoke="--fisher",
+    ),
+    Command(
         "quirks",
         "what check and init make of FMUs of others",
         smoke="--coverage 1 --only 'reset keeps'",

@@ -25,6 +25,7 @@ from fitting.text.errors import BadInput
 BENCH = SubharmonicBench()
 #: Lines narrower than their openings: peaks are where the eigenfrequencies are.
 SHARP = replace(BENCH, string=replace(BENCH.string, d1_hz=24.0, d2_hz=20.0))
+TONES = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
 SHIPPED = Path(__file__).parents[2] / "data" / "string_pumped"
 
 
@@ -113,9 +114,9 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
         ({"sweeps": BENCH.sweeps[:1]}, "1 sweeps"),
         (
             {"sweeps": (BENCH.sweeps[0], PumpedSweep(volts=1.0, pump_hz=13880520.0, span_hz=1e3))},
-            r"sweeps\[1\]: .* 1\.00",
+            r"1 V at .* 1\.00",
         ),
-        ({"plan": SHIPPED / "campaign.toml"}, "plan: .*'string_pumped'"),
+        ({"plan": TONES}, "plan: .*'string_pumped'"),
     ],
 )
 def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:
@@ -126,3 +127,18 @@ def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:
 def test_the_shipped_truth_is_that_of_the_bench() -> None:
     truth = synthesize(SHIPPED / "campaign.toml", seed=1).measured.bench
     assert truth == BENCH
+
+
+def test_a_planned_sweep_is_taken_at_its_voltage(tmp_path: Path) -> None:
+    synthesize("string_pumped", out=tmp_path / "old")
+    text = (tmp_path / "old/campaign.toml").read_text("utf-8")
+    text = text.replace("[design.sweeps]", '[design]\nnoise_floor = "1e-9 uV"\n[design.sweeps]')
+    (tmp_path / "plan.toml").write_text(text)
+    u_hz = BENCH.frequency_hz(BENCH.sweeps[2])
+    lines = ["volts (mV),pump (kHz),frequency (MHz),amplitude (uV)"]
+    lines += [f"{v},{p},{float(u) / 1e6!r}," for v, p in ((1e4, 43.769), (0, 0)) for u in u_hz]
+    (tmp_path / "sweeps.csv").write_text("\n".join(lines) + "\n")
+    new = synthesize(tmp_path / "old/truth.toml", plan=tmp_path / "plan.toml")
+    pumped, _ = new.measured
+    assert pumped.columns[0] == pytest.approx(np.abs(BENCH.swept(10.0, 43769.0, u_hz)), rel=1e-8)
+    assert new.truth["string_pumped"]["depth_per_volt"] == BENCH.depth_per_volt
