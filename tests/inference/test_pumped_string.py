@@ -14,6 +14,7 @@ import pytest
 
 import fitting as ff
 from fitting.cli.main import main
+from fitting.inference.verdict import Verdict
 from fitting.lab.subharmonic import SubharmonicBench
 from fitting.lab.true_values import true_values
 from fitting.result.result import Result, read_result
@@ -101,6 +102,7 @@ def test_without_the_third_sweep_only_a_combination_is_known(fmu: ff.Fmu, tmp_pa
     assert found.numbers["std_theta"] > 50.0 * found.numbers["std_alone_theta"]
 
 
+@pytest.mark.nightly
 def test_a_pump_misstated_in_one_sweep_is_found(fmu: ff.Fmu, tmp_path: Path) -> None:
     """By five line widths, 235 Hz at half of the distance."""
     problem = pumped_problem(BENCH, fmu, tmp_path, sweeps={"43.769": "44.004"})
@@ -145,9 +147,10 @@ def test_a_pump_on_lambda_is_off_by_what_the_finding_says(fmu: ff.Fmu, tmp_path:
 @pytest.mark.nightly
 def test_the_verdicts_of_the_shipped_campaign(fmu: ff.Fmu, tmp_path: Path) -> None:
     """With profiles: lambda is determined, and its interval holds the truth."""
-    found = ff.profile(ff.fit(pumped_problem(BENCH, fmu, tmp_path), METHOD, starts=1), ["lambda12"])
-    low, high = found["lambda12"].interval(0.95)
-    assert found["lambda12"].determined
+    fit = ff.fit(pumped_problem(BENCH, fmu, tmp_path), METHOD, starts=1)
+    coupling = ff.profile(fit, ["lambda12"]).result.derived["lambda12"]
+    low, high = coupling.ci95
+    assert coupling.identifiable is Verdict.DETERMINED
     assert low < TRUTH["lambda12"] < high
 
 
