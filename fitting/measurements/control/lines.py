@@ -33,7 +33,7 @@ def lines_figure(maps: ControlMaps) -> Figure:
         title="Response at each setting",
         caption=(
             f"{maps.what} of {count}: measured points, the fitted model as a curve, and the "
-            "difference of both below."
+            "difference (simulated − measured) below."
             + (f" Maxima of the fitted curve are marked: {said}." if said else "")
         ),
         alt=f"Lines of {count}: measured points on the fitted curve, and residuals.",
