@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from fitting.inference.budget import BUDGET, EVALUATIONS, usual_budget
-from fitting.lab.names import BENCHES, CROSSING, CURVES, PUMPED, QUANTITIES, SCENES, TRUTH_NAME
+from fitting.lab.names import (
+    BENCHES,
+    CROSSING,
+    CURVES,
+    PUMPED,
+    QUANTITIES,
+    SCENES,
+    SUBHARMONIC,
+    TRUTH_NAME,
+)
 from fitting.text.choices import CRITERIA, ESTIMATORS, MISFITS, STYLES
 
 __all__ = [
@@ -21,6 +30,7 @@ __all__ = [
     "SCENES",
     "SERIES",
     "STYLES",
+    "SUBHARMONIC",
     "TRUTH_NAME",
     "usual_budget",
 ]
@@ -28,4 +38,4 @@ __all__ = [
 #: Of draws from a posterior: steps of every walker, and walkers, an even number.
 LEAST_STEPS, LEAST_WALKERS = 200, 4
 #: Series of the virtual laboratory.
-SERIES = (*BENCHES, PUMPED)
+SERIES = (*BENCHES, PUMPED, SUBHARMONIC)

@@ -27,10 +27,7 @@ from fitting.engine.files import NeededFile
 from fitting.engine.place import Where, opened
 from fitting.engine.run import run
 from fitting.fmu.models import provide_fmu
-from fitting.lab.bench import Bench
-from fitting.lab.curves import Curve
-from fitting.lab.pumped import PumpedBench
-from fitting.lab.synthesis import bench_of
+from fitting.lab.synthesis import AnyBench, bench_of
 from fitting.lab.writer import CAMPAIGN_NAME
 from fitting.report.tables.ensemble import csv_of, document, markdown
 from fitting.result.ensemble import FAILED, FINISHED, INTERRUPTED, Ensemble, EnsembleRow
@@ -77,7 +74,7 @@ class Laboratories:
         BadInput: no such laboratory, or numbers out of their range.
     """
 
-    truth: Bench | PumpedBench | Curve | Path | str = "q1"
+    truth: AnyBench | Path | str = "q1"
     count: int = 100
     seed: int = 1
     changes: Mapping[str, Any] = field(default_factory=dict)
@@ -90,11 +87,11 @@ class Laboratories:
             )
 
     @property
-    def source(self) -> Bench | PumpedBench | Curve | str:
+    def source(self) -> AnyBench | str:
         """The truth without any path, as other machines can use it."""
         return str(self.truth) if str(self.truth) in CURVES else bench_of(self.truth)
 
-    def one(self, number: int, source: Bench | PumpedBench | Curve | str) -> Laboratory:
+    def one(self, number: int, source: AnyBench | str) -> Laboratory:
         """One of the laboratories, as other machines can make it.
 
         Args:

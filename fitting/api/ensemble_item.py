@@ -17,10 +17,7 @@ from fitting.api.fmu import Fmu
 from fitting.api.problem import Problem
 from fitting.campaign.file import WrittenFmu
 from fitting.engine.files import NeededFile, place_of
-from fitting.lab.bench import Bench
-from fitting.lab.curves import Curve
-from fitting.lab.pumped import PumpedBench
-from fitting.lab.synthesis import SyntheticFiles, synthesize, synthesize_curves
+from fitting.lab.synthesis import AnyBench, SyntheticFiles, synthesize, synthesize_curves
 from fitting.lab.true_values import nearest, true_values
 from fitting.measurements.kinds import read_campaign
 from fitting.result.ensemble import FAILED, EnsembleRow, EnsembleValue
@@ -37,7 +34,7 @@ _log = logging.getLogger(__name__)
 class Laboratory:
     """A virtual laboratory: what is measured, its seed, and numbers that are different."""
 
-    truth: Bench | PumpedBench | Curve | str
+    truth: AnyBench | str
     seed: int
     changes: Mapping[str, Any] = field(default_factory=dict)
 

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from fitting.api.choices import CURVES, PUMPED, SERIES, TRUTH_NAME
+from fitting.api.choices import CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
 from fitting.lab.curves import Curve, kind_of
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.pumped import PumpedBench, PumpedSweeps
+from fitting.lab.subharmonic import SubharmonicBench, SubharmonicSweeps
 from fitting.lab.synthesis import Synthetic, SyntheticFiles, synthesize, synthesize_curves
 
 __all__ = [
     "CURVES",
     "PUMPED",
     "SERIES",
+    "SUBHARMONIC",
     "TRUTH_NAME",
     "Curve",
     "LockIns",
     "PhaseDetectors",
     "PumpedBench",
     "PumpedSweeps",
+    "SubharmonicBench",
+    "SubharmonicSweeps",
     "Synthetic",
     "SyntheticFiles",
     "kind_of",

@@ -18,8 +18,9 @@ import numpy.typing as npt
 from fitting.campaign import parameters as bound_parameters
 from fitting.campaign.asked_parameters import bind_parameters
 from fitting.campaign.binder import Binder
-from fitting.campaign.binding import bind_alternatives, bind_experiment, free_scale, with_laws
+from fitting.campaign.binding import bind_alternatives, bind_experiment, free_scale
 from fitting.campaign.bound import BoundCampaign, SweepData
+from fitting.campaign.bound_laws import with_laws
 from fitting.campaign.conflicts import check_conflicts
 from fitting.campaign.file import ContinuationSettings, offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of

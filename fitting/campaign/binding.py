@@ -11,14 +11,15 @@ from functools import partial
 import numpy as np
 
 from fitting.campaign.asked_parameters import bind_parameters
+from fitting.campaign.assumptions import with_assumptions
 from fitting.campaign.binder import Binder, bind_annotation
 from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
-from fitting.campaign.conflicts import check_conflicts, settings_by_place
+from fitting.campaign.bound_laws import with_laws
+from fitting.campaign.conflicts import check_conflicts
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
 from fitting.campaign.driving import bind_drive
 from fitting.campaign.kind import labels_of
-from fitting.campaign.laws import Known
 from fitting.campaign.measured import MeasuredExperiment
 from fitting.campaign.names import check_names
 from fitting.campaign.noise import (
@@ -29,7 +30,7 @@ from fitting.campaign.noise import (
     sweep_sigmas,
 )
 from fitting.campaign.parameters import Parameter
-from fitting.campaign.places import Places, places_of_file
+from fitting.campaign.places import places_of_file
 from fitting.campaign.setup import USUAL_ACCURACY, Drive, Setup
 from fitting.campaign.stated import bind_sigmas, drift_priors, with_offsets
 from fitting.campaign.unnamed_tones import check_tones
@@ -114,7 +115,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     bound = with_offsets(bound, binder, drift_priors(campaign, binder, drift))
     check_conflicts(bound, places)
     check_tones(bound, variables, places)
-    return with_laws(bound, binder, places)
+    return with_assumptions(with_laws(bound, binder, places), file.assumptions, binder, places)
 
 
 def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
@@ -291,48 +292,3 @@ def bind_alternatives(
         dict(zip(tried, combination, strict=True))
         for combination in itertools.product(*tried.values())
     )
-
-
-def with_laws(bound: BoundCampaign, binder: Binder, places: Places) -> BoundCampaign:
-    """A campaign whose laws are bound to the FMU: units of all that they name, and finite values.
-
-    Args:
-        bound: campaign, bound to its FMU.
-        binder: of the campaign to its FMU.
-        places: what complaints name its parts by.
-
-    Raises:
-        BadInput: a law of a variable that cannot be set, that names what there is not, whose
-            dimension is not that of the variable, or that has no value somewhere.
-    """
-    laws, variables = bound.setup.laws, binder.variables
-    if not laws.formulas:
-        return bound
-    controls = dict(binder.control_units)
-    for measurement in bound.measurements.values():
-        for name, unit in measurement.control_units.items():
-            if name not in variables and controls.setdefault(name, unit) != unit:
-                raise BadInput(
-                    f"{laws.source} the control quantity '{name}' is in {unit} and in "
-                    f"{controls[name]}; wanted one unit"
-                )
-    targets = {
-        name: binder.real(name, f"{laws.source} {name}", SETTABLE, "set by a law").unit or ""
-        for name in laws.formulas
-    }
-    made = laws.with_units(
-        targets,
-        Known(
-            parameters={p.target: p.unit for p in bound.parameters if p.moves_model},
-            variables={n: variables[n].unit or "1" for n in laws.names if n in variables},
-            controls=controls,
-        ),
-    )
-    setup = replace(bound.setup, laws=made)
-    common = {**setup.start_values, **bound.alternatives[0]}
-    made.check(
-        ((place, {**common, **own}) for place, own in settings_by_place(bound, places)),
-        {p.target: p.start for p in bound.parameters if p.moves_model and not p.adds_to},
-    )
-    notes = (*bound.notes, *(law.words for law in made.bound))
-    return replace(bound, setup=setup, notes=notes)

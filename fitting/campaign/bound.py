@@ -11,6 +11,7 @@ import numpy as np
 
 from fitting.campaign.file import ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement
+from fitting.campaign.laws import Law
 from fitting.campaign.measured import Phases, Spectrum
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter
@@ -90,13 +91,36 @@ class Drift:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Assumption:
+    """One assumption, bound to the FMU.
+
+    Args:
+        that: what is assumed, in words.
+        otherwise: what might be instead, in words.
+        setup: the campaign's with that instead; None where ``start`` says it.
+        start: formulas of parameters, by name, from whose values the fit is repeated.
+    """
+
+    that: str
+    otherwise: str
+    setup: Setup | None = None
+    start: Mapping[str, Law] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """Both, as the subject of a sentence has them."""
+        return f"{self.that}; {self.otherwise}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class BoundCampaign:
     """A campaign that fits one FMU: every name exists there, every number is in its unit.
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
     the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables;
-    ``taken`` are start values that nobody measured, with their units.
+    ``taken`` are start values that nobody measured, with their units, ``assumptions`` what might be
+    otherwise.
     """
 
     title: str
@@ -116,6 +140,7 @@ class BoundCampaign:
     noise: Noise = field(default_factory=Noise)
     measurements: Mapping[str, BoundMeasurement] = field(default_factory=dict)
     taken: Mapping[str, str] = field(default_factory=dict)
+    assumptions: tuple[Assumption, ...] = ()
 
     @property
     def offsets(self) -> tuple[Parameter, ...]:

@@ -529,6 +529,37 @@ class WrittenNoise(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WrittenAssumption(Keys):
+    """What the campaign fixes although it might be otherwise: by how much values would shift then.
+
+    Either ``quantity`` with ``value`` or ``law``, or ``start``.
+    """
+
+    that: Text
+    """What is assumed, as "the pump does not modulate lambda^2"."""
+    otherwise: Text
+    """What might be instead, in words, as "p12 = 5 % of p11"."""
+    quantity: Text | None = None
+    """A constant of the laws, or a variable of the FMU that is not fitted."""
+    value: Value | None = None
+    """What the quantity might be instead."""
+    law: Text | None = None
+    """The formula that it might follow instead; the name of a variable with a law stands for that
+    law."""
+    start: Mapping[str, Text] = field(default_factory=dict)
+    """Parameter: formula of the fitted values; the fit is repeated from there, whatever its
+    bounds."""
+
+    def __post_init__(self) -> None:
+        if self.quantity is None and not self.start:
+            raise Refused("wanted a 'quantity' with its 'value' or 'law', or 'start'")
+        if self.quantity is not None and self.start:
+            raise Refused("stands beside 'quantity'; wanted one of them", "start")
+        if (self.value is not None) + (self.law is not None) != (self.quantity is not None):
+            raise Refused("wanted either 'value' or 'law' beside 'quantity'")
+
+
+@dataclass(frozen=True, kw_only=True)
 class WrittenDerived(Keys):
     """What else is reported of every experiment."""
 
@@ -737,6 +768,10 @@ class WrittenCampaign(Keys):
     (columns and settings that are no variable of the FMU), as f1 = "a0 + a1*V"."""
     constants: Mapping[str, Value] = field(default_factory=dict)
     """Numbers that laws name, with their units."""
+    assumptions: Annotated[
+        tuple[WrittenAssumption, ...], listed("[[assumptions]] tables", least=0)
+    ] = ()
+    """What the campaign fixes although it might be otherwise."""
     derived: WrittenDerived = WrittenDerived()
     """What else is reported."""
     alternatives: Mapping[str, Values] = field(default_factory=dict)

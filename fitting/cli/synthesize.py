@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import fitting as ff
-from fitting.api.choices import CROSSING, CURVES, PUMPED, SERIES, TRUTH_NAME
+from fitting.api.choices import CROSSING, CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import bounded_number, seed
 
@@ -53,7 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--series",
         choices=(*SERIES, *CURVES),
         help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
-        "under a parametric pump, one mode as a network analyser sees it, spectra over a "
+        "under a parametric pump, swept under a pump at the distance of the modes and at half of "
+        "it, one mode as a network analyser sees it, spectra over a "
         "voltage, or a string over time: let go, under a chirp, let go behind a lock-in, or seen "
         "by an analyser of zero span",
     )
@@ -144,10 +145,10 @@ def run(args: argparse.Namespace) -> int:
         raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
     if args.restart and not args.phases:
         raise ff.BadInput("--restart: has no meaning here, only with --phases")
-    if args.series == PUMPED and (args.phases or args.cross_mode):
+    if args.series in (PUMPED, SUBHARMONIC) and (args.phases or args.cross_mode):
         raise ff.BadInput(
             f"{'--phases' if args.phases else '--cross-mode'}: has no meaning with --series "
-            f"{PUMPED}, whose sweeps of one line are recorded as amplitudes; wanted none"
+            f"{args.series}, whose sweeps of one line are recorded as amplitudes; wanted none"
         )
     made = ff.synthesize(
         args.series or args.like or args.truth,
@@ -164,12 +165,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measured(measured: Any) -> str:
-    from fitting.api.synthesis import Curve, PumpedSweeps, kind_of
+    from fitting.api.synthesis import Curve, PumpedSweeps, SubharmonicSweeps, kind_of
 
     if isinstance(measured, Curve):
         return kind_of(measured)
     if isinstance(measured, PumpedSweeps):
         return f"{len(measured.bench.settings)} sweeps"
+    if isinstance(measured, SubharmonicSweeps):
+        return f"{len(measured.bench.sweeps)} sweeps"
     return f"{len(measured.bench.pairs_hz)} drive pairs"
 
 

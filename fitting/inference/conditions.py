@@ -217,15 +217,20 @@ def _rest(fixed: FloatArray, added: FloatArray) -> BoolArray:
     n = fixed.shape[1]
     both = np.column_stack([fixed, added])
     untold = any(
-        np.linalg.norm(_left(np.delete(both, n + k, axis=1), added[:, k])[0])
+        np.linalg.norm(left_of(np.delete(both, n + k, axis=1), added[:, k])[0])
         < UNTOLD * np.linalg.norm(added[:, k])
         for k in range(added.shape[1])
     )
     return np.asarray((np.sqrt(_variances(both)[:n] / _variances(fixed)) > RESTS) | untold)
 
 
-def _left(matrix: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What a matrix leaves of a column, (m,), and the step that it takes for it, (n,)."""
+def left_of(matrix: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What a matrix leaves of a column, (m,), and the step that it takes for it, (n,).
+
+    Args:
+        matrix: derivatives of whitened rows, those of the prior below them, shape (m, n).
+        column: what changes of the rows, shape (m,).
+    """
     size = np.linalg.norm(matrix, axis=0)
     follow = -np.linalg.lstsq(matrix / size, column, rcond=1e-9)[0] / size
     return column + matrix @ follow, follow
@@ -250,7 +255,7 @@ def _example(
     places = {p.name: i for i, p in enumerate(solution.parameters)}
     found: list[tuple[float, str, float, _Column]] = []
     for k, column in enumerate(columns):
-        left, follow = _left(fixed, added[:, k])
+        left, follow = left_of(fixed, added[:, k])
         for name, value in values.items():
             move = follow[places[name]] * solution.parameters[places[name]].scale / value.std
             if abs(move) > 0.0:

@@ -20,8 +20,10 @@ from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
+from fitting.inference.assumptions import assumption_findings
 from fitting.inference.causes import causes_of, without_outliers
 from fitting.inference.closer_form import closer_form
+from fitting.inference.combinations import combination_findings
 from fitting.inference.conditions import condition_sentences
 from fitting.inference.consistency import (
     consistency,
@@ -217,6 +219,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         findings=(
             *findings_of(fit, adequacy, joint if is_best else None, causes),
             *(equivalent_findings(knowledge) if describes else ()),
+            *(_of_solution(fit, solution, {**parameters, **derived}) if describes else ()),
         ),
     )
 
@@ -252,6 +255,13 @@ def _conditions(fit: Fit, parameters: Mapping[str, ParameterResult]) -> list[str
         return condition_sentences(fit, parameters)
     except (FmuFailure, np.linalg.LinAlgError):
         return []
+
+
+def _of_solution(
+    fit: Fit, solution: Solution, values: Mapping[str, ParameterResult | DerivedResult]
+) -> tuple[Finding, ...]:
+    """What the data know in combination only, and what rests on assumptions."""
+    return (*combination_findings(solution, values), *assumption_findings(fit, values))
 
 
 def _with_names(

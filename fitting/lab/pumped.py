@@ -65,12 +65,7 @@ class PumpedBench:
             raise ValueError("wanted 8 points or more, a positive span, crest and noise")
         if self.noise_scale < 0.0 or not self.pause_h > 0.0:
             raise ValueError("wanted a noise_scale that is not negative and a positive pause_h")
-        c, s = math.cos(self.string.theta_rad), math.sin(self.string.theta_rad)
-        if self.string.reflection or s * c > 0.0:
-            raise ValueError(
-                f"theta = {self.string.theta_rad} rad has no lambda: wanted a rotation with "
-                "sin 2 theta not above 0"
-            )
+        check_rotation(self.string)
 
     @property
     def frequency_hz(self) -> FloatArray:
@@ -109,7 +104,7 @@ class PumpedBench:
         duration_h = self.pause_h * (len(self.settings) - 1)
         string = self.string.shifted(self.drift_hz * time_h / duration_h)
         sample = pumped_modes(string, depth, self.apart_hz + detuning_hz)
-        _check_steady(sample, f"a pump of depth {depth:g} at {self.apart_hz + detuning_hz:g} Hz")
+        check_steady(sample, f"a pump of depth {depth:g} at {self.apart_hz + detuning_hz:g} Hz")
         return np.asarray(self.volts * (sample.response(u_hz) @ self.string.transform()[0]))
 
     def at(self, k: int) -> TwoModes:
@@ -139,6 +134,22 @@ class PumpedBench:
         return pumped_modes(self.at(k), depth, self.apart_hz + detuning)
 
 
+def check_rotation(string: TwoModes) -> None:
+    """Complain of a string without a coupling that is real.
+
+    Args:
+        string: the two modes, by angle and eigenfrequencies.
+
+    Raises:
+        ValueError: it is a reflection, or sin 2 theta is above 0.
+    """
+    if string.reflection or math.sin(string.theta_rad) * math.cos(string.theta_rad) > 0.0:
+        raise ValueError(
+            f"theta = {string.theta_rad} rad has no lambda: wanted a rotation with "
+            "sin 2 theta not above 0"
+        )
+
+
 def pumped_modes(string: TwoModes, depth: float, pump_hz: float) -> CoupledModes:
     """The string in its uncoupled coordinates, f1^2 pumped.
 
@@ -158,8 +169,16 @@ def pumped_modes(string: TwoModes, depth: float, pump_hz: float) -> CoupledModes
     )
 
 
-def _check_steady(sample: CoupledModes, pump: str) -> None:
-    """Complain of a pump, named in words, under which the motion grows."""
+def check_steady(sample: CoupledModes, pump: str) -> None:
+    """Complain of a pump under which the motion grows.
+
+    Args:
+        sample: under the pump.
+        pump: in words.
+
+    Raises:
+        ValueError: the motion grows in each period.
+    """
     growth = sample.growth() if sample.pump else 0.0
     if growth >= 1.0:
         raise ValueError(
@@ -191,7 +210,7 @@ def measure_pumped(bench: PumpedBench, seed: int) -> PumpedSweeps:
     """
     for k, (depth, detuning) in enumerate(bench.settings):
         pump = f"a pump of depth {depth:g} at {bench.apart_hz + detuning:g} Hz"
-        _check_steady(bench.pumped(k), f"settings[{k}]: {pump}")
+        check_steady(bench.pumped(k), f"settings[{k}]: {pump}")
     rng = np.random.default_rng(seed)
     waves = np.array([bench.response(k) for k in range(len(bench.settings))])
     true_v = waves * bench.volts

@@ -20,9 +20,15 @@ import numpy as np
 from fitting.campaign.file import WrittenCampaign, WrittenDesign, read_campaign_file
 from fitting.lab.curves import CURVE, AvoidedCrossing, changed_curve, curve_of
 from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts
-from fitting.lab.names import CROSSING, PUMPED, TRUTH_NAME
+from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, TRUTH_NAME
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_truth
+from fitting.lab.subharmonic import SubharmonicBench
+from fitting.lab.subharmonic_files import (
+    changed_subharmonic,
+    subharmonic_bench_of,
+    subharmonic_truth,
+)
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.measurements.complex.control_table import ComplexControlSweepTable
@@ -159,6 +165,44 @@ class PumpedLaboratory:
         return pumped_truth(self.bench, seed)
 
 
+@dataclass(frozen=True)
+class SubharmonicLaboratory:
+    """The string under a pump of any voltage and frequency; nothing drifts."""
+
+    bench: SubharmonicBench
+    units: ClassVar[Mapping[str, str]] = {"volts": "V", "pump": "Hz"}
+    output: ClassVar[str] = "readout_at_u1"
+
+    def changed(self, values: Mapping[str, Any]) -> SubharmonicLaboratory:
+        """As `SweptLaboratory` says."""
+        return SubharmonicLaboratory(changed_subharmonic(self.bench, **values))
+
+    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """As `SweptLaboratory` says.
+
+        Raises:
+            ValueError: the pump makes the motion grow.
+        """
+        return self.bench.swept(at["volts"], at["pump"], u_hz)
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """It records no phases.
+
+        Raises:
+            BadInput: always.
+        """
+        raise BadInput(
+            f"plan: asks for both quadratures, but the bench {SUBHARMONIC!r} records amplitudes; "
+            "wanted [control_sweep]"
+        )
+
+    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
+        """As `SweptLaboratory` says."""
+        return subharmonic_truth(self.bench, seed)
+
+
 def swept_laboratory(truth: object) -> SweptLaboratory:
     """The laboratory of a truth: its bench, its name, or its truth file or a campaign beside that.
 
@@ -172,21 +216,26 @@ def swept_laboratory(truth: object) -> SweptLaboratory:
         return CrossingLaboratory(truth)
     if isinstance(truth, PumpedBench):
         return PumpedLaboratory(truth)
-    if truth in (CROSSING, PUMPED):
-        return swept_laboratory(AvoidedCrossing() if truth == CROSSING else PumpedBench())
+    if isinstance(truth, SubharmonicBench):
+        return SubharmonicLaboratory(truth)
+    named = {CROSSING: AvoidedCrossing, PUMPED: PumpedBench, SUBHARMONIC: SubharmonicBench}
+    if isinstance(truth, str) and truth in named:
+        return swept_laboratory(named[truth]())
     if isinstance(truth, str | Path) and Path(truth).suffix == ".toml":
         path = Path(truth)
         file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
         tables = read_toml(file)
         if PUMPED in tables:
             return PumpedLaboratory(pumped_bench_of(tables, file))
+        if SUBHARMONIC in tables:
+            return SubharmonicLaboratory(subharmonic_bench_of(tables, file))
         curve = curve_of(tables, file)
         if isinstance(curve, AvoidedCrossing):
             return CrossingLaboratory(curve)
         truth = file
     raise BadInput(
         f"{truth}: is no laboratory of sweeps over a control; wanted one of "
-        f"{CROSSING!r} or {PUMPED!r}"
+        f"{CROSSING!r}, {PUMPED!r} or {SUBHARMONIC!r}"
     )
 
 

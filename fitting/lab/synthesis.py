@@ -15,10 +15,16 @@ from fitting.lab.duffing import CubicModes
 from fitting.lab.filled import carried
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
-from fitting.lab.names import PUMPED, SYNTHETIC_FILES, TRUTH_NAME
+from fitting.lab.names import PUMPED, SUBHARMONIC, SYNTHETIC_FILES, TRUTH_NAME
 from fitting.lab.plan import Plan
-from fitting.lab.pumped import PumpedBench
+from fitting.lab.pumped import PumpedBench, PumpedSweeps
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_files
+from fitting.lab.subharmonic import SubharmonicBench, SubharmonicSweeps
+from fitting.lab.subharmonic_files import (
+    changed_subharmonic,
+    subharmonic_bench_of,
+    subharmonic_files,
+)
 from fitting.lab.sweep_plan import (
     SweepPlan,
     SweptLaboratory,
@@ -33,6 +39,9 @@ from fitting.text.errors import BadInput
 from fitting.text.files import write_all
 from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.toml import read_toml
+
+#: What is measured: a bench, or a curve.
+AnyBench = Bench | PumpedBench | SubharmonicBench | Curve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +80,9 @@ class Synthetic(SyntheticFiles):
     """A synthetic series beside what was ``measured``.
 
     It is a record of the bench's own: ``readings`` hold the arrays of the campaign, ``sweep`` (of a
-    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`,
-    of a curve that curve, of planned sweeps a `PlannedSweep` each, of tones at values of a control
-    `PlannedTones`.
+    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`
+    or `SubharmonicSweeps`, of a curve that curve, of planned sweeps a `PlannedSweep` each, of tones
+    at values of a control `PlannedTones`.
     """
 
     measured: Any
@@ -122,7 +131,7 @@ def synthesize_curves(
 
 
 def synthesize(
-    truth: Bench | PumpedBench | Curve | Path | str = "q1",
+    truth: AnyBench | Path | str = "q1",
     *,
     seed: int = 1,
     instrument: Instrument | None = None,
@@ -138,8 +147,9 @@ def synthesize(
 
     Args:
         truth: What is measured: "q1" or "q2" (the paper's series), "duffing" (its string driven
-            hard), "pumped" (its sweeps under a parametric pump), a bench or curve, or the path of
-            a synthetic campaign or of its truth.toml; of a plan of sweeps "pumped", "crossing", or
+            hard), "pumped" (its sweeps under a parametric pump), "string_pumped" (those under a
+            pump at the distance of the modes and at half of it), a bench or curve, or the path of a
+            synthetic campaign or of its truth.toml; of a plan of sweeps "pumped", "crossing", or
             the path of such a campaign, of tones at values of a control the latter.
         seed: Seed of all noise, a whole number of at least 0; the same seed gives the same numbers.
         instrument: How the series is read; None: as the bench has it.
@@ -172,9 +182,9 @@ def synthesize(
         if isinstance(found, Curve):
             _refuse_of_curve(found, instrument, plan)
             return _written(_curve(found, changes, seed, command), out)
-        if isinstance(found, PumpedBench):
-            _refuse_of_pumped(instrument, plan)
-            return _written(_pumped(changed_pumped(found, **changes), seed, command), out)
+        if isinstance(found, PumpedBench | SubharmonicBench):
+            _refuse_of_pumped(found, instrument, plan)
+            return _written(_pumped(found, changes, seed, command), out)
         bench = changed(found, **changes)
         _refuse_instrument(bench, instrument, plan)
         bench = replace(bench, instrument=instrument or bench.instrument)
@@ -211,15 +221,18 @@ def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path |
             )
 
 
-def _refuse_of_pumped(instrument: Instrument | None, plan: Path | None) -> None:
+def _refuse_of_pumped(
+    bench: PumpedBench | SubharmonicBench, instrument: Instrument | None, plan: Path | None
+) -> None:
+    name = PUMPED if isinstance(bench, PumpedBench) else SUBHARMONIC
     if instrument is not None:
         raise BadInput(
-            f"instrument: the bench {PUMPED!r} sweeps one line and records its amplitudes; phases "
+            f"instrument: the bench {name!r} sweeps one line and records its amplitudes; phases "
             "and the other mode are not made of it, wanted none"
         )
     if plan is not None:
         raise BadInput(
-            f"plan: the bench {PUMPED!r} measures sweeps, not the tones of a plan; wanted sweeps"
+            f"plan: the bench {name!r} measures sweeps, not the tones of a plan; wanted sweeps"
         )
 
 
@@ -238,8 +251,15 @@ def _curve(curve: Curve, changes: Mapping[str, Any], seed: int, command: str) ->
     return Synthetic(measured=changed_one, truth=tomllib.loads(files[TRUTH_NAME]), files=files)
 
 
-def _pumped(bench: PumpedBench, seed: int, command: str) -> Synthetic:
-    measured, truth, files = pumped_files(bench, seed, command)
+def _pumped(
+    bench: PumpedBench | SubharmonicBench, changes: Mapping[str, Any], seed: int, command: str
+) -> Synthetic:
+    measured: PumpedSweeps | SubharmonicSweeps
+    if isinstance(bench, PumpedBench):
+        measured, truth, files = pumped_files(changed_pumped(bench, **changes), seed, command)
+    else:
+        changed_bench = changed_subharmonic(bench, **changes)
+        measured, truth, files = subharmonic_files(changed_bench, seed, command)
     return Synthetic(measured=measured, truth=truth, files=files)
 
 
@@ -271,7 +291,7 @@ def _planned_tones(laboratory: SweptLaboratory, path: Path, seed: int, command: 
     return Synthetic(measured=measured, truth=truth, files=files, source=path.parent)
 
 
-def bench_of(truth: Bench | PumpedBench | Curve | Path | str) -> Bench | PumpedBench | Curve:
+def bench_of(truth: AnyBench | Path | str) -> AnyBench:
     """A bench or curve as it is, by its name, or by its truth file or the campaign beside that.
 
     Args:
@@ -280,14 +300,17 @@ def bench_of(truth: Bench | PumpedBench | Curve | Path | str) -> Bench | PumpedB
     Raises:
         BadInput: no such bench or file.
     """
-    if isinstance(truth, Bench | PumpedBench | Curve):
+    if isinstance(truth, AnyBench):
         return truth
     path = Path(truth)
     if path.suffix != ".toml":
-        return PumpedBench() if str(truth) == PUMPED else bench_named(str(truth))
+        named = {PUMPED: PumpedBench, SUBHARMONIC: SubharmonicBench}.get(str(truth))
+        return bench_named(str(truth)) if named is None else named()
     file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
     tables = read_toml(file)
     curve = curve_of(tables, file)
     if curve is not None:
         return curve
+    if SUBHARMONIC in tables:
+        return subharmonic_bench_of(tables, file)
     return pumped_bench_of(tables, file) if PUMPED in tables else read_bench(file)

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from fitting.lab.names import CROSSING, PUMPED, WIRED
+from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, WIRED
 from fitting.lab.string import TwoModes
 
 #: Parameters that no drift moves, and values that follow from all of them.
@@ -41,6 +41,11 @@ def true_values(truth: Mapping[str, Any], *, reflection: bool = False) -> dict[s
     if PUMPED in truth:
         own = {name: float(getattr(modes, field)) for name, field in OWN.items()}
         return {**own, "lambda12": float(truth["outcome"]["lambda_hz"])}
+    if SUBHARMONIC in truth:
+        found = _of_sample(modes)
+        same = {name: found[name] for name in ("theta", "d1", "d2", "f1", "f2")}
+        gain = float(truth[SUBHARMONIC]["depth_per_volt"])
+        return {**same, "lambda12": found["lambda"], "gain": gain}
     drives = truth.get("experiment", ())
     places = [{k: e[k] for k in ("eta_plus_hz", "eta_minus_hz")} for e in drives]
     found = _of_samples([replace(modes, **place) for place in places] or [modes])

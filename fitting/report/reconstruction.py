@@ -147,9 +147,11 @@ def answer_block(answer: Answer) -> tuple[Line, ...]:
         Line("Known", values=values, words="" if values else answer.nothing),
         *([Line("Given", values=given, words=answer.condition)] if answer.condition else []),
         Line("Not known", words=answer.open_words),
+        *(Line("Together", words=said) for said in answer.together),
     ]
     if answer.advice or answer.command:
         lines.append(Line("Next", words=answer.advice, command=answer.command))
+    lines += [Line("Assumed" if k == 0 else "", words=s) for k, s in enumerate(answer.assumed)]
     return tuple(lines)
 
 

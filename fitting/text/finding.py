@@ -27,6 +27,8 @@ class Kind(StrEnum):
     equivalent_solution = "equivalent_solution"
     posterior_incomplete = "posterior_incomplete"
     posterior_unchecked = "posterior_unchecked"
+    assumption = "assumption"
+    combination = "combination"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +39,10 @@ class Finding:
         kind: what was found.
         severity: "error" where values cannot be given, "warning" where the reader must act.
         subject: the measurement, parameter or file that it is about.
-        numbers: what a sentence about it needs, by name, in SI units.
+        numbers: what a sentence about it needs, by name, in SI units. Of an assumption
+            ``shift_NAME``, by which the value NAME would shift, and ``chi_square``, its rise; of a
+            combination the ``correlation``, ``std_NAME`` and ``std_alone_NAME``, with the other
+            parameter known.
     """
 
     kind: Kind

@@ -125,6 +125,14 @@ class Formula:
     def _worked_out(self) -> Worked:
         return _worked(self._tree)
 
+    def written_out(self, formulas: Mapping[str, Formula]) -> Formula:
+        """The formula in which some names stand for formulas, each in brackets.
+
+        Args:
+            formulas: by the names that stand for them; names in these are kept.
+        """
+        return Formula(ast.unparse(_written_out(self._tree, formulas)), self.where)
+
     def dimension(self, units: Mapping[str, str]) -> Dimension:
         """Powers of the base dimensions that its value has; an angle counts as a plain number.
 
@@ -198,6 +206,22 @@ class Formula:
                 f"{self.where}: '{ast.unparse(node)}' {place} is in {_unit_words(node, units)}; "
                 "wanted a plain number there"
             )
+
+
+def _written_out(node: ast.expr, formulas: Mapping[str, Formula]) -> ast.expr:
+    """A part in which names are replaced by the trees of their formulas."""
+    match node:
+        case ast.Name() | ast.Attribute():
+            found = formulas.get(ast.unparse(node))
+            return node if found is None else found._tree
+        case ast.UnaryOp(op=op, operand=inner):
+            return ast.UnaryOp(op=op, operand=_written_out(inner, formulas))
+        case ast.Call(func=function, args=[inner]):
+            return ast.Call(func=function, args=[_written_out(inner, formulas)], keywords=[])
+        case ast.BinOp(left=left, op=op, right=right):
+            one, two = _written_out(left, formulas), _written_out(right, formulas)
+            return ast.BinOp(left=one, op=op, right=two)
+    return node
 
 
 def _is_double(number: float) -> bool:

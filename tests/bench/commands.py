@@ -162,6 +162,12 @@ COMMANDS = (
         quick=True,
     ),
     Command(
+        "pumped_string",
+        "lambda from pumped sweeps without the pump's depth",
+        full=("", "--coupling 0.05 --laboratories 20", "--fisher"),
+        smoke="--fisher",
+    ),
+    Command(
         "quirks",
         "what check and init make of FMUs of others",
         smoke="--coverage 1 --only 'reset keeps'",

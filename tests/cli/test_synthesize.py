@@ -40,6 +40,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("string_q2", "q2", 2),
         ("duffing_string", "duffing", 3),
         ("string_q1_published", "q1-published", 4),
+        ("string_pumped", "string_pumped", 1),
     ],
 )
 def test_shipped_campaigns_are_what_their_headers_say(
@@ -51,7 +52,7 @@ def test_shipped_campaigns_are_what_their_headers_say(
     assert call(*command.split()[2:], "--out", tmp_path / "again") == 0
     again = contents(tmp_path / "again")
     assert sorted(again) == sorted(shipped)
-    for name in ("campaign.toml", "truth.toml", "experiments.csv"):
+    for name in {"campaign.toml", "truth.toml", "experiments.csv", "sweeps.csv"} & {*shipped}:
         assert again[name].splitlines()[:2] == shipped[name].splitlines()[:2]
     for name, data in again.items():
         # transcendental functions differ in the last digit between machines: numbers, not bytes
@@ -150,6 +151,7 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
         (["--series", "q1", "--noise", "0.1"], "--noise: "),
         (["--series", "notch", "--theta", "1"], "--theta: .*--series notch"),
         (["--series", "pumped", "--phases"], "--phases: .*--series pumped"),
+        (["--series", "string_pumped", "--phases"], "--phases: .*--series string_pumped"),
         (["--series", "notch", "--phases"], "--phases: .*--series notch"),
         (["--series", "notch", "--modes", "3"], "--modes: .*--series notch"),
         (["--series", "q1", "--modes", "3"], "--modes: "),

@@ -81,6 +81,11 @@ def test_cubic_terms_and_pumped_coupling_are_told() -> None:
     assert values_of(dict(ff.synthesize("duffing", seed=1).truth))["alpha1"] == 1e32
     pumped = dict(ff.synthesize("pumped", seed=1).truth)
     assert values_of(pumped)["lambda12"] == pumped["outcome"]["lambda_hz"]
+    twice = dict(ff.synthesize("string_pumped", seed=1, depth_per_volt=5e-5).truth)
+    found = values_of(twice)
+    told = [twice["outcome"][f"{name}_hz"] for name in ("lambda", "f1", "f2")]
+    assert [found[name] for name in ("lambda12", "f1", "f2")] == pytest.approx(told, rel=1e-12)
+    assert found["gain"] == 5e-5
 
 
 def test_an_angle_is_told_where_the_estimate_is() -> None:

@@ -25,6 +25,7 @@ from typing import Self
 import numpy as np
 
 from fitting.campaign import Setup
+from fitting.measurements.control.lines import MOST_LINES, lines_figure
 from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.control.scales import SCALES, SpectrumScales
 from fitting.measurements.control.spectrum import ControlSpectrum
@@ -432,14 +433,15 @@ class ControlSweep(MeasurementKind):
         return ""
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
-        """Maps over control and frequency: measured, simulated, and what is left.
+        """Maps over control and frequency, or few lines: measured, simulated, and what is left.
 
         Args:
             before: predictions (rows,) at the start parameters.
             after: the same at the fitted parameters.
         """
         fitted = self.scaled(Prediction(np.asarray(after, dtype=float)), 1.0)
-        return (self._maps(fitted).figure,)
+        maps = self._maps(fitted)
+        return (lines_figure(maps) if len(self.spectra) <= MOST_LINES else maps.figure,)
 
     def _maps(self, fitted: FloatArray) -> ControlMaps:
         """The maps of fitted amplitudes (rows,); dB as the laboratory has them."""

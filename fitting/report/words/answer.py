@@ -18,6 +18,7 @@ from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.report.table import wrapped
+from fitting.report.words.assumptions import assumption_sentences, combination_sentences
 from fitting.report.words.values import period_words, reported_words, told_twice
 from fitting.result.result import Result
 from fitting.signal.residual_tests import TOGETHER, UNEQUAL
@@ -96,7 +97,8 @@ class Answer:
 
     `command` is what to type for it, empty where there is no such command. `condition` is what some
     of the known values hold under, which the data do not tell; mostly empty. `sweep` is what the
-    sweep alone tells where the model does not describe the data; else empty.
+    sweep alone tells where the model does not describe the data; else empty. `assumed` are
+    sentences on what the campaign takes for granted, `together` on what is known in combination.
     """
 
     known: tuple[Known, ...]
@@ -105,6 +107,8 @@ class Answer:
     command: str = ""
     condition: str = ""
     sweep: str = ""
+    assumed: tuple[str, ...] = ()
+    together: tuple[str, ...] = ()
 
     @property
     def resting(self) -> tuple[Known, ...]:
@@ -176,6 +180,8 @@ def answer_of(result: Result) -> Answer:
         command=command,
         condition=condition,
         sweep=_by_the_sweep(result),
+        assumed=assumption_sentences(result),
+        together=combination_sentences(result),
     )
 
 
@@ -190,9 +196,12 @@ def answer_lines(answer: Answer) -> list[str]:
         values = f"{_values(answer.resting)}. " if answer.resting else ""
         lines += wrapped(f"given:     {values}{answer.condition}", LEAD)
     lines += wrapped(f"not known: {answer.open_words}", LEAD)
+    lines += [line for said in answer.together for line in wrapped(f"together:  {said}", LEAD)]
     lines += wrapped(f"next:      {answer.advice}", LEAD) if answer.advice else []
     if answer.command:  # in one line: it is to be copied
         lines.append(f"{' ' * LEAD if answer.advice else 'next:      '}{answer.command}")
+    for k, said in enumerate(answer.assumed):
+        lines += wrapped(f"{'assumed:' if k == 0 else '':{LEAD}}{said}", LEAD)
     return [*lines, "", *(line for said in answer.notes for line in wrapped(said))]
 
 

@@ -1,0 +1,248 @@
+"""Sweeps under a pump at the distance of two modes and at half of it: lambda without the depth.
+
+With P = [[p11, p12], [p12, p22]] in Hz^2 what the pump adds to the squares, and P~ = T P T^T, the
+observed line opens at the n-th subharmonic of the distance, u_p = (eta_minus - eta_plus)/n, by
+
+    |P~12|/(2 sqrt(eta_plus eta_minus)) 2 n |J_n(beta)/beta|,
+    beta = (P~22/(2 eta_minus) - P~11/(2 eta_plus))/u_p
+
+The first opening goes with |sin 2 theta|, beta with |cos 2 theta|, both with the depth: their ratio
+gives theta without it. The truth comes from `fitting.lab.modes`, which shares no code with the FMU.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.lab.modes import CoupledModes, Pump
+from fitting.lab.pumped import STRING, check_rotation, check_steady, pumped_modes
+from fitting.lab.string import TwoModes
+from fitting.text.arrays import ComplexArray, FloatArray
+
+#: Points in a line width where peaks are looked for; half spans at first and at last, in widths.
+SOUGHT, FIRST_REACH, LAST_REACH = 10.0, 6.0, 60.0
+#: Detunings of the pump that are tried, in line widths of the two modes together.
+TRIED = np.linspace(-1.0, 1.0, 5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumpedSweep:
+    """One sweep: voltage and frequency of the pump, and how far the sweep goes about eta_plus.
+
+    A pump that is off has no voltage, and any frequency.
+    """
+
+    volts: float
+    pump_hz: float
+    span_hz: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubharmonicBench:
+    """The truth and how it is swept.
+
+    A pump of ``volts`` modulates f1^2 by ``depth_per_volt`` times that: p11 = depth f1^2, which a
+    fit is not told. ``coupling_share`` is p12/p11 and ``second_share`` p22/p11, both 0 where the
+    pump acts on the mode called 1 alone. ``points`` frequencies about eta_plus are read with
+    Gaussian noise of ``noise_v`` in each quadrature, ``noise_scale`` times; ``crest_v`` is the
+    height of the unpumped line.
+
+    Raises:
+        ValueError: numbers that are no bench.
+    """
+
+    string: TwoModes = STRING
+    depth_per_volt: float = 3e-4
+    # the last pump is where the two peaks are closest, as `closest_peaks_hz` finds it, to 1 Hz
+    sweeps: tuple[PumpedSweep, ...] = (
+        PumpedSweep(volts=0.0, pump_hz=0.0, span_hz=1000.0),
+        PumpedSweep(volts=1.0, pump_hz=87340.0, span_hz=1000.0),
+        PumpedSweep(volts=10.0, pump_hz=43769.0, span_hz=1200.0),
+    )
+    points: int = 41
+    crest_v: float = 40e-6
+    noise_v: float = 0.2e-6
+    noise_scale: float = 1.0
+    coupling_share: float = 0.0
+    second_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.sweeps) < 2:
+            raise ValueError(f"{len(self.sweeps)} sweeps, wanted two or more")
+        if self.points < 8 or not (self.crest_v > 0.0 and self.noise_v > 0.0):
+            raise ValueError("wanted 8 points or more, a positive crest and noise")
+        if self.noise_scale < 0.0 or not self.depth_per_volt >= 0.0:
+            raise ValueError("wanted a noise_scale and a depth_per_volt that are not negative")
+        for s in self.sweeps:
+            if not (s.span_hz > 0.0 and s.volts >= 0.0 and (s.pump_hz > 0.0 or s.volts == 0.0)):
+                raise ValueError("wanted positive spans and pump frequencies, volts from 0")
+        check_rotation(self.string)
+
+    @property
+    def eta_apart_hz(self) -> float:
+        """eta_minus - eta_plus, Hz."""
+        return self.string.eta_minus_hz - self.string.eta_plus_hz
+
+    @property
+    def detector_v(self) -> float:
+        """Of the detector for each m, by its unpumped line, V/m."""
+        width = self.string.widths_hz()[0]
+        u_hz = self.string.eta_plus_hz + np.linspace(-0.1, 0.1, 21) * width
+        return self.crest_v / float(np.max(self.magnitude(0.0, self.eta_apart_hz, u_hz)))
+
+    def frequency_hz(self, sweep: PumpedSweep) -> FloatArray:
+        """Frequencies of a sweep, (points,).
+
+        Args:
+            sweep: of the bench.
+        """
+        reach = 0.5 * sweep.span_hz
+        return np.asarray(self.string.eta_plus_hz + np.linspace(-reach, reach, self.points))
+
+    def sample(self, volts: float, pump_hz: float) -> CoupledModes:
+        """The string under a pump, in its uncoupled coordinates.
+
+        Args:
+            volts: of the pump.
+            pump_hz: its frequency, Hz.
+        """
+        depth = self.depth_per_volt * volts
+        sample = pumped_modes(self.string, depth, pump_hz)
+        if not depth:
+            return sample
+        (f1, f2), coupling = sample.f_hz, sample.coupling_hz[0, 1]
+        second = self.second_share * depth * (f1 / f2) ** 2
+        on_coupling = self.coupling_share * depth * (f1 / coupling) ** 2 if coupling else 0.0
+        pump = Pump(
+            frequency_hz=pump_hz, depth_f=(depth, second), depth_coupling={(0, 1): on_coupling}
+        )
+        return replace(sample, pump=pump)
+
+    def phasors(self, volts: float, pump_hz: float, u_hz: FloatArray) -> ComplexArray:
+        """Phasors (n,) of the observed mode, in m under 1 m/s2.
+
+        Args:
+            volts: of the pump.
+            pump_hz: its frequency, Hz.
+            u_hz: frequencies, (n,), Hz.
+        """
+        waves = self.sample(volts, pump_hz).response(u_hz)
+        return np.asarray(waves @ self.string.transform()[0])
+
+    def swept(self, volts: float, pump_hz: float, u_hz: FloatArray) -> ComplexArray:
+        """Phasors of one more sweep, V, (n,), without noise.
+
+        Args:
+            volts: of the pump.
+            pump_hz: its frequency, Hz.
+            u_hz: frequencies, (n,), Hz.
+
+        Raises:
+            ValueError: the pump makes the motion grow, which has no steady state.
+        """
+        check_steady(self.sample(volts, pump_hz), f"a pump of {volts:g} V at {pump_hz:g} Hz")
+        return np.asarray(self.detector_v * self.phasors(volts, pump_hz, u_hz))
+
+    def magnitude(self, volts: float, pump_hz: float, u_hz: FloatArray) -> FloatArray:
+        """Amplitudes (n,) of the observed mode, in m under 1 m/s2.
+
+        Args:
+            volts: of the pump.
+            pump_hz: its frequency, Hz.
+            u_hz: frequencies, (n,), Hz.
+        """
+        return np.asarray(np.abs(self.phasors(volts, pump_hz, u_hz)))
+
+    def peaks_hz(self, volts: float, pump_hz: float, reach_hz: float) -> tuple[float, float]:
+        """The two highest peaks of the line under a pump, Hz, lower one first; equal: there is one.
+
+        Args:
+            volts: of the pump.
+            pump_hz: its frequency, Hz.
+            reach_hz: how far from eta_plus they are looked for.
+        """
+        count = int(2.0 * reach_hz * SOUGHT / self.string.widths_hz()[0]) + 1
+        u_hz = self.string.eta_plus_hz + np.linspace(-reach_hz, reach_hz, count)
+        seen = self.magnitude(volts, pump_hz, u_hz)
+        at = 1 + np.flatnonzero((seen[1:-1] > seen[:-2]) & (seen[1:-1] >= seen[2:]))
+        tops = sorted(at, key=lambda k: -seen[k])[:2]
+        found = sorted(_top(u_hz[k - 1 : k + 2], seen[k - 1 : k + 2]) for k in tops)
+        return (found[0], found[-1]) if found else (float("nan"), float("nan"))
+
+
+def _top(u_hz: FloatArray, seen: FloatArray) -> float:
+    """Where the parabola through three points is highest."""
+    left, middle, right = seen
+    bend = left - 2.0 * middle + right
+    return float(u_hz[1] + 0.5 * (u_hz[1] - u_hz[0]) * (left - right) / bend)
+
+
+def closest_peaks_hz(bench: SubharmonicBench, volts: float, order: int) -> tuple[float, float]:
+    """Frequency of a pump near a subharmonic at which the two peaks are closest, and how close, Hz.
+
+    What a laboratory does: the pump is moved until the opening is smallest. The squares of the
+    distances are a parabola of the detuning, as of any avoided crossing.
+
+    Args:
+        bench: whose string is pumped.
+        volts: of the pump.
+        order: of the subharmonic: 1 at the distance of the modes, 2 at half of it.
+
+    Raises:
+        ValueError: the line does not open there.
+    """
+    width = sum(bench.string.widths_hz()) / 2.0
+    middle, reach = bench.eta_apart_hz / order, FIRST_REACH * width
+    # the dynamic Stark shift goes with the square of the voltage and may be many widths
+    for _ in range(16):
+        pumps = middle + TRIED * width / order
+        apart = np.array([np.ptp(bench.peaks_hz(volts, pump, reach)) for pump in pumps])
+        if not np.all(apart > 0.0):
+            if reach > LAST_REACH * width:
+                raise ValueError(
+                    f"a pump of {volts:g} V near {middle:.6g} Hz does not open the line by more "
+                    "than its width; wanted a higher voltage"
+                )
+            reach *= 2.0
+            continue
+        bend, slope, _rest = np.polyfit(pumps - middle, apart**2, 2)
+        step = float(np.clip(-0.5 * slope / bend, -5.0 * width, 5.0 * width))
+        middle += step
+        reach = 3.0 * width + 0.75 * float(apart.max())
+        if abs(step) < 1e-3 * width:
+            break
+    return middle, float(np.ptp(bench.peaks_hz(volts, middle, reach)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubharmonicSweeps:
+    """What was read, ``amplitude_v`` (sweeps, points), and without noise, ``true_v``."""
+
+    bench: SubharmonicBench
+    seed: int
+    amplitude_v: FloatArray
+    true_v: FloatArray
+
+
+def measure_subharmonic(bench: SubharmonicBench, seed: int) -> SubharmonicSweeps:
+    """Take all sweeps of a bench; the same arguments give the same numbers.
+
+    Args:
+        bench: the truth and how it is swept.
+        seed: of the noise.
+
+    Raises:
+        ValueError: a pump makes the motion grow, which has no steady state.
+    """
+    rng = np.random.default_rng(seed)
+    waves = [bench.swept(s.volts, s.pump_hz, bench.frequency_hz(s)) for s in bench.sweeps]
+    true_v = np.abs(np.array(waves))
+    noise = rng.standard_normal((2, *true_v.shape)) * bench.noise_v * bench.noise_scale
+    return SubharmonicSweeps(
+        bench=bench,
+        seed=seed,
+        amplitude_v=np.hypot(true_v + noise[0], noise[1]),
+        true_v=true_v,
+    )
