@@ -107,6 +107,8 @@ def masked(text: str) -> str:
     """A text without its numbers, its columns and the lines that say how long something took."""
     lines = [line for line in text.splitlines() if not re.match(r"\s*took ", line)]
     text = "".join(f"{line}\n" for line in lines)
+    # of a file, which are another compiler's own
+    text = re.sub(r"\{[0-9a-f-]{36}\}|\b[0-9a-f]{64}\b", "#", text)
     text = re.sub(r"(?<!exit code )(?<![\w.])[-+]?\d[\d.,]*(?:e[-+]?\d+)?", "#", text)
     text = re.sub(r"# (?:µs|ms|min|h)\b(?: # (?:s|min)\b)?", "# s", text)
     return re.sub(r"[ \t]+", " ", text)
