@@ -198,7 +198,9 @@ def compared(seed: int) -> Compared:
     names = ("readout", *(f"q{i + 1}" for i in range(n)))
     declared = dict(zip(names, slave.get(*(f"{name}_error" for name in names)), strict=True))
     with mp.workdps(reference.DIGITS):
-        seen = {tone: {k: _seen(values, x) for k, x in found.items()} for tone, found in truths.items()}
+        seen = {
+            tone: {k: _seen(values, x) for k, x in found.items()} for tone, found in truths.items()
+        }
         ratios = _amplitudes(slave, seen, names, declared)
         if values.get("solver") != ENVELOPE:
             ratios |= _first_sidebands(slave, seen, declared["readout"])
@@ -224,7 +226,8 @@ def _truth(values: Scene, tone: int, used: int) -> dict[int, list[Any]]:
             found = reference.long_sidebands(values, u, reach, values["pump_phase"])
             if before is not None:
                 least = SETTLED * mp.norm(found[0])
-                if all(mp.norm(mp.matrix(found[k]) - mp.matrix(x)) <= least for k, x in before.items()):
+                moved = (mp.norm(mp.matrix(found[k]) - mp.matrix(x)) for k, x in before.items())
+                if all(size <= least for size in moved):
                     return {k: [amplitude * z for z in x] for k, x in found.items()}
             before, reach = found, reach + reach // 2
     raise NotComparable(f"more than {MOST} sidebands")
@@ -285,7 +288,7 @@ def _all_sidebands(
     slave: Slave, values: Scene, truths: dict[int, dict[int, list[Any]]]
 ) -> dict[str, float]:
     """The sum of all errors of a response, beside its own bound."""
-    solver = slave._slave.running()  # type: ignore[attr-defined]
+    solver = slave._slave.running()
     ratios = {}
     for tone, truth in truths.items():
         found = solver.response(values[f"u{tone}"])
