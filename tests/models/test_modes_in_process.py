@@ -447,6 +447,57 @@ def test_the_bound_of_a_cut_is_near_what_it_costs_where_one_mode_resounds_beyond
     assert error <= least <= 1.3 * error
 
 
+def chain_of(p: Values, u: float, reach: int) -> tuple[modes_steady._Chain, Parameters, Any]:
+    """A chain of as many sidebands on both sides, and what is beyond it."""
+    made = parameters(p)
+    frame = modes_steady.Frame(matrices(made), None, p["pump_hz"])
+    chain = modes_steady._Chain(frame, u, reach, reach)
+    return chain, made, tuple(Side(frame, u, sign).tail(reach) for sign in (1, -1))
+
+
+@pytest.mark.parametrize("place", [0, 3, 6, 7, 12])
+@pytest.mark.parametrize("u", [0.97, 1.31])
+def test_what_a_solution_is_off_by_is_bounded_by_its_residual(u: float, place: int) -> None:
+    """One sideband moved by a millionth: the bound is no less, nor larger by what ties it."""
+    with in_precise_arithmetic():
+        chain, made, tails = chain_of(THREE | PUMP, u, 6)
+        found = chain.solved(made.g)
+        exact = chain.corrected(made.g, found)
+        sizes = [float(np.linalg.norm(x)) for x in found]
+        own = float(np.abs(np.array(found) - exact).sum())
+        assert own <= chain.errors(made.g, found, sizes, tails)[1] <= 1e-12 * max(sizes)
+        moved = [1e-6 * max(sizes) * z for z in (1.0, -0.5, 0.25j)]
+        found[place] = [x + y for x, y in zip(found[place], moved, strict=True)]
+        off = float(np.linalg.norm(moved))
+        assert off <= chain.errors(made.g, found, sizes, tails)[1] <= 300.0 * off
+
+
+@pytest.mark.parametrize(("u", "pump_hz"), [(0.97, 0.31), (0.3, 0.35), (1.9, 0.45), (1.0, 2.03)])
+def test_columns_of_the_inverse_are_bounded_by_the_elimination(u: float, pump_hz: float) -> None:
+    """Sums of moduli of a dense inverse of one mode's chain."""
+    reach, p = 4, pumped_mode(0.3, 0.2, pump_hz, u)
+    with in_precise_arithmetic():
+        chain, _, _ = chain_of(p, u, reach)
+    high, low = chain._spread(1, reach), chain._spread(-1, reach)
+    found = np.array([*reversed(low.columns(high)), *high.columns(low)[1:]])
+    v = u + pump_hz * np.arange(-reach, reach + 1)
+    beside = np.full(2 * reach, 0.5 * 0.3)
+    dense = np.diag(1.0 - v**2 + 0.2j * v) + np.diag(beside, 1) + np.diag(beside, -1)
+    sums = np.abs(np.linalg.inv(dense)).sum(axis=0)
+    assert np.all(sums <= found * (1.0 + 1e-12))
+    assert np.min(sums / found) > 0.6
+
+
+def test_corrections_go_on_until_doubles_hold_no_more() -> None:
+    """With an inverse that is a thousandth off, so that each leaves a thousandth."""
+    with in_precise_arithmetic():
+        chain, made, _ = chain_of(THREE | PUMP, 0.97, 6)
+        wanted = np.array(chain.corrected(made.g, chain.solved(made.g)))
+        chain.inverses[0] = [[1.001 * x for x in row] for row in chain.inverses[0]]
+        found = np.array(chain.corrected(made.g, chain.solved(made.g)))
+    assert np.abs(found - wanted).max() <= 1e-15 * np.abs(wanted).max()
+
+
 @pytest.mark.parametrize("u", [0.97, 1.31, 4.0])
 def test_sidebands_do_not_depend_on_where_the_chain_is_cut_first(
     u: float, monkeypatch: pytest.MonkeyPatch
