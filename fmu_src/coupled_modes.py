@@ -189,8 +189,9 @@ def _settings() -> list[Variable]:
             "tolerance",
             "Real",
             TOLERANCES[0],
-            "error allowed to the periodic motion under a pump, relative to readout and to the "
-            "largest displacement at each tone",
+            "error allowed to the periodic motion under a pump, relative to the amplitude at each "
+            "tone of readout and of the largest displacement; not below 1e-14 of the largest "
+            "sideband",
             minimum=TOLERANCES[0],
             maximum=TOLERANCES[1],
         ),
@@ -256,9 +257,9 @@ def _derived(n: int) -> list[Variable]:
         steady(
             f"{name}_error",
             None,
-            f"bound of the relative error of {name}'s amplitude at the active tones by what "
-            "solver 1 and the cut of the sidebands leave out; 0 with neither; rk4's substep not "
-            "included",
+            f"bound of the relative error of {name}'s amplitude at the active tones by solver 1 "
+            "and, under a pump, by the cut of its sidebands and rounding; 0 with neither; rk4's "
+            "substep not included",
             1e-5,
         )
         for name in ("readout", *(f"q{i}" for i in _modes(n)))
