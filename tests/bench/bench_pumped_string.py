@@ -48,8 +48,8 @@ NAMES = ("lambda12", "theta", "d1", "d2", "f1", "f2")
 GAINS = (1e-5, 1e-2)
 #: Openings, in line widths, that voltages are raised to, by order of the subharmonic.
 OPENINGS = {1: (2.0, 8.0), 2: (1.0, 5.0)}
-#: A voltage is raised by so much at a time where no second peak is seen yet.
-RAISED = 1.15
+#: A voltage is raised from this share of what opens the line so far, by so much at a time.
+BELOW, RAISED = 0.8, 1.06
 #: Errors of what the campaign states of both lines, Hz, uniform.
 ETA_ERRORS = (40.0, 300.0)
 
@@ -91,7 +91,8 @@ def set_pump(bench: SubharmonicBench, order: int, widths: float) -> PumpedSweep:
         order: of the subharmonic.
         widths: FWHM of the unpumped line.
     """
-    width, volts = bench.string.widths_hz()[0], 1e-4 / bench.depth_per_volt
+    width = bench.string.widths_hz()[0]
+    volts = BELOW * _depth(bench, order, widths * width) / bench.depth_per_volt
     while True:
         try:
             pump_hz, apart_hz = closest_peaks_hz(bench, volts, order)
@@ -101,6 +102,17 @@ def set_pump(bench: SubharmonicBench, order: int, widths: float) -> PumpedSweep:
             span = apart_hz + 7.0 * width
             return PumpedSweep(volts=volts, pump_hz=round(pump_hz), span_hz=span)
         volts *= RAISED
+
+
+def _depth(bench: SubharmonicBench, order: int, opening_hz: float) -> float:
+    """About the depth that opens the line so far: the first order of J_n(beta)/beta."""
+    string = bench.string
+    eta, theta = 0.5 * (string.eta_plus_hz + string.eta_minus_hz), string.theta_rad
+    first = 0.25 * eta * abs(np.sin(2.0 * theta))  # Hz for a depth of 1
+    if order == 1:
+        return float(opening_hz / first)
+    beta = 0.5 * eta * abs(np.cos(2.0 * theta)) / (bench.eta_apart_hz / order)
+    return float(np.sqrt(opening_hz / (0.5 * first * beta)))
 
 
 def found(seed: int, fmu: ff.Fmu, coupling: float) -> dict[str, Any]:
