@@ -3,9 +3,9 @@
     python -m tests.bench.bench_modes [--modes 2 3 5] [--steps 200]
 
 The modes are those that the FMU starts with, near 7 MHz with lines of 100 Hz, the pump at the
-distance of the two lowest. A step takes 10 us and is followed by one getReal of the read-out;
-calls go through fmpy. Processor time; medians, and for the first step its own column: there
-propagators are made. Starts take turns at two tones, as those of a sweep do.
+distance of the two lowest. A step takes 10 us and is followed by one getReal of the read-out; calls
+go through fmpy. Processor time; medians, and for the first step its own column: there propagators
+are made. Starts take turns at two phases, so that no response is in store.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def test_no_output_is_further_off_than_declared(seed: int) -> None:
     except NotComparable as error:
         pytest.skip(str(error))
     assert found.worst <= 1.0, found.ratios
-    assert not found.short_of(1e-12)
+    assert not found.exceeds(1e-12)
 
 
 def string(depth: float, pump_hz: float) -> dict[str, float]:

@@ -49,8 +49,12 @@ class Compared:
     asked: float
     sidebands: int
 
-    def short_of(self, least: float) -> bool:
-        """Whether more is declared than what was asked for, if that was ``least`` or more."""
+    def exceeds(self, least: float) -> bool:
+        """Whether more than the tolerance is declared, of solver 0.
+
+        Args:
+            least: tolerance from which on it counts.
+        """
         return self.solver == 0 and self.asked >= least and self.declared > self.asked
 
     @property
@@ -224,13 +228,16 @@ def _truth(values: Scene, tone: int, used: int) -> dict[int, list[Any]]:
         before: dict[int, list[Any]] | None = None
         while reach <= MOST:
             found = reference.long_sidebands(values, u, reach, values["pump_phase"])
-            if before is not None:
-                least = SETTLED * mp.norm(found[0])
-                moved = (mp.norm(mp.matrix(found[k]) - mp.matrix(x)) for k, x in before.items())
-                if all(size <= least for size in moved):
-                    return {k: [amplitude * z for z in x] for k, x in found.items()}
+            if before is not None and _largest_change(before, found) <= SETTLED:
+                return {k: [amplitude * z for z in x] for k, x in found.items()}
             before, reach = found, reach + reach // 2
     raise NotComparable(f"more than {MOST} sidebands")
+
+
+def _largest_change(before: dict[int, list[Any]], found: dict[int, list[Any]]) -> Any:
+    """Of any sideband, relative to the carrier."""
+    changes = [mp.norm(mp.matrix(found[k]) - mp.matrix(x)) for k, x in before.items()]
+    return max(changes) / mp.norm(found[0])
 
 
 def _seen(values: Scene, x: list[Any]) -> list[Any]:
@@ -288,7 +295,7 @@ def _all_sidebands(
     slave: Slave, values: Scene, truths: dict[int, dict[int, list[Any]]]
 ) -> dict[str, float]:
     """The sum of all errors of a response, beside its own bound."""
-    solver = slave._slave.running()
+    solver: Any = slave._slave.running()
     ratios = {}
     for tone, truth in truths.items():
         found = solver.response(values[f"u{tone}"])
