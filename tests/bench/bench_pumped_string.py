@@ -14,7 +14,8 @@ run counts: one that gives no interval has none that holds the truth.
 The table has the share of 95 % intervals of the profile likelihood that hold the truth with the
 one-sided binomial p of "at least 95 %", the share that is determined, and the mean deviation in
 standard errors. With --coupling the pump acts on lambda^2 as well, by this share of f1^2, which the
-fit is not told: the table then holds how far lambda is off against what the finding says.
+fit is not told: the table then holds how far lambda is off against what the finding says. A fit
+starts at the gain that the first opening has at the start's angle, and searches no box.
 """
 
 from __future__ import annotations
@@ -50,6 +51,8 @@ GAINS = (1e-5, 1e-2)
 OPENINGS = {1: (2.0, 8.0), 2: (1.0, 5.0)}
 #: A voltage is raised from this share of what opens the line so far, by so much at a time.
 BELOW, RAISED = 0.8, 1.06
+#: Where the campaign starts theta.
+START_RAD = 2.1
 #: Errors of what the campaign states of both lines, Hz, uniform.
 ETA_ERRORS = (40.0, 300.0)
 
@@ -115,6 +118,20 @@ def _depth(bench: SubharmonicBench, order: int, opening_hz: float) -> float:
     return float(np.sqrt(opening_hz / (0.5 * first * beta)))
 
 
+def first_gain(bench: SubharmonicBench) -> float:
+    """The gain that the opening at the distance of the lines has at the start's angle, 1/V.
+
+    What a laboratory reads off the screen: a product of gain and |sin 2 theta|.
+
+    Args:
+        bench: with the sweep as its second one.
+    """
+    first = bench.sweeps[1]
+    low, high = bench.peaks_hz(first.volts, first.pump_hz, 0.5 * first.span_hz)
+    begun = replace(bench, string=replace(bench.string, theta_rad=START_RAD))
+    return float(np.clip(_depth(begun, 1, high - low) / first.volts, *GAINS))
+
+
 def found(seed: int, fmu: ff.Fmu, coupling: float) -> dict[str, Any]:
     """What a laboratory's fit says: a row (inside, deviation, determined) by value, and findings.
 
@@ -133,9 +150,10 @@ def found(seed: int, fmu: ff.Fmu, coupling: float) -> dict[str, Any]:
             (string.eta_plus_hz, string.eta_minus_hz), lab.stated_hz, strict=True
         ):
             text = text.replace(written_mhz(true), written_mhz(stated))
+        text = text.replace("start = 1e-4", f"start = {first_gain(lab.bench)!r}")
         path.write_text(text, "utf-8")
         truth = true_values(made.truth)
-        fit = ff.fit(ff.Problem.of(ff.read_campaign(path), fmu), starts=3)
+        fit = ff.fit(ff.Problem.of(ff.read_campaign(path), fmu))
         if coupling:
             return _rests(fit.result, truth["lambda12"])
         result = ff.profile(fit, NAMES).result
