@@ -58,12 +58,14 @@ def in_base(unit: str, where: str) -> InBase:
     """How numbers in a unit become numbers in SI base units.
 
     Args:
-        unit: that exists.
+        unit: that exists; empty: none is declared, numbers stay as they are.
         where: what opens complaints.
 
     Raises:
         BadInput: there is no such unit, or it is a logarithmic one.
     """
+    if not unit:
+        return InBase()
     offset = to_base(0.0, unit, where=where)
     return InBase(to_base(1.0, unit, where=where) - offset, offset)
 
@@ -98,7 +100,7 @@ class Law:
             )
         scales = {name: in_base(unit, where) for name, unit in self.units.items()}
         object.__setattr__(self, "scales", scales)
-        object.__setattr__(self, "result", in_base(self.unit, where) if self.unit else InBase())
+        object.__setattr__(self, "result", in_base(self.unit, where))
 
     @property
     def needed(self) -> tuple[str, ...]:

@@ -169,10 +169,8 @@ def _measured(measured: Any) -> str:
 
     if isinstance(measured, Curve):
         return kind_of(measured)
-    if isinstance(measured, PumpedSweeps):
-        return f"{len(measured.bench.settings)} sweeps"
-    if isinstance(measured, SubharmonicSweeps):
-        return f"{len(measured.bench.sweeps)} sweeps"
+    if isinstance(measured, PumpedSweeps | SubharmonicSweeps):
+        return f"{len(measured.amplitude_v)} sweeps"
     return f"{len(measured.bench.pairs_hz)} drive pairs"
 
 

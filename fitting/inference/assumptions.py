@@ -182,7 +182,7 @@ def _shifts(
     for name, value in known.items():
         shift = after.get(name, np.nan) - before.get(name, np.nan)
         if np.isfinite(shift):
-            factor = in_base(value.unit, name).factor if value.unit else 1.0
+            factor = in_base(value.unit, name).factor
             yield name, factor * shift
 
 

@@ -211,13 +211,23 @@ def measure_pumped(bench: PumpedBench, seed: int) -> PumpedSweeps:
     for k, (depth, detuning) in enumerate(bench.settings):
         pump = f"a pump of depth {depth:g} at {bench.apart_hz + detuning:g} Hz"
         check_steady(bench.pumped(k), f"settings[{k}]: {pump}")
-    rng = np.random.default_rng(seed)
     waves = np.array([bench.response(k) for k in range(len(bench.settings))])
     true_v = waves * bench.volts
-    noise = rng.standard_normal((2, *true_v.shape)) * bench.noise_v * bench.noise_scale
-    return PumpedSweeps(
-        bench=bench,
-        seed=seed,
-        amplitude_v=np.hypot(true_v + noise[0], noise[1]),
-        true_v=true_v,
-    )
+    amplitude_v = read_with_noise(true_v, bench.noise_v, bench.noise_scale, seed)
+    return PumpedSweeps(bench=bench, seed=seed, amplitude_v=amplitude_v, true_v=true_v)
+
+
+def read_with_noise(
+    true_v: FloatArray, noise_v: float, noise_scale: float, seed: int
+) -> FloatArray:
+    """Amplitudes as they are read, |true + noise|, of the shape of the true ones, V.
+
+    Args:
+        true_v: amplitudes without noise, of any shape, V.
+        noise_v: Gaussian noise of each quadrature, V.
+        noise_scale: factor on it.
+        seed: of the noise.
+    """
+    noise = np.random.default_rng(seed).standard_normal((2, *true_v.shape))
+    noise = noise * noise_v * noise_scale
+    return np.asarray(np.hypot(true_v + noise[0], noise[1]))

@@ -6,18 +6,21 @@ import dataclasses
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from fitting.lab.names import PUMPED, TRUTH_NAME
+from fitting.lab.names import PUMPED, SUBHARMONIC, TRUTH_NAME
 from fitting.lab.pumped import PumpedBench, PumpedSweeps, measure_pumped, pumped_modes
 from fitting.lab.string import TwoModes
+from fitting.lab.subharmonic import SubharmonicBench
 from fitting.lab.truth import REMARK, plain, values_of
-from fitting.lab.writer import CAMPAIGN_NAME, csv_text, written_mhz
+from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_lines, written_mhz
 from fitting.text.errors import BadInput
 from fitting.text.toml import Tables, rewritten, toml_text
 
+#: A bench that pumps its string.
+AnyPumped = TypeVar("AnyPumped", PumpedBench, SubharmonicBench)
 SWEEPS_NAME = "sweeps.csv"
 #: Fields of a bench with a table of their own.
 ELSEWHERE = ("string",)
@@ -43,7 +46,7 @@ def pumped_bench_of(tables: dict[str, Any], truth: Path) -> PumpedBench:
         raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
 
 
-def changed_pumped(bench: PumpedBench, **values: Any) -> PumpedBench:
+def changed_pumped(bench: AnyPumped, **values: Any) -> AnyPumped:
     """The bench with fields of its own or of its string replaced, by name.
 
     Args:
@@ -54,10 +57,11 @@ def changed_pumped(bench: PumpedBench, **values: Any) -> PumpedBench:
         ValueError: values that are impossible.
         BadInput: a name that this bench does not have.
     """
-    own, modes = PumpedBench.__dataclass_fields__, TwoModes.__dataclass_fields__
+    series = PUMPED if isinstance(bench, PumpedBench) else SUBHARMONIC
+    own, modes = bench.__dataclass_fields__, TwoModes.__dataclass_fields__
     for name in values:
         if name not in own and name not in modes:
-            raise BadInput(f"{name}: has no meaning for the bench {PUMPED!r}")
+            raise BadInput(f"{name}: has no meaning for the bench {series!r}")
     string = dataclasses.replace(
         bench.string, **{name: v for name, v in values.items() if name in modes}
     )
@@ -77,10 +81,7 @@ def pumped_files(
         command: command line that made it, for the record.
     """
     measured = measure_pumped(bench, seed)
-    head = (
-        f"synthetic data of a virtual laboratory, not measured; seed {seed}",
-        f"made by: {command}",
-    )
+    head = head_lines(seed, command)
     text = (resources.files("fitting.lab") / "campaigns" / "pumped.toml").read_text("utf-8")
     truth = pumped_truth(bench, seed)
     files = {

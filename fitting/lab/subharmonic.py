@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.lab.modes import CoupledModes, Pump
-from fitting.lab.pumped import STRING, check_rotation, check_steady, pumped_modes
+from fitting.lab.pumped import STRING, check_rotation, check_steady, pumped_modes, read_with_noise
 from fitting.lab.string import TwoModes
 from fitting.text.arrays import ComplexArray, FloatArray
 
@@ -236,13 +236,7 @@ def measure_subharmonic(bench: SubharmonicBench, seed: int) -> SubharmonicSweeps
     Raises:
         ValueError: a pump makes the motion grow, which has no steady state.
     """
-    rng = np.random.default_rng(seed)
     waves = [bench.swept(s.volts, s.pump_hz, bench.frequency_hz(s)) for s in bench.sweeps]
     true_v = np.abs(np.array(waves))
-    noise = rng.standard_normal((2, *true_v.shape)) * bench.noise_v * bench.noise_scale
-    return SubharmonicSweeps(
-        bench=bench,
-        seed=seed,
-        amplitude_v=np.hypot(true_v + noise[0], noise[1]),
-        true_v=true_v,
-    )
+    amplitude_v = read_with_noise(true_v, bench.noise_v, bench.noise_scale, seed)
+    return SubharmonicSweeps(bench=bench, seed=seed, amplitude_v=amplitude_v, true_v=true_v)

@@ -48,27 +48,6 @@ def subharmonic_bench_of(tables: dict[str, Any], truth: Path) -> SubharmonicBenc
         raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
 
 
-def changed_subharmonic(bench: SubharmonicBench, **values: Any) -> SubharmonicBench:
-    """The bench with fields of its own or of its string replaced, by name.
-
-    Args:
-        bench: the truth and how it is swept.
-        **values: new values of the fields.
-
-    Raises:
-        ValueError: values that are impossible.
-        BadInput: a name that this bench does not have.
-    """
-    own, modes = SubharmonicBench.__dataclass_fields__, TwoModes.__dataclass_fields__
-    for name in values:
-        if name not in own and name not in modes:
-            raise BadInput(f"{name}: has no meaning for the bench {SUBHARMONIC!r}")
-    string = dataclasses.replace(bench.string, **{n: v for n, v in values.items() if n in modes})
-    return dataclasses.replace(
-        bench, **{"string": string, **{n: v for n, v in values.items() if n in own}}
-    )
-
-
 def subharmonic_files(
     bench: SubharmonicBench, seed: int, command: str
 ) -> tuple[SubharmonicSweeps, dict[str, Any], dict[str, str]]:

@@ -24,11 +24,7 @@ from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, TRUTH_NAME
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_truth
 from fitting.lab.subharmonic import SubharmonicBench
-from fitting.lab.subharmonic_files import (
-    changed_subharmonic,
-    subharmonic_bench_of,
-    subharmonic_truth,
-)
+from fitting.lab.subharmonic_files import subharmonic_bench_of, subharmonic_truth
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.measurements.complex.control_table import ComplexControlSweepTable
@@ -127,13 +123,33 @@ class CrossingLaboratory:
         return replace(self.bench, phases=phases).truth(seed)
 
 
+class OfAmplitudes:
+    """What laboratories with a pump have in common, whose bench is called ``name``."""
+
+    name: ClassVar[str]
+    output: ClassVar[str] = "readout_at_u1"
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """It records no phases.
+
+        Raises:
+            BadInput: always.
+        """
+        raise BadInput(
+            f"plan: asks for both quadratures, but the bench {self.name!r} records amplitudes; "
+            "wanted [control_sweep]"
+        )
+
+
 @dataclass(frozen=True)
-class PumpedLaboratory:
+class PumpedLaboratory(OfAmplitudes):
     """The string under a pump, at any time of its drift, which is a straight line."""
 
     bench: PumpedBench
     units: ClassVar[Mapping[str, str]] = {"detuning": "Hz", "depth": "1", "time": "h"}
-    output: ClassVar[str] = "readout_at_u1"
+    name: ClassVar[str] = PUMPED
 
     def changed(self, values: Mapping[str, Any]) -> PumpedLaboratory:
         """As `SweptLaboratory` says."""
@@ -147,35 +163,22 @@ class PumpedLaboratory:
         """
         return self.bench.swept(at["depth"], at["detuning"], at["time"], u_hz)
 
-    def turned(
-        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
-    ) -> ComplexArray:
-        """It records no phases.
-
-        Raises:
-            BadInput: always.
-        """
-        raise BadInput(
-            f"plan: asks for both quadratures, but the bench {PUMPED!r} records amplitudes; "
-            "wanted [control_sweep]"
-        )
-
     def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
         """As `SweptLaboratory` says."""
         return pumped_truth(self.bench, seed)
 
 
 @dataclass(frozen=True)
-class SubharmonicLaboratory:
+class SubharmonicLaboratory(OfAmplitudes):
     """The string under a pump of any voltage and frequency; nothing drifts."""
 
     bench: SubharmonicBench
     units: ClassVar[Mapping[str, str]] = {"volts": "V", "pump": "Hz"}
-    output: ClassVar[str] = "readout_at_u1"
+    name: ClassVar[str] = SUBHARMONIC
 
     def changed(self, values: Mapping[str, Any]) -> SubharmonicLaboratory:
         """As `SweptLaboratory` says."""
-        return SubharmonicLaboratory(changed_subharmonic(self.bench, **values))
+        return SubharmonicLaboratory(changed_pumped(self.bench, **values))
 
     def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
         """As `SweptLaboratory` says.
@@ -184,19 +187,6 @@ class SubharmonicLaboratory:
             ValueError: the pump makes the motion grow.
         """
         return self.bench.swept(at["volts"], at["pump"], u_hz)
-
-    def turned(
-        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
-    ) -> ComplexArray:
-        """It records no phases.
-
-        Raises:
-            BadInput: always.
-        """
-        raise BadInput(
-            f"plan: asks for both quadratures, but the bench {SUBHARMONIC!r} records amplitudes; "
-            "wanted [control_sweep]"
-        )
 
     def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
         """As `SweptLaboratory` says."""

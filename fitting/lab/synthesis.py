@@ -20,11 +20,7 @@ from fitting.lab.plan import Plan
 from fitting.lab.pumped import PumpedBench, PumpedSweeps
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_files
 from fitting.lab.subharmonic import SubharmonicBench, SubharmonicSweeps
-from fitting.lab.subharmonic_files import (
-    changed_subharmonic,
-    subharmonic_bench_of,
-    subharmonic_files,
-)
+from fitting.lab.subharmonic_files import subharmonic_bench_of, subharmonic_files
 from fitting.lab.sweep_plan import (
     SweepPlan,
     SweptLaboratory,
@@ -258,8 +254,8 @@ def _pumped(
     if isinstance(bench, PumpedBench):
         measured, truth, files = pumped_files(changed_pumped(bench, **changes), seed, command)
     else:
-        changed_bench = changed_subharmonic(bench, **changes)
-        measured, truth, files = subharmonic_files(changed_bench, seed, command)
+        changed_one = changed_pumped(bench, **changes)
+        measured, truth, files = subharmonic_files(changed_one, seed, command)
     return Synthetic(measured=measured, truth=truth, files=files)
 
 

@@ -40,7 +40,7 @@ def _together(result: Result, finding: Finding) -> str:
     for name, value in result.parameters.items():
         alone = finding.numbers.get(f"{ALONE}{name}")
         if alone is not None:
-            alone /= in_base(value.unit, name).factor if value.unit else 1.0
+            alone /= in_base(value.unit, name).factor
             said.append(f"{name} to {_shown(alone, value.unit).removeprefix('+')}")
     rho = number(finding.numbers["correlation"], 5)
     return (
@@ -54,7 +54,7 @@ def _sentence(result: Result, finding: Finding) -> str:
     moved = []
     for name, value in {**result.derived, **result.parameters}.items():
         shift = finding.numbers.get(f"{SHIFT}{name}", math.nan)
-        shift /= in_base(value.unit, name).factor if value.unit else 1.0
+        shift /= in_base(value.unit, name).factor
         if abs(shift) >= LEAST * value.std:
             moved.append(f"{name} by {_shown(shift, value.unit)}")
     said = f"shift {listed(moved)}" if moved else "shift no value by a tenth of its standard error"
