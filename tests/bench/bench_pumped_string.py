@@ -6,7 +6,7 @@
 
 Every laboratory has an angle, damping, noise (0.2 to 1 % of the peak) and gain of the pump of its
 own, the gain anywhere in the three decades of its bounds, and states eta_plus and eta_minus with
-errors. Its pump is set as a laboratory sets one: the voltage is raised until the line opens by 2 to
+errors; both drift by the same amount from sweep to sweep, which the campaign solves for. Its pump is set as a laboratory sets one: the voltage is raised until the line opens by 2 to
 8 FWHM at the distance of the lines and by 1 to 5 FWHM at half of it, its frequency to where the two
 peaks are closest. The data come from `fitting.lab.modes`, which shares no code with the FMU. Every
 run counts: one that gives no interval has none that holds the truth.
@@ -23,7 +23,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -55,14 +55,29 @@ BELOW, RAISED = 0.8, 1.06
 START_RAD = 2.1
 #: Errors of what the campaign states of both lines, Hz, uniform.
 ETA_ERRORS = (40.0, 300.0)
+#: How far both lines drift between two sweeps, Hz, Gaussian; a line is some 100 Hz wide.
+DRIFT_HZ = 15.0
+#: What a campaign takes for the drift of the second and the third sweep.
+DRIFTED = """
+[[parameters]]
+name = "{name}"
+lower = "-100 Hz"
+upper = "100 Hz"
+start = "0 Hz"
+"""
 
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A bench, and eta_plus and eta_minus as its campaign states them, Hz."""
+    """A bench, and what happens to its lines.
+
+    ``stated_hz``: eta_plus and eta_minus as its campaign states them; ``drifts_hz``: how far both
+    lines are off at each sweep, by the first one.
+    """
 
     bench: SubharmonicBench
     stated_hz: tuple[float, float]
+    drifts_hz: tuple[float, ...]
 
 
 def laboratory(seed: int, coupling: float = 0.0) -> Laboratory:
@@ -83,7 +98,8 @@ def laboratory(seed: int, coupling: float = 0.0) -> Laboratory:
     still = PumpedSweep(volts=0.0, pump_hz=0.0, span_hz=10.0 * string.widths_hz()[0])
     bench = replace(plain, noise_v=noise, sweeps=(still, *pumped))
     stated = (string.eta_plus_hz + float(off[0]), string.eta_minus_hz + float(off[1]))
-    return Laboratory(bench, stated)
+    steps = np.append(0.0, rng.normal(0.0, DRIFT_HZ, 2))
+    return Laboratory(bench, stated, tuple(map(float, np.cumsum(steps))))
 
 
 def set_pump(bench: SubharmonicBench, order: int, widths: float) -> PumpedSweep:
@@ -132,6 +148,27 @@ def first_gain(bench: SubharmonicBench) -> float:
     return float(np.clip(_depth(begun, 1, high - low) / first.volts, *GAINS))
 
 
+def drifted(rows: str, drifts_hz: Sequence[float]) -> str:
+    """The table of sweeps with lines that drift: two more columns say which sweep a row is of.
+
+    Lines and the frequencies they are seen at move alike: of 7 MHz, 50 Hz change no width.
+
+    Args:
+        rows: of sweeps.csv.
+        drifts_hz: of each sweep.
+    """
+    lines = rows.splitlines()
+    head = next(k for k, line in enumerate(lines) if line.startswith("volts"))
+    points = (len(lines) - head - 1) // len(drifts_hz)
+    made = [*lines[:head], f"second (1),third (1),{lines[head]}"]
+    for k, line in enumerate(lines[head + 1 :]):
+        sweep = k // points
+        volts, pump, mhz, seen = line.split(",")
+        at = float(mhz) + 1e-6 * drifts_hz[sweep]
+        made.append(f"{int(sweep == 1)},{int(sweep == 2)},{volts},{pump},{at!r},{seen}")
+    return "\n".join(made) + "\n"
+
+
 def found(seed: int, fmu: ff.Fmu, coupling: float) -> dict[str, Any]:
     """What a laboratory's fit says: a row (inside, deviation, determined) by value, and findings.
 
@@ -151,7 +188,21 @@ def found(seed: int, fmu: ff.Fmu, coupling: float) -> dict[str, Any]:
         ):
             text = text.replace(written_mhz(true), written_mhz(stated))
         text = text.replace("start = 1e-4", f"start = {first_gain(lab.bench)!r}")
+        text = text.replace('controls = ["', 'controls = ["second", "third", "')
+        # a design would have to say which sweep is next
+        before, _, after = text.partition("[design.sweeps]")
+        text = before + "[continuation]" + after.partition("[continuation]")[2]
+        for line in ("plus", "minus"):
+            moved = f"at_{line} + drift2*second + drift3*third)"
+            text = text.replace(f"at_{line})", moved)
+        text = text.replace(
+            "# What the result rests on",
+            "".join(DRIFTED.format(name=name) for name in ("drift2", "drift3"))
+            + "\n# What the result rests on",
+        )
         path.write_text(text, "utf-8")
+        table = path.with_name("sweeps.csv")
+        table.write_text(drifted(table.read_text("utf-8"), lab.drifts_hz), "utf-8")
         truth = true_values(made.truth)
         fit = ff.fit(ff.Problem.of(ff.read_campaign(path), fmu))
         if coupling:
