@@ -6,10 +6,11 @@
 
 Every laboratory has an angle, damping, noise (0.2 to 1 % of the peak) and gain of the pump of its
 own, the gain anywhere in the three decades of its bounds, and states eta_plus and eta_minus with
-errors; both drift by the same amount from sweep to sweep, which the campaign solves for. Its pump is set as a laboratory sets one: the voltage is raised until the line opens by 2 to
-8 FWHM at the distance of the lines and by 1 to 5 FWHM at half of it, its frequency to where the two
-peaks are closest. The data come from `fitting.lab.modes`, which shares no code with the FMU. Every
-run counts: one that gives no interval has none that holds the truth.
+errors; both drift by the same amount from sweep to sweep, which the campaign solves for. Its pump
+is set as a laboratory sets one: the voltage is raised until the line opens by 2 to 8 FWHM at the
+distance of the lines and by 1 to 5 FWHM at half of it, its frequency to where the two peaks are
+closest. The data come from `fitting.lab.modes`, which shares no code with the FMU. Every run
+counts: one that gives no interval has none that holds the truth.
 
 The table has the share of 95 % intervals of the profile likelihood that hold the truth with the
 one-sided binomial p of "at least 95 %", the share that is determined, and the mean deviation in
