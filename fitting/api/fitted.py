@@ -33,7 +33,6 @@ from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import Kind
 from fitting.report.table import Table, html_table, terminal_text, text_lines, wrapped
 from fitting.report.tables.values import interval_table
 from fitting.result.provenance import Identity, job_of
@@ -43,8 +42,9 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.finding import Finding
+from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed, number, span, unit_text
+from fitting.text.sentences import warning_sentences
 
 __all__ = [
     "Fit",
@@ -291,7 +291,7 @@ class Valued(ABC):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences that a reader must know."""
-        return tuple(warned.sentence for warned in self.inferred.warnings)
+        return warning_sentences(self.inferred.findings)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -454,7 +454,7 @@ class Inference(Valued):
     @property
     def profiled(self) -> bool:
         """Whether every profile was walked that was asked for; see `warnings` where not."""
-        return all(warned.kind is not Kind.PROFILES for warned in self.record.warnings)
+        return all(found.kind is not Kind.profiles_missing for found in self.record.findings)
 
     @property
     def knowledge(self) -> Knowledge | None:

@@ -6,7 +6,6 @@ experiment without which noise explains the rest, or a drift taken the other way
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -37,7 +36,6 @@ from fitting.signal.misfit import (
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import FmuFailure, NoScale
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import hertz, number
 
 #: Share of the misfit that the drift the other way round may leave.
 MOST_LEFT_TURNED = 0.1
@@ -95,43 +93,6 @@ def without_outliers(fit: Fit, adequacy: Adequacy) -> Adequacy:
         return adequacy
     rows = tuple(int(k) for k in np.flatnonzero(known)[list(found)])
     return replace(adequacy, noise_factor=1.0, outliers=rows)
-
-
-def cause_sentence(finding: Finding) -> str:
-    """A cause, or what is far off, in words.
-
-    Args:
-        finding: of `causes_of`.
-    """
-    of, n = finding.subject or "The data", finding.numbers
-    removed = f"removes {number(100.0 * n.get('removed', math.nan), 2)} % of the misfit"
-    several = n.get("curves", 1.0) > 1.0
-    alike = ", of each curve its own, at most" if several else ""
-    factor = number(1.0 + n.get("size", math.nan), 3)
-    size = number(n.get("size", math.nan), 3)
-    place = (
-        hertz(n["frequency_hz"]) if "frequency_hz" in n else f"{n.get('time_s', math.nan):.6g} s"
-    )
-    said = {
-        Kind.gain: f"{of}: a factor of {factor} on the model's output{alike} {removed}. Wanted the "
-        "unit and the gain of the read-out, or a gain that is fitted.",
-        Kind.offset: f"{of}: an offset of {size}{alike} {removed}. Wanted an offset or a "
-        "background that is fitted.",
-        Kind.shift: f"{of}: a shift of its axis by {place}{alike} {removed}. Wanted the frequency, "
-        "or the time, of the measurement.",
-        Kind.noise_level: f"{of}: {factor} times the level of the noise{alike} {removed}. Wanted "
-        "the temperature, the mass and the read-out.",
-        Kind.drift_exchanged: f"{of}: fits with the values before and after the series exchanged. "
-        "Wanted their order.",
-    }
-    if finding.kind is not Kind.outlier:
-        return said[finding.kind]
-    if "chi_square" in n:
-        return (
-            f"{of}: without it χ² is {number(n['chi_square'], 3)} on {number(n['freedom'], 3)}: "
-            f"its peaks are {number(n['factor'], 3)} times as high as the others make likely."
-        )
-    return f"{of}: the point at {place} is {number(n['sigmas'], 3)} standard deviations off."
 
 
 def _single_rows(fit: Fit, adequacy: Adequacy) -> Iterator[Finding]:

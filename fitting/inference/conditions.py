@@ -16,8 +16,7 @@ Source: C. R. Rao, Linear Statistical Inference and Its Applications (partitione
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,10 +29,8 @@ from fitting.inference.values import ParameterResult
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput, FmuFailure
-from fitting.text.notation import listed, number
+from fitting.text.finding import Finding, Kind
 
-#: What the sentence says, by which it is found again.
-CONDITION = "hold only if"
 #: How much wider an error is with the condition free, from which the value rests on it: a wrong
 #: condition then fits as well, with a value one standard error off.
 RESTS = 1.5
@@ -61,10 +58,6 @@ class Taken:
     value: float
     unit: str
 
-    def at(self, value: float) -> str:
-        """Name and value, as a sentence says them."""
-        return f"{self.name} = {number(value, 2)} {self.unit}".rstrip()
-
 
 @dataclass(frozen=True)
 class _Column:
@@ -76,8 +69,8 @@ class _Column:
     change: FloatArray
 
 
-def condition_sentences(fit: Fit, values: Mapping[str, ParameterResult]) -> list[str]:
-    """Under what conditions values hold that the data do not tell; empty where there are none.
+def condition_findings(fit: Fit, values: Mapping[str, ParameterResult]) -> Iterator[Finding]:
+    """Under what conditions values hold that the data do not tell; none where there are none.
 
     Args:
         fit: a solved problem.
@@ -89,12 +82,12 @@ def condition_sentences(fit: Fit, values: Mapping[str, ParameterResult]) -> list
     taken = _taken(fit)
     solution, known = fit.solution, _known(values)
     if not (taken and known and isinstance(solution.objective.response, FmuResponse)):
-        return []
+        return
     whitened = solution.noise.covariance.whitened
     columns = [_column(solution, one) for one in taken]
     moving = [c for c in columns if c is not None]
     if not moving:
-        return []
+        return
     prior = prior_sigmas(solution.parameters, solution.nu)
     fixed = np.vstack([whitened(solution.seen), np.diag(1.0 / prior)])
     rows = np.column_stack([c.change for c in moving])
@@ -103,42 +96,21 @@ def condition_sentences(fit: Fit, values: Mapping[str, ParameterResult]) -> list
     rest = _rest(fixed, added)
     resting = [name for name in known if rest[places[name]]]
     if not resting:
-        return []
-    said = listed(c.taken.at(c.taken.value) for c in moving)
-    hold = CONDITION if len(resting) > 1 else CONDITION.replace("hold", "holds")
-    return [
-        f"{listed(resting)} {hold} {said}, which nobody measured and these data do not tell: "
-        f"{_example(solution, moving, fixed, added, {n: known[n] for n in resting})}."
-    ]
-
-
-def is_condition(sentence: str) -> bool:
-    """Whether a sentence is one of `condition_sentences`.
-
-    Args:
-        sentence: of the warnings of a result.
-    """
-    return CONDITION in sentence or CONDITION.replace("hold", "holds") in sentence
-
-
-def resting_of(sentence: str) -> tuple[str, ...]:
-    """Names of the values that hold only so, of one of `condition_sentences`.
-
-    Args:
-        sentence: of the warnings of a result.
-    """
-    head = re.split(r" holds? only if ", sentence, maxsplit=1)[0]
-    return tuple(re.split(r", | and ", head))
-
-
-def taken_of(sentence: str) -> str:
-    """What is taken, of one of `condition_sentences`: "g2 and readout2".
-
-    Args:
-        sentence: of the warnings of a result.
-    """
-    said = sentence.split(" only if ", 1)[-1].split(", which nobody", 1)[0]
-    return re.sub(r" = .*?(?=, | and |$)", "", said)
+        return
+    numbers = {f"assumed_{c.taken.name}": c.taken.value for c in moving}
+    more, example = _example(solution, moving, fixed, added, {n: known[n] for n in resting})
+    yield Finding(
+        kind=Kind.assumed_value,
+        severity="warning",
+        subject=", ".join(c.taken.name for c in moving),
+        numbers=numbers | more,
+        names={
+            "values": tuple(resting),
+            "assumed": tuple(c.taken.name for c in moving),
+            "units": tuple(c.taken.unit for c in moving),
+            "example": example,
+        },
+    )
 
 
 def _taken(fit: Fit) -> list[Taken]:
@@ -250,8 +222,11 @@ def _example(
     fixed: FloatArray,
     added: FloatArray,
     values: Mapping[str, ParameterResult],
-) -> str:
-    """How little of a condition moves which value by its standard error, where the fit allows."""
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """How little of a condition moves which value by its standard error, where the fit allows.
+
+    The step of the assumed value and the sign of the move; the names of both, with a unit between.
+    """
     places = {p.name: i for i, p in enumerate(solution.parameters)}
     found: list[tuple[float, str, float, _Column]] = []
     for k, column in enumerate(columns):
@@ -263,12 +238,11 @@ def _example(
                 found.append((float(left @ left) / move**2, name, move, column))
     good = [each for each in found if each[0] <= AS_GOOD]
     if not good:
-        return "others fit as well"
+        return {}, ()
     _, name, move, column = min(good, key=lambda each: each[0])
     step = column.step * abs(1.0 / move) ** (1.0 / column.power)
-    more = f"{number(step, 2)} {column.taken.unit}".rstrip()
-    way = "above" if move > 0.0 else "below"
-    return (
-        f"with {column.taken.name} {more} higher, say, the fit is as good, and {name} one standard "
-        f"error {way} what is told"
+    return {"step": step, "move": math.copysign(1.0, move)}, (
+        column.taken.name,
+        column.taken.unit,
+        name,
     )

@@ -153,18 +153,6 @@ def without_values(joint: JointResult | None) -> JointResult | None:
     return replace(joint, series=series)
 
 
-def warnings_of(joint: JointResult) -> list[str]:
-    """Campaigns that contradict each other, or agree badly.
-
-    Args:
-        joint: the tests of their agreement.
-    """
-    against = contradictions(joint)
-    if against:
-        return [test.sentence for test in against]
-    return [t.sentence for t in joint.tensions if t.sigmas > WORTH_A_WARNING]
-
-
 def contradictions(joint: JointResult | None) -> tuple[PairTest, ...]:
     """Pairs of campaigns whose data cannot be of one set of values; each fact once.
 

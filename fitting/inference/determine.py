@@ -67,7 +67,7 @@ from fitting.inference.likelihood.outside import (
 from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
-from fitting.inference.sampled_twins import sampling_sentences
+from fitting.inference.sampled_twins import sampling_findings
 from fitting.inference.stages import Stage
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
@@ -207,8 +207,8 @@ def determine(
             *beyond_sentences(optimum.likelihood, outside, profiles),
             *held_sentences(profiles),
             *identifiability.sentences(optimum, profiles, directions, idle, equivalents),
-            *sampling_sentences(rates, profiles, equivalents),
         ),
+        findings=tuple(sampling_findings(rates, profiles, equivalents)),
         effort=spent,
         bootstrap=resampled,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
 from fitting.text.finding import Finding, Kind
@@ -61,24 +60,6 @@ def exchange_words(here: str, there: str, where: str, *, determined: bool) -> st
     return f"{how} {EXCHANGE}: {here} here, {there} at {where}, which fits as well"
 
 
-def is_reason(sentence: str) -> bool:
-    """Whether a sentence is one of `reason_sentences`.
-
-    Args:
-        sentence: of the warnings of a result.
-    """
-    return EXCHANGE in sentence
-
-
-def reason_sentences(reasons: Mapping[str, str]) -> list[str]:
-    """The reasons, for the warnings of a result.
-
-    Args:
-        reasons: by name of the value.
-    """
-    return [f"{name}: {reason}." for name, reason in reasons.items()]
-
-
 def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
     """Other fits that are as good, a finding each: its values in their units, and `delta_chi2`.
 
@@ -96,9 +77,21 @@ def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
             severity="warning" if other.possible else "note",
             subject=other.where or _farthest(knowledge, other),
             numbers={**other.parameters, "delta_chi2": other.delta},
+            names=_printed(knowledge, other),
         )
         for other in knowledge.equivalents
     )
+
+
+def _printed(knowledge: Knowledge, other: Equivalent) -> dict[str, tuple[str, ...]]:
+    """Names and units of the values that are worth printing: the data constrain them."""
+    profiles = knowledge.parameters
+    names = tuple(n for n in other.parameters if n in profiles and profiles[n].verdict.has_value)
+    return {
+        "values": names,
+        "units": tuple(profiles[n].unit for n in names),
+        "alternative": (other.where,) if other.where else (),
+    }
 
 
 def _farthest(knowledge: Knowledge, other: Equivalent) -> str:

@@ -99,7 +99,7 @@ def identify(
     widening = 1.0 if structure is None else structure.widening
     findings = residual_findings(knowledge.adequacy, problem.data.series, widening)
     if knowledge.adequacy.describes:
-        findings += equivalent_findings(knowledge)
+        findings += (*equivalent_findings(knowledge), *knowledge.findings)
     if own <= FEW_OWN:
         return knowledge, findings
     left_out = (

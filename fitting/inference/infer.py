@@ -24,29 +24,26 @@ from fitting.inference.assumptions import assumption_findings
 from fitting.inference.causes import causes_of, without_outliers
 from fitting.inference.closer_form import closer_form
 from fitting.inference.combinations import combination_findings
-from fitting.inference.conditions import condition_sentences
-from fitting.inference.consistency import (
-    consistency,
-    contradictions,
-    warnings_of,
-    without_values,
-)
+from fitting.inference.conditions import condition_findings
+from fitting.inference.consistency import consistency, contradictions, without_values
 from fitting.inference.contradictions import contradicted
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
-from fitting.inference.equivalent_fits import (
-    equivalent_findings,
-    is_reason,
-    reason_sentences,
-)
+from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.estimates import (
-    UNPROFILED,
     Estimates,
     derived_results,
     offset_results,
     parameter_results,
 )
-from fitting.inference.findings import findings_of
+from fitting.inference.findings import (
+    Misfitting,
+    estimator_findings,
+    findings_of,
+    in_order,
+    pair_findings,
+    simulation_findings,
+)
 from fitting.inference.joint_result import JointResult
 from fitting.inference.judged_values import JudgedValues
 from fitting.inference.likelihood.knowledge import (
@@ -63,19 +60,9 @@ from fitting.inference.mistakes import SweepFindings, sweep_findings
 from fitting.inference.presence import unseen
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
-from fitting.inference.warnings import (
-    Kind,
-    Misfitting,
-    Warned,
-    doubt_sentences,
-    estimator_sentences,
-    fit_warnings,
-    verdict_sentences,
-    warned,
-)
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-from fitting.text.finding import Finding
+from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed, number, settings_words
 
 #: Minima of a search from which the most likely point is looked for.
@@ -90,7 +77,9 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `ending` the same in words;
-    `warnings` what a reader must know, `findings` the same as records;
+    `findings` what a reader must know;
+    `chi_square` of the rows of known noise at the most likely point, against `dof` degrees of
+    freedom, NaN where nothing was tested;
     `reported` (n,) are all parameters as they are reported; `sweeps` what the sweeps show;
     `quadratures` what complex values tell. `fit` is the one that all of it is about: not the one
     that was given, where a lower J was found on the way.
@@ -105,9 +94,10 @@ class Inference:
     status: Status
     message: str
     ending: Ending
-    warnings: tuple[Warned, ...]
     reported: FloatArray
     sweeps: SweepFindings
+    chi_square: float = math.nan
+    dof: float = math.nan
     quadratures: Quadratures = field(default_factory=Quadratures)
     findings: tuple[Finding, ...] = ()
 
@@ -198,28 +188,22 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         status=status,
         message=_message(fit, ending, adequacy),
         ending=ending,
-        warnings=(
-            *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
-            *warned(Kind.CONDITION, _conditions(fit, parameters) if describes else ()),
-            *warned(Kind.ESTIMATOR, estimator_sentences(fit.options, named)),
-            *warned(
-                Kind.SIMULATION, doubt_sentences(solution.final.promised, sweeps.scale_off, named)
-            ),
-            *warned(Kind.EXCHANGE, reason_sentences(_reasons(knowledge))),
-            *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
-            *fit_warnings(
-                fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
-            ),
-            *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
-            *warned(Kind.PROFILES, read.missing),
-        ),
         reported=estimates.reported,
         sweeps=sweeps,
+        chi_square=math.nan if adequacy is None else adequacy.chi_square,
+        dof=math.nan if adequacy is None else adequacy.freedom,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
-        findings=(
-            *findings_of(fit, adequacy, joint if is_best else None, causes),
+        findings=in_order(
+            *findings_of(
+                fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
+            ),
+            *pair_findings(joint, is_best=is_best),
             *(equivalent_findings(knowledge) if describes else ()),
             *(_of_solution(fit, solution, {**parameters, **derived}) if describes else ()),
+            *(knowledge.findings if knowledge is not None and describes else ()),
+            *estimator_findings(fit.options, named),
+            *simulation_findings(solution.final.promised, sweeps.scale_off, named),
+            *read.missing,
         ),
     )
 
@@ -249,19 +233,22 @@ def _scale_off(solution: Solution, sweeps: SweepFindings) -> float:
     return max(beyond, default=math.nan)
 
 
-def _conditions(fit: Fit, parameters: Mapping[str, ParameterResult]) -> list[str]:
-    """Under what values hold that the data do not tell; nothing where the model fails nearby."""
-    try:
-        return condition_sentences(fit, parameters)
-    except (FmuFailure, np.linalg.LinAlgError):
-        return []
-
-
 def _of_solution(
     fit: Fit, solution: Solution, values: Mapping[str, ParameterResult | DerivedResult]
 ) -> tuple[Finding, ...]:
-    """What the data know in combination only, and what rests on assumptions."""
-    return (*combination_findings(solution, values), *assumption_findings(fit, values))
+    """What the data know in combination only, and what values rest on.
+
+    Nothing of start values that nobody measured where the model fails near the solution.
+    """
+    conditions: tuple[Finding, ...] = ()
+    with contextlib.suppress(FmuFailure, np.linalg.LinAlgError):
+        parameters = {n: v for n, v in values.items() if isinstance(v, ParameterResult)}
+        conditions = tuple(condition_findings(fit, parameters))
+    return (
+        *conditions,
+        *combination_findings(solution, values),
+        *assumption_findings(fit, values),
+    )
 
 
 def _with_names(
@@ -306,7 +293,7 @@ class _Reading:
     adequacy: Adequacy | None
     inflation: float
     knowledge: Knowledge | None = None
-    missing: tuple[str, ...] = ()
+    missing: tuple[Finding, ...] = ()
 
     def ended(self, fit: Fit) -> _Reading:
         """The same of a fit that ended so: without convergence it gives no values.
@@ -396,7 +383,7 @@ def _let_out(fit: Fit, read: _Reading) -> Fit:
 
 def _knowledge(
     fit: Fit, request: InferenceRequest, sweeps: SweepFindings
-) -> tuple[Knowledge | None, tuple[str, ...]]:
+) -> tuple[Knowledge | None, tuple[Finding, ...]]:
     """The profiles of some values; or none, and why."""
     if not request.profiles or fit.status is Status.INTERRUPTED:
         return None, ()
@@ -426,21 +413,15 @@ def _knowledge(
         steps = fit.outcome.chains[0].steps
         return replace(knowledge, nu=choose_nu(plain, steps, fit.path, describes=describes)), ()
     except KeyboardInterrupt:
-        why = "Interrupted before the profiles were done"
+        why = "interrupted"
     except FmuFailure as failure:
-        why = f"The FMU failed while profiles were walked ({failure})"
-    return None, (f"{why}: {UNPROFILED}.",)
+        why = str(failure)
+    return None, (Finding(kind=Kind.profiles_missing, severity="warning", subject=why),)
 
 
 def _refuted(solution: Solution) -> Adequacy | None:
     """What speaks against the model of curves where chi square does not; None: nothing."""
     return unseen(solution) or closer_form(solution)
-
-
-def _reasons(knowledge: Knowledge | None) -> dict[str, str]:
-    """Reasons of verdicts that are sentences of their own, by value."""
-    profiles = {} if knowledge is None else knowledge.profiles
-    return {name: p.reason for name, p in profiles.items() if is_reason(p.reason)}
 
 
 def _why_not(fit: Fit, adequacy: Adequacy | None) -> str:
@@ -469,17 +450,6 @@ def _contradicted(ending: Ending, joint: JointResult | None) -> Ending:
     )
     ground = f"what both determine differs, between {pairs}"
     return replace(ending, words=CONTRADICTED, ground=ground, whole=False, extent="")
-
-
-def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | None) -> list[str]:
-    """Campaigns that contradict each other, said only where a better joint fit was looked for."""
-    said = warnings_of(joint) if joint is not None else []
-    if said and not _is_best(fit, knowledge):
-        return [
-            "The campaigns disagree at this fit, but the box was not searched for one at which "
-            "they agree: wanted more than one start."
-        ]
-    return said
 
 
 def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:

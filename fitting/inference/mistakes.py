@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,31 +26,33 @@ from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import unknown_line
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, number, prefixed, with_error
+from fitting.text.finding import Finding, Kind
 from fitting.text.units import convert
 
-#: Factors between the amplitudes of a sweep and of peaks, and what makes them.
+#: Factors between the amplitudes of a sweep and of peaks, and what one of them may be.
 FACTORS = {
-    math.sqrt(2.0): "one of them were rms, the other peak",
-    math.sqrt(0.5): "one of them were rms, the other peak",
-    2.0: "one of them were peak to peak, or driven twice as hard",
-    0.5: "one of them were peak to peak, or driven twice as hard",
+    math.sqrt(2.0): "rms, the other peak",
+    math.sqrt(0.5): "rms, the other peak",
+    2.0: "peak to peak, or driven twice as hard",
+    0.5: "peak to peak, or driven twice as hard",
+}
+#: Kinds of findings on a sweep that is no line.
+FAULTS = {
+    Fault.POWER: Kind.sweep_power,
+    Fault.SATURATION: Kind.sweep_saturated,
+    Fault.CLIPPING: Kind.sweep_clipped,
+    Fault.OUTLIER: Kind.sweep_outlier,
+    Fault.BACKGROUND: Kind.sweep_background,
 }
 #: Faults that make the top of a sweep too low or too high.
 BENT_TOPS = (Fault.SATURATION, Fault.CLIPPING, Fault.BACKGROUND)
-BENT_SCALE = ' The scale of the peaks is taken from this sweep (scale = "free" takes none).'
 #: Share of a top that is missing, at most.
 MOST_MISSING = 0.9
 #: Chi square of two peaks from which they may have changed places, and what is left if they did.
 SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
-#: Factors of a unit with a wrong prefix, in words, and ends of a box that tells where a line is.
-PREFIXES = {1e3: "1000 times as high", 1e-3: "1000 times as low", 1e6: "a million times as high"}
-PREFIXES |= {1e-6: "a million times as low"}
+#: Factors of a unit with a wrong prefix, and ends of a box that tells where a line is.
+PREFIXES = (1e3, 1e-3, 1e6, 1e-6)
 NARROW = 10.0
-#: What is said of a single point.
-FAR_OFF = "far off its neighbours"
-#: What is asked of such a box.
-SLIPPED = "is a unit wrong"
 #: Highest order of mixtures of tones that explain a line of a spectrum.
 MIXED_ORDER = 5
 
@@ -59,17 +61,17 @@ MIXED_ORDER = 5
 class SweepFindings:
     """What the sweeps of a problem show: each by itself, and beside the peaks of its series.
 
-    `lines` are by series, `faults` sentences on what makes a sweep no line; `doubts` how far the
-    scale that peaks take from such a sweep may be off, |ln| of its factor, by series; `agreement`
-    with the peaks, a series each, none where a sweep itself is at fault; `left_out` sentences on
-    points that are not fitted.
+    `lines` are by series, `faults` what makes a sweep no line; `doubts` how far the scale that
+    peaks take from such a sweep may be off, |ln| of its factor, by series; `agreement` with the
+    peaks, a series each, none where a sweep itself is at fault; `left_out` points that are not
+    fitted.
     """
 
     lines: Mapping[str, SweepLine] = field(default_factory=dict)
-    faults: tuple[str, ...] = ()
+    faults: tuple[Finding, ...] = ()
     doubts: Mapping[str, float] = field(default_factory=dict)
     agreement: tuple[SweepAgreement, ...] = ()
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[Finding, ...] = ()
 
     @property
     def scale_off(self) -> float:
@@ -86,7 +88,7 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
     """
     explained = _explained(problem, solution)
     found = _faults(problem, tuple(explained), solution)
-    faults = tuple(_sentences(problem, found))
+    faults = tuple(_of_faults(problem, found))
     sweeps = {name: bound.sweep for name, bound in problem.campaigns.items()}
     return SweepFindings(
         lines={
@@ -99,10 +101,15 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         # a sweep that is no line contradicts the peaks for that reason
         agreement=() if faults else sweep_agreement(solution),
         left_out=(
-            *(s.left_out for s in sweeps.values() if s is not None and s.left_out),
-            *(said for m in problem.measurements for said in m.left_out),
+            *(_left_out(n, s.left_out) for n, s in sweeps.items() if s is not None and s.left_out),
+            *(_left_out(m.series, text) for m in problem.measurements for text in m.left_out),
         ),
     )
+
+
+def _left_out(subject: str, text: str) -> Finding:
+    names = {"text": (text,)}
+    return Finding(kind=Kind.points_left_out, severity="note", subject=subject, names=names)
 
 
 def _explained(problem: Problem, solution: Solution) -> dict[str, float]:
@@ -120,9 +127,9 @@ def _explained(problem: Problem, solution: Solution) -> dict[str, float]:
     }
 
 
-def fault_sentences(
+def fault_findings(
     problem: Problem, explained: Collection[str] = (), solution: Solution | None = None
-) -> list[str]:
+) -> tuple[Finding, ...]:
     """What makes the sweeps of a problem no damped lines: each by its campaign's name.
 
     Args:
@@ -130,7 +137,7 @@ def fault_sentences(
         explained: series whose sweep the fitted model explains.
         solution: end of the fit, if there is one: its model may have what one line lacks.
     """
-    return _sentences(problem, _faults(problem, explained, solution))
+    return tuple(_of_faults(problem, _faults(problem, explained, solution)))
 
 
 def _faults(
@@ -155,14 +162,38 @@ def _is_like_lines(found: SweepFault) -> bool:
     return flat or found.fault is Fault.BACKGROUND
 
 
-def _sentences(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> list[str]:
-    said = single_sentences(problem)
+def _of_faults(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> Iterator[Finding]:
+    """Single points first, then what is wrong with the sweep of each campaign."""
+    for name, bound in problem.campaigns.items():
+        if bound.sweep is not None:
+            yield from _single_points(name, bound.sweep)
     for name, faults in found.items():
         for fault in faults:
             bent = fault.fault in BENT_TOPS and _gives_scale(problem, name)
-            words = fault_sentence(fault) + (BENT_SCALE if bent else "")
-            said.append(f"{name}: {words}" if name else words)
-    return said
+            yield fault_finding(fault, name, gives_scale=bent)
+
+
+def fault_finding(fault: SweepFault, subject: str = "", *, gives_scale: bool = False) -> Finding:
+    """What makes a sweep no damped line, as a finding.
+
+    Args:
+        fault: of the sweep.
+        subject: name of its campaign, where there are several.
+        gives_scale: whether the scale of peaks rests on the faulty top.
+    """
+    plain_hz, corrected_hz = fault.width_hz
+    numbers = {
+        "size": fault.size,
+        "std": fault.std,
+        "width_hz": plain_hz,
+        "corrected_width_hz": corrected_hz,
+        "two_lines": float(fault.two_lines),
+        "gives_scale": float(gives_scale),
+    }
+    if not math.isnan(fault.frequency_hz):
+        numbers["frequency_hz"] = fault.frequency_hz
+    kind = FAULTS[fault.fault]
+    return Finding(kind=kind, severity="warning", subject=subject, numbers=numbers)
 
 
 def _gives_scale(problem: Problem, name: str) -> bool:
@@ -188,64 +219,34 @@ def _off_by(found: SweepFault) -> float:
     return -math.log1p(-missing) * (2.0 if found.fault is Fault.SATURATION else 1.0)
 
 
-def fault_sentence(found: SweepFault) -> str:
-    """What makes a sweep no damped line, in words.
-
-    Args:
-        found: the fault.
-    """
-    size = with_error(100.0 * found.size, 100.0 * found.std, "%")
-    plain, taken = (hertz(width, digits=4) for width in found.width_hz)
-    widths = f" Its width, with this taken into account, is {taken}; without, {plain}."
-    if found.fault is Fault.SATURATION:  # its law is not known: two laws may fit alike
-        widths = f" Its width is less than the {plain} that a line without this has."
-    at = "" if math.isnan(found.frequency_hz) else hertz(found.frequency_hz)
-    sentences = {
-        Fault.POWER: "The points of the sweep follow a line raised to the power "
-        f"{with_error(found.size, found.std)}, not a line: are their decibels, or squares, "
-        "read in the right way?",
-        Fault.SATURATION: "The top of the sweep is flatter than that of a line: a detector that "
-        "saturates, or a nonlinear resonator.",
-        Fault.CLIPPING: f"The largest points of the sweep, about {at}, are equal: it is clipped, "
-        f"{size} of its top are missing.",
-        Fault.OUTLIER: f"One point of the sweep, at {at}, stands off its line by {size} of the top "
-        f"(scatter of the others {100.0 * found.std:.2g} %).",
-        Fault.BACKGROUND: f"The sweep stands on a background of {size} of its top.",
-    }
-    doubt = " Two lines that overlap would look the same." if found.two_lines else ""
-    return sentences[found.fault] + widths + doubt
-
-
-def contradiction_sentences(agreement: Sequence[SweepAgreement]) -> list[str]:
+def contradiction_findings(agreement: Sequence[SweepAgreement]) -> Iterator[Finding]:
     """Series whose peaks contradict their sweep, and what would explain it.
 
     Args:
         agreement: of every series, as it was found.
     """
-    return [_contradiction(found) for found in agreement if found.contradicts]
-
-
-def _contradiction(found: SweepAgreement) -> str:
-    whose = f"{found.series}: t" if found.series else "T"
-    said = (
-        f"{whose}he peaks and the sweep contradict each other by {found.sigmas:.2g} standard "
-        "deviations: fitted each by itself they tell different lines."
-    )
-    if math.isnan(found.factor):
-        return f"{said} No factor between their amplitudes explains it."
-    factor = with_error(found.factor, found.factor_std)
-    said += f" If the sweep's amplitudes were {factor} times as large they would agree"
-    known = [words for value, words in FACTORS.items() if _is(found, value)]
-    return (
-        f"{said}, as if {known[0]}." if known else f"{said}: is it the same gain and drive level?"
-    )
+    for found in agreement:
+        if not found.contradicts:
+            continue
+        numbers: dict[str, float] = {"sigmas": found.sigmas}
+        reason: tuple[str, ...] = ()
+        if not math.isnan(found.factor):
+            numbers |= {"factor": found.factor, "factor_std": found.factor_std}
+            reason = tuple(words for value, words in FACTORS.items() if _is(found, value))[:1]
+        yield Finding(
+            kind=Kind.scale_contradicted,
+            severity="warning",
+            subject=found.series,
+            numbers=numbers,
+            names={"reason": reason},
+        )
 
 
 def _is(found: SweepAgreement, value: float) -> bool:
     return abs(found.factor / value - 1.0) < max(0.02, 3.0 * found.factor_std / value)
 
 
-def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
+def exchanged_findings(problem: Problem, solution: Solution) -> Iterator[Finding]:
     """Experiments whose peaks fit far better with the places of two of them exchanged.
 
     Args:
@@ -255,7 +256,6 @@ def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
     data, point = problem.data, solution.final
     sigmas = data.peaks_of_rows(noise_of(solution.objective, point).sigma)
     scaled = iter(zip(data.peaks(point.scaled), sigmas, strict=True))
-    said = []
     for e in problem.experiments:
         mine = np.array([next(scaled) for _ in e.read_hz])
         for i, k in itertools.combinations(range(len(e.read_hz)), 2):
@@ -265,45 +265,37 @@ def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
                 for peaks in (e.peaks_v[[i, k]], e.peaks_v[[k, i]])
             )
             if as_is > SWAPPED_BEYOND and swapped < SWAPPED_SHARE * as_is:
-                said.append(
-                    f"{e.label}: its peaks at {hertz(e.read_hz[i])} and {hertz(e.read_hz[k])} fit "
-                    "if they have changed places: were their labels exchanged?"
-                )
-    return said
+                numbers = {"one_hz": float(e.read_hz[i]), "other_hz": float(e.read_hz[k])}
+                kind = Kind.peaks_exchanged
+                yield Finding(kind=kind, severity="warning", subject=e.label, numbers=numbers)
 
 
-def single_sentences(problem: Problem) -> list[str]:
-    """Single points of sweeps that no line of their grid makes.
-
-    Args:
-        problem: with its sweeps.
-    """
-    sweeps = [bound.sweep for bound in problem.campaigns.values() if bound.sweep is not None]
-    return [_single(sweep, k, there) for sweep in sweeps for k, there in sweep.far_off]
-
-
-def _single(sweep: SweepData, k: int, there: float) -> str:
-    size = float(sweep.amplitude_v[k])
-    factor, unit = prefixed(size, sweep.unit)
-    return (
-        f"One point of the sweep, at {hertz(float(sweep.frequency_hz[k]))}, is "
-        f"{number(size / factor, 3)} {unit}, {FAR_OFF}, which make {number(there / factor, 3)} "
-        f"{unit} likely: no line that these points could tell of. It counts as every other one; "
-        "without its row in the file it would not."
-    )
+def _single_points(name: str, sweep: SweepData) -> Iterator[Finding]:
+    """Single points of a sweep that no line of its grid makes."""
+    for k, expected in sweep.far_off:
+        yield Finding(
+            kind=Kind.sweep_point,
+            severity="warning",
+            subject=name,
+            numbers={
+                "frequency_hz": float(sweep.frequency_hz[k]),
+                "amplitude": float(sweep.amplitude_v[k]),
+                "expected": expected,
+            },
+            names={"unit": (sweep.unit,)},
+        )
 
 
-def slipped_sentences(problem: Problem, lines: Mapping[str, SweepLine]) -> list[str]:
-    """A box of a frequency that is 1000 times off the line of the sweep, which lies in none.
+def slipped_findings(problem: Problem, lines: Mapping[str, SweepLine]) -> Iterator[Finding]:
+    """Bounds of a frequency that are 1000 times off the line of the sweep, which lies in none.
 
-    A wide box tells no place, as that of a width does not; told only where every box that tells
-    one is so far off.
+    Wide bounds tell no place, as those of a width do not; told only where all that tell one are so
+    far off.
 
     Args:
         problem: with its parameters.
         lines: that its sweeps show by themselves, by series.
     """
-    said = []
     for name, line in lines.items():
         sweep = problem.campaigns[name].sweep
         boxes = [(p.name, *_box_hz(p)) for p in problem.parameters]
@@ -311,14 +303,19 @@ def slipped_sentences(problem: Problem, lines: Mapping[str, SweepLine]) -> list[
         slips = [_slip(line.frequency_hz, low, high) for _, low, high in boxes]
         if sweep is None or not slips or not all(slips):
             continue
-        (parameter, low, high), slip = boxes[0], slips[0]
-        box = hertz(low, high, digits=6)
-        said.append(
-            f"The line of {sweep.source.name} is at {hertz(line.frequency_hz, digits=6)}, but "
-            f"{parameter} may lie between {box} only, {slip}: {SLIPPED}, that of the parameter or "
-            "of the file's frequencies?"
+        (parameter, low, high), factor = boxes[0], slips[0]
+        yield Finding(
+            kind=Kind.bounds_off_line,
+            severity="warning",
+            subject=parameter,
+            numbers={
+                "frequency_hz": line.frequency_hz,
+                "lower_hz": low,
+                "upper_hz": high,
+                "factor": factor,
+            },
+            names={"file": (sweep.source.name,)},
         )
-    return said
 
 
 def _box_hz(parameter: Parameter) -> tuple[float, float]:
@@ -333,14 +330,13 @@ def _box_hz(parameter: Parameter) -> tuple[float, float]:
     return low, high
 
 
-def _slip(frequency_hz: float, low_hz: float, high_hz: float) -> str:
-    """By which factor of a prefix a box is off a frequency, in words; empty without one."""
-    found = (w for factor, w in PREFIXES.items() if low_hz <= factor * frequency_hz <= high_hz)
-    return next(found, "")
+def _slip(frequency_hz: float, low_hz: float, high_hz: float) -> float:
+    """By which factor of a prefix a box is off a frequency; zero without one."""
+    return next((f for f in PREFIXES if low_hz <= f * frequency_hz <= high_hz), 0.0)
 
 
-def line_sentences_of(experiments: Sequence[Experiment]) -> list[str]:
-    """A line that stands in the spectra at no tone of the drive, nor at a mixture of tones.
+def unknown_line_findings(experiments: Sequence[Experiment]) -> Iterator[Finding]:
+    """A line in the spectra at no tone of the drive, nor at a mixture of tones: the largest.
 
     Args:
         experiments: with their spectra.
@@ -351,13 +347,13 @@ def line_sentences_of(experiments: Sequence[Experiment]) -> list[str]:
             known = (*e.tones_hz, *e.read_hz, *mixed_hz(e.tones_hz, MIXED_ORDER))
             line = unknown_line(e.spectrum.frequency_hz, e.spectrum.amplitude_v, known)
             if line is not None:
-                found.append((e.label, *line))
-    if not found:
-        return []
-    label, place, height = max(found, key=lambda each: each[2])
-    many = f"{len(found)} of the spectra hold" if len(found) > 1 else "One spectrum holds"
-    unit = next(e.spectrum.unit for e in experiments if e.spectrum is not None)
-    return [
-        f"{many} a line at none of the declared tones, the largest {height:.3g} {unit} at "
-        f"{hertz(place)} in {label}: an undeclared drive, or interference?"
-    ]
+                found.append((e.label, e.spectrum.unit, *line))
+    if found:
+        label, unit, place, height = max(found, key=lambda each: each[3])
+        yield Finding(
+            kind=Kind.unknown_line,
+            severity="warning",
+            subject=label,
+            numbers={"count": float(len(found)), "frequency_hz": place, "height": height},
+            names={"unit": (unit,)},
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,27 +13,23 @@ from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import noise_of
 from fitting.fit.solution import Solution
 from fitting.measurements.complex.tones import ComplexTones
-from fitting.text.notation import number
+from fitting.text.finding import Finding, Kind
 
-#: Factors on phases that a mistake makes, and what is asked.
-READINGS = {
-    -1.0: "if they run the other way: are X and Y exchanged, or is conjugate = true wanted?",
-    180.0 / math.pi: "if their numbers are radians: is the unit of their columns rad?",
-    math.pi / 180.0: "if their numbers are degrees: is the unit of their columns deg?",
-}
+#: Factors on phases that a mistake makes, and what their numbers are then.
+READINGS = {-1.0: "reversed", 180.0 / math.pi: "radian", math.pi / 180.0: "degree"}
 #: Residuals, in their noise or as a share where nobody knows it, from which phases are suspected.
 SUSPECT, SUSPECT_SHARE = 3.0, 0.1
 #: Share of chi square that a reading may leave to be named.
 LEFT = 0.1
 
 
-def phase_sentences(solution: Solution) -> list[str]:
+def phase_findings(solution: Solution) -> Iterator[Finding]:
     """Phases that the model follows far better if they are read another way.
 
     Args:
         solution: with the start and the end of the fit.
     """
-    data, said = solution.objective.data, []
+    data = solution.objective.data
     for k, m in enumerate(data.measurements):
         if not isinstance(m, ComplexTones):
             continue
@@ -41,14 +38,16 @@ def phase_sentences(solution: Solution) -> list[str]:
         if float(np.mean((rows / limit) ** 2)) < 1.0:
             continue
         as_is = _chi_square(solution, k, m)
-        for factor, words in READINGS.items():
+        for factor, reading in READINGS.items():
             other = _chi_square(solution, k, m.read_as(factor))
             if other < LEFT * as_is:
-                series = f"{m.series}: " if m.series else ""
-                said.append(
-                    f"{series}the phases fit {number(as_is / other, 2)} times better (χ²) {words}"
+                yield Finding(
+                    kind=Kind.phases_misread,
+                    severity="warning",
+                    subject=m.series,
+                    numbers={"improvement": as_is / other},
+                    names={"reading": (reading,)},
                 )
-    return said
 
 
 def _chi_square(solution: Solution, k: int, read: ComplexTones) -> float:

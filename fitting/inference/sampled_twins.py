@@ -1,21 +1,20 @@
-"""Frequencies that differ by the rate of the samples, whose fits are equal for it: in words."""
+"""Frequencies that differ by the rate of the samples, whose fits are equal for it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from fitting.inference.likelihood.knowledge import Equivalent, Profile
-from fitting.text.notation import listed, number
+from fitting.text.finding import Finding, Kind
+from fitting.text.notation import number
 
-#: How such a sentence begins.
-SAMPLED = "Sampled "
 #: How far two frequencies may be from a whole number of rates apart, as a share of the rate.
 WHOLE = 1e-3
 
 
-def sampling_sentences(
+def sampling_findings(
     rates_hz: Iterable[float], profiles: Mapping[str, Profile], equivalents: Sequence[Equivalent]
-) -> tuple[str, ...]:
+) -> Iterator[Finding]:
     """Which values in Hz are one of several because the record is sampled so rarely.
 
     Args:
@@ -23,17 +22,18 @@ def sampling_sentences(
         profiles: of parameters and outputs, by name.
         equivalents: fits that are as good.
     """
-    said = []
     for rate in dict.fromkeys(rates_hz):
         for name, profile in profiles.items():
             found = sorted(_turns(name, profile, rate, equivalents))
             if found:
-                there = [_beside(name, turns, rate) for turns in found]
-                said.append(
-                    f"{SAMPLED}{number(rate)} times a second, {listed([name, *there])} give the "
-                    f"same record: a box narrower than {number(rate)} Hz decides."
+                alike = (name, *(_beside(name, turns, rate) for turns in found))
+                yield Finding(
+                    kind=Kind.sampling_ambiguity,
+                    severity="warning",
+                    subject=name,
+                    numbers={"rate_hz": rate},
+                    names={"frequencies": alike},
                 )
-    return tuple(said)
 
 
 def _turns(name: str, profile: Profile, rate: float, equivalents: Sequence[Equivalent]) -> set[int]:

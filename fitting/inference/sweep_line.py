@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,7 +23,8 @@ from fitting.signal.peaks import (
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOLD, found_words
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import number, probability, quantity, with_error
+from fitting.text.finding import Finding, Kind
+from fitting.text.notation import number, quantity, with_error
 
 #: Backgrounds whose fits stand beside each other, whatever the campaign chose.
 COMPARED = ("none", "complex")
@@ -35,6 +36,16 @@ APART_SIGMA = 3.0
 FAR_MORE = 2.0
 #: Widening of the errors from which it is worth a warning.
 WORTH_TELLING = 1.5
+#: Numbers of a fit of the line that a finding repeats.
+PRINTED = (
+    "frequency_hz",
+    "frequency_std_hz",
+    "width_hz",
+    "width_std_hz",
+    "q",
+    "q_std",
+    "residual",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,7 +292,7 @@ def background_p(
     return float(fdtrc(more, freedom, max(0.0, (without - left) / more * freedom / left)))
 
 
-def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
+def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
     """What a reader of the line must know.
 
     Args:
@@ -289,28 +300,37 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
         fitted: whether the campaign fits the FMU to this sweep; its structure is then told with the
             parameters and not here.
     """
-    fits = {fit.background: fit for fit in line.fits}
-    said = []
-    chosen = fits.get(line.background)
+    chosen = next((fit for fit in line.fits if fit.background == line.background), None)
     if chosen is not None and chosen.widening > WORTH_TELLING and not fitted:
-        said.append(f"Sweep by itself: {_structure_words(chosen)}.")
+        yield Finding(
+            kind=Kind.line_residuals,
+            severity="warning",
+            subject="sweep",
+            numbers={"widening": chosen.widening, "points": chosen.points},
+            names={"tests": (found_words(chosen.structure_p, chosen.sizes_p),)},
+        )
     if depends_on_background(line):
         plain, full = line.fits[0], line.fits[-1]
-        shift = full.frequency_hz - plain.frequency_hz
-        text = (
-            f"The line of the sweep depends on its model: {_fit_words(plain)}; {_fit_words(full)}. "
-            f"That moves it by {shift:+.2g} Hz, {_apart(plain, full):.2g} standard errors "
-            f"({probability(line.background_p)} for noise alone to gain as much)."
+        parts = {"plain_": plain, "full_": full}
+        numbers = {
+            f"{part}{name}": float(getattr(fit, name))
+            for part, fit in parts.items()
+            for name in PRINTED
+        }
+        numbers |= {
+            "shift_hz": full.frequency_hz - plain.frequency_hz,
+            "sigmas": _apart(plain, full),
+            "p_value": line.background_p,
+            "fitted": float(fitted),
+        }
+        key = (full.background,) if full.background in ADDED else ()
+        yield Finding(
+            kind=Kind.line_background,
+            severity="warning",
+            subject="sweep",
+            numbers=numbers,
+            names={"background": (_background_words(full.background),), "key": key},
         )
-        if fitted:
-            text += " Values fitted through an FMU that has no background share this dependence."
-        if fitted and full.background in ADDED:
-            text += (
-                f' [sweep] background = "{full.background}" solves for it beside the FMU\'s '
-                "amplitudes."
-            )
-        said.append(text)
-    return said
 
 
 def line_sentences(line: SweepLine) -> list[str]:
@@ -362,9 +382,14 @@ def _structure_words(fit: LineFit) -> str:
     )
 
 
+def _background_words(background: str) -> str:
+    return "a complex background" if background == "complex" else BESIDE_WORDS[background]
+
+
 def _fit_words(fit: LineFit) -> str:
-    named = {"none": "without background", "complex": "with a complex background"}
-    name = named.get(fit.background) or f"with {BESIDE_WORDS[fit.background]}"
+    name = "without background"
+    if fit.background != "none":
+        name = f"with {_background_words(fit.background)}"
     if math.isnan(fit.frequency_hz):
         return f"{name} cannot be fitted ({fit.message})"
     return (

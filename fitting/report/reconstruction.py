@@ -15,6 +15,7 @@ from fitting.report.figures.inference import flat_sentence
 from fitting.report.figures.reconstruction import write_figures
 from fitting.report.page import Line, Page, Section, Status, write_page
 from fitting.report.shown import ShownCampaign
+from fitting.report.summary import Printed, Summary, summary_of
 from fitting.report.table import Table, pairs_table
 from fitting.report.tables.fit import alternative_table, ending_table, history_table, start_table
 from fitting.report.tables.inference import knowledge_tables
@@ -33,10 +34,10 @@ from fitting.report.tables.values import (
     per_place_table,
 )
 from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.answer import Answer, answer_of
+from fitting.report.words.assumptions import assumption_sentences, combination_sentences
 from fitting.report.words.inference import knowledge_heading, knowledge_words, typeset
 from fitting.report.words.plan import remarks
-from fitting.report.words.result import ending_words, further_warnings, headline, spent_words
+from fitting.report.words.result import OWN_WORDS, ending_words, headline, spent_words
 from fitting.report.words.sweep import scale_sentence
 from fitting.report.words.values import (
     deviation_sentence,
@@ -46,6 +47,7 @@ from fitting.report.words.values import (
 )
 from fitting.result.result import STATUSES, Result
 from fitting.text.notation import number, scalar_words, settings_words, signs_words
+from fitting.text.sentences import sentence
 
 Figures = tuple[FigureFile, ...]
 #: Figures by the section that they belong to; what is in none gets one of its own.
@@ -53,6 +55,8 @@ DATA_FIGURES = (numbers.DRIVE, numbers.SPECTRA, "phases")
 DEVIATION_FIGURES = (numbers.OVER_FREQUENCY, numbers.IMPROVEMENT, numbers.PER_EXPERIMENT)
 #: Sections that are not folded: what the answer rests on.
 OPEN = ("values", "agreement")
+#: What errors and intervals are, once for all of them.
+CONVENTION = "± is 1σ, + and − those of each side; intervals are 95 % confidence intervals."
 KNOWLEDGE_FIGURES = (numbers.PROFILES, numbers.TOGETHER, numbers.OUTPUTS)
 
 
@@ -108,7 +112,7 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
     """
     lead = lead_of(figures)
     rest = [figure for figure in figures if figure is not lead]
-    answer = answer_of(result)
+    summary = summary_of(result)
     signs = signs_words([*result.parameters, *result.derived])
     return Page(
         title=result.title,
@@ -116,9 +120,9 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
         status=status_of(result),
         sections=sections_of(result, data, rest),
         synthetic=result.synthetic,
-        warnings=tuple(typeset(said) for said in further_warnings(result)),
-        answer=answer_block(answer),
-        notes=(*answer.notes, *filter(None, [signs])),
+        warnings=summary.warnings,
+        answer=answer_block(summary),
+        notes=(CONVENTION, *filter(None, [signs])),
         lead=lead,
         published=True,
     )
@@ -133,26 +137,30 @@ def lead_of(figures: Sequence[FigureFile]) -> FigureFile | None:
     return next((figure for figure in figures if figure.number == 1), None)
 
 
-def answer_block(answer: Answer) -> tuple[Line, ...]:
-    """The answer as the page shows it: the best-known value first and largest.
+def answer_block(summary: Summary) -> tuple[Line, ...]:
+    """The first screen as the page shows it, in the same order.
 
     Args:
-        answer: of a reconstruction.
+        summary: of a reconstruction.
     """
-    values, given = (
-        tuple((known.named, known.told) for known in part)
-        for part in (answer.by_data, answer.resting)
+    shown = tuple(map(_named, summary.values))
+    limits = ", ".join(" ".join(_named(value)) for value in summary.limits)
+    rest = (
+        ("95 % CI", limits),
+        ("Unconstrained", "; ".join(summary.unconstrained)),
+        ("Not known", "; ".join(summary.unknown)),
+        ("Assumed", summary.assumption),
     )
-    lines = [
-        Line("Known", values=values, words="" if values else answer.nothing),
-        *([Line("Given", values=given, words=answer.condition)] if answer.condition else []),
-        Line("Not known", words=answer.open_words),
-        *(Line("Together", words=said) for said in answer.together),
-    ]
-    if answer.advice or answer.command:
-        lines.append(Line("Next", words=answer.advice, command=answer.command))
-    lines += [Line("Assumed" if k == 0 else "", words=s) for k, s in enumerate(answer.assumed)]
+    lines = [Line("Values", values=shown)] if shown else []
+    lines += [Line(head, words=words) for head, words in rest if words]
+    if summary.advice or summary.command:
+        lines.append(Line("Next", words=summary.advice, command=summary.command))
     return tuple(lines)
+
+
+def _named(value: Printed) -> tuple[str, str]:
+    remark = f" ({value.remark})" if value.remark else ""
+    return " = ".join(value.symbols), f"{value.text}{remark}"
 
 
 def status_of(result: Result) -> Status:
@@ -195,6 +203,7 @@ def sections_of(
         Section("values", "Values", tables=(interval_table(result, "Fitted and derived values"),)),
         _found(result),
         knowledge_section(result.knowledge, take(*KNOWLEDGE_FIGURES)),
+        _findings(result),
         _agreement(result),
         _quadratures(result),
         _experiments(result, data, take(*DATA_FIGURES)),
@@ -257,6 +266,13 @@ def _agreement(result: Result) -> Section | None:
     if not said and not shown:
         return None
     return Section("agreement", "Do the measurements agree?", points=said, tables=shown)
+
+
+def _findings(result: Result) -> Section | None:
+    """Every finding, and what values rest on."""
+    said = [f"{f.severity}: {sentence(f)}" for f in result.findings if f.kind not in OWN_WORDS]
+    said += (*combination_sentences(result), *assumption_sentences(result))
+    return Section("findings", "Findings and assumptions", points=tuple(said)) if said else None
 
 
 def _quadratures(result: Result) -> Section | None:

@@ -242,7 +242,7 @@ def wrapped(text: str, indent: int = 0) -> list[str]:
         indent: columns that further lines stand in.
     """
     whole = _TIED.sub(lambda m: m[0].replace(" ", "\u00a0"), text)  # no break where it stands
-    width = min(COLUMNS, max(LEAST_COLUMNS, _columns()))
+    width = columns()
     lead = " " * min(indent, width // 3)
     lines = textwrap.wrap(
         whole, width, subsequent_indent=lead, break_on_hyphens=False, break_long_words=False
@@ -250,12 +250,13 @@ def wrapped(text: str, indent: int = 0) -> list[str]:
     return [terminal_text(line) for line in lines]
 
 
-def _columns() -> int:
-    """Width of the terminal; where there is none, any."""
+def columns() -> int:
+    """Columns of a line: as the terminal is wide, within limits."""
     try:
-        return os.get_terminal_size(sys.stdout.fileno()).columns
+        wide = os.get_terminal_size(sys.stdout.fileno()).columns
     except (OSError, ValueError, AttributeError):
-        return COLUMNS
+        wide = COLUMNS
+    return min(COLUMNS, max(LEAST_COLUMNS, wide))
 
 
 def text_lines(table: Table) -> list[str]:
@@ -309,11 +310,15 @@ def html_table(table: Table) -> str:
     return environment().from_string(page).render(table=table)
 
 
-def environment() -> Environment:
-    """The templates of this program: everything is escaped, nothing may be left undefined."""
+def environment(*, escaped: bool = True) -> Environment:
+    """The templates of this program: nothing may be left undefined.
+
+    Args:
+        escaped: whether all text is escaped for HTML; not for a terminal.
+    """
     made = Environment(
         loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
+        autoescape=escaped,  # noqa: S701 - a terminal renders no HTML
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from fitting.fit.objective import Point
 from fitting.fit.outputs import mean
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
+from fitting.inference.findings import in_order
 from fitting.inference.infer import Inference
-from fitting.inference.warnings import Warned
 from fitting.measurements.sweep import Sweep
 from fitting.result.result import (
     Cost,
@@ -26,13 +27,15 @@ from fitting.result.result import (
 )
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.simulate.budget import PlanRecord
+from fitting.text.finding import Finding, Kind
+from fitting.text.sentences import warning_sentences
 
 
 def result_of(
     fit: Fit,
     inference: Inference,
     provenance: Provenance,
-    further: Sequence[Warned] = (),
+    further: Sequence[Finding] = (),
     plan: PlanRecord | None = None,
 ) -> Result:
     """Everything that is known of a fit as the one record that is written and reported.
@@ -41,12 +44,12 @@ def result_of(
         fit: the solved problem.
         inference: what its data determine.
         provenance: where all of it comes from.
-        further: warnings from outside the fit, as the FMU's own.
+        further: findings from outside the fit, as the FMU's own warnings.
         plan: how the FMU was simulated.
     """
     problem, solution, last = fit.problem, fit.solution, fit.solution.last
     maximum = _maximum(problem)
-    said = [each.sentence for each in (*inference.warnings, *further)]
+    findings = in_order(*inference.findings, *further)
     return Result(
         title=problem.title,
         synthetic=problem.synthetic,
@@ -67,7 +70,7 @@ def result_of(
         correlation=_correlation(solution),
         evaluations=Cost(fit.cost.evaluations, fit.cost.jacobians, fit.cost.runs),
         seconds=fit.seconds,
-        warnings=tuple(dict.fromkeys(said)),
+        warnings=warning_sentences(findings),
         provenance=provenance,
         line=None if problem.is_joint else next(iter(inference.sweeps.lines.values()), None),
         offsets=inference.offsets,
@@ -76,8 +79,22 @@ def result_of(
         plan=plan,
         quadratures=inference.quadratures,
         ending=inference.ending,
-        findings=inference.findings,
+        chi_square=inference.chi_square,
+        dof=inference.dof,
+        findings=findings,
     )
+
+
+def without_profiles(result: Result, why: str) -> Result:
+    """The result of a fit whose profiles were not completed.
+
+    Args:
+        result: of a reconstruction.
+        why: "pending" where it is written before they are, "budget" where it was spent.
+    """
+    finding = Finding(kind=Kind.profiles_missing, severity="warning", subject=why)
+    findings = in_order(*result.findings, finding)
+    return replace(result, findings=findings, warnings=warning_sentences(findings))
 
 
 def deviations(problem: Problem, solution: Solution) -> Deviations:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from fitting.campaign.parameters import canonical
@@ -12,7 +12,6 @@ from fitting.fit.planned_fmu import PlannedFmu
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.fmu.pool import DROPPED
 from fitting.inference.infer import Inference
-from fitting.inference.warnings import Kind, warned
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.plan import Plan
 from fitting.result.assembly import result_of
@@ -21,6 +20,7 @@ from fitting.result.result import Result
 from fitting.simulate.words import warnings_in_words
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import INTERFACES
+from fitting.text.finding import Finding, Kind
 
 #: Kinds of warnings that a note tells of.
 MOST_KINDS = 3
@@ -73,18 +73,10 @@ def result_through(
     )
     plans = list(planned.plans.values())
     further = [
-        *warned(Kind.FMU, (f"The FMU says: {_in_short(alike)}" for alike in here.values())),
-        *warned(Kind.SAMPLES, _other_signals(response.misfit(p), problem.accuracy)),
-        *warned(
-            Kind.PLAN,
-            (
-                s
-                for plan in plans
-                if plan.budget is not None
-                for s in warnings_in_words(plan.budget)
-            ),
-        ),
-        *warned(Kind.PLAN, _other_interface(workers.description, plans)),
+        *(_of_fmu(alike) for alike in here.values()),
+        *_other_signals(response.misfit(p), problem.accuracy),
+        *_of_plans(plans),
+        *_other_interface(workers.description, plans),
     ]
     result = result_of(fit, inference, provenance, further, plans[0].record)
     return replace(result, seconds=seconds)
@@ -95,25 +87,40 @@ def _reported(fit: Fit, inference: Inference) -> FloatArray:
     return canonical(fit.problem.parameters, inference.reported)
 
 
-def _other_interface(description: FmuDescription, plans: Sequence[Plan]) -> list[str]:
+def _of_fmu(alike: Sequence[str]) -> Finding:
+    """What the FMU warns of at the solution, warnings that differ in numbers together."""
+    return Finding(
+        kind=Kind.fmu_warning,
+        severity="warning",
+        subject="FMU",
+        numbers={"count": float(len(alike))},
+        names={"text": (alike[0],)},
+    )
+
+
+def _of_plans(plans: Sequence[Plan]) -> Iterator[Finding]:
+    for plan in plans:
+        for text in () if plan.budget is None else warnings_in_words(plan.budget):
+            names = {"text": (text,)}
+            yield Finding(
+                kind=Kind.accuracy_missed, severity="warning", subject="plan", names=names
+            )
+
+
+def _other_interface(description: FmuDescription, plans: Sequence[Plan]) -> Iterator[Finding]:
     """That the equations of the FMU could be integrated here, where its own solver does not do."""
     other = INTERFACES[1]
     short = any(plan.budget is not None and not plan.budget.kept for plan in plans)
-    if not short or description.interface == other or other not in description.offers:
-        return []
-    return [
-        f'The FMU offers model exchange, too: with interface = "{other}" under [fmu] its equations '
-        "are integrated here, without steps of a solver of its own."
-    ]
+    if short and description.interface != other and other in description.offers:
+        yield Finding(kind=Kind.model_exchange_offered, severity="note", subject=other)
 
 
-def _other_signals(misfit: float, accuracy: float) -> list[str]:
-    if misfit <= max(100.0 * accuracy, 1e-4):
-        return []
-    return [
-        f"Sampled runs differ from mean and tones by {misfit:.1e} of their amplitude: "
-        "a transient that has not settled, harmonics, or a coarse solver."
-    ]
+def _other_signals(misfit: float, accuracy: float) -> Iterator[Finding]:
+    if misfit > max(100.0 * accuracy, 1e-4):
+        numbers = {"error": misfit}
+        yield Finding(
+            kind=Kind.not_periodic, severity="warning", subject="samples", numbers=numbers
+        )
 
 
 def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[str, list[str]]:

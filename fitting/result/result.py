@@ -6,6 +6,7 @@ units that stand beside them; `nan` (JSON null) where there is none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -174,7 +175,7 @@ class Result:
     seconds: float
     """Wall time of the fit, without starting processes and without the report."""
     warnings: tuple[str, ...]
-    """In sentences."""
+    """The sentences of `findings` that are errors or warnings, for people who read the file."""
     provenance: Provenance
     """Where all of it comes from."""
     line: SweepLine | None = None
@@ -194,7 +195,11 @@ class Result:
     ending: Ending = field(default_factory=Ending)
     """`status` in words, and what they rest on, as terminal and page tell them."""
     findings: tuple[Finding, ...] = ()
-    """What a reader has to know, decided once: for programs, as `warnings` are for people."""
+    """What a reader has to know, decided once."""
+    chi_square: float = math.nan
+    """Of the rows of known noise at the most likely point; NaN where nothing was tested."""
+    dof: float = math.nan
+    """Its degrees of freedom."""
 
     @property
     def fitted_values(self) -> dict[str, float]:

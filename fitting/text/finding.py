@@ -1,4 +1,8 @@
-"""What a reader has to know of a result, as a record: decided once, where the numbers are."""
+"""What a reader has to know of a result, as a record: decided once, where the numbers are.
+
+Sentences are made at the edge, from a template with a block for each kind (`text.sentences`). What
+each kind means, and what to do about it, is in docs/reference/findings.md.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +12,83 @@ from enum import StrEnum
 from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
+#: Severities, the most urgent first.
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 
 class Kind(StrEnum):
     """Kinds of findings. An error withdraws the values; a warning asks the reader to act."""
 
-    not_described = "not_described"
-    correlated_residuals = "correlated_residuals"
-    noise_underestimated = "noise_underestimated"
+    # how the fit ended
     not_converged = "not_converged"
+    search_unfinished = "search_unfinished"
+    not_described = "not_described"
+    profiles_missing = "profiles_missing"
+    # residuals and noise
+    correlated_residuals = "correlated_residuals"
+    heteroscedastic_residuals = "heteroscedastic_residuals"
+    noise_underestimated = "noise_underestimated"
+    excess_residuals = "excess_residuals"
+    # what one mistake in the laboratory would explain
     outlier = "outlier"
-    contradiction = "contradiction"
     gain = "gain"
     offset = "offset"
     shift = "shift"
     noise_level = "noise_level"
     drift_exchanged = "drift_exchanged"
+    peaks_exchanged = "peaks_exchanged"
+    phases_misread = "phases_misread"
+    bounds_off_line = "bounds_off_line"
+    weak_peaks = "weak_peaks"
+    unknown_line = "unknown_line"
+    points_left_out = "points_left_out"
+    # the sweep and the scale
+    sweep_power = "sweep_power"
+    sweep_saturated = "sweep_saturated"
+    sweep_clipped = "sweep_clipped"
+    sweep_outlier = "sweep_outlier"
+    sweep_background = "sweep_background"
+    sweep_point = "sweep_point"
+    line_residuals = "line_residuals"
+    line_background = "line_background"
+    scale_none = "scale_none"
+    scale_at_edge = "scale_at_edge"
+    scale_unknown = "scale_unknown"
+    scale_biased = "scale_biased"
+    scale_coarse = "scale_coarse"
+    scale_contradicted = "scale_contradicted"
+    # drift
+    drift_wide = "drift_wide"
+    drift_suspected = "drift_suspected"
+    drift_offset_wide = "drift_offset_wide"
+    # campaigns that are fitted together
+    contradiction = "contradiction"
+    tension = "tension"
+    disagreement_unsearched = "disagreement_unsearched"
+    # other solutions
     equivalent_solution = "equivalent_solution"
+    equal_alternative = "equal_alternative"
+    equal_objective = "equal_objective"
+    other_minimum = "other_minimum"
+    search_unexplained = "search_unexplained"
+    sampling_ambiguity = "sampling_ambiguity"
+    # what values rest on
+    assumption = "assumption"
+    assumed_value = "assumed_value"
+    combination = "combination"
+    at_bound = "at_bound"
+    estimator = "estimator"
+    outside_interval = "outside_interval"
+    simulation_error = "simulation_error"
+    scale_doubt = "scale_doubt"
     posterior_incomplete = "posterior_incomplete"
     posterior_unchecked = "posterior_unchecked"
-    assumption = "assumption"
-    combination = "combination"
+    # the FMU and the plan
+    fmu_warning = "fmu_warning"
+    not_periodic = "not_periodic"
+    model_exchange_offered = "model_exchange_offered"
+    accuracy_missed = "accuracy_missed"
+    campaign_note = "campaign_note"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,13 +99,25 @@ class Finding:
         kind: what was found.
         severity: "error" where values cannot be given, "warning" where the reader must act.
         subject: the measurement, parameter or file that it is about.
-        numbers: what a sentence about it needs, by name, in SI units. Of an assumption
-            ``shift_NAME``, by which the value NAME would shift, and ``chi_square``, its rise; of a
-            combination the ``correlation``, ``std_NAME`` and ``std_alone_NAME``, with the other
-            parameter known.
+        numbers: what a sentence about it needs, by name, in SI units, or in the unit that ``names``
+            give under "unit". Of an assumption ``shift_NAME``, by which the value NAME would shift,
+            and ``chi_square``, its rise; of a combination the ``correlation``, ``std_NAME`` and
+            ``std_alone_NAME``, with the other parameter known.
+        names: names that a sentence needs, of parameters, units, labels or files, by their part.
     """
 
     kind: Kind
     severity: Severity
     subject: str
     numbers: Mapping[str, float] = field(default_factory=dict)
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def of_kind(findings: tuple[Finding, ...], *kinds: Kind) -> tuple[Finding, ...]:
+    """The findings of some kinds, in their order.
+
+    Args:
+        findings: of a result.
+        kinds: that are wanted.
+    """
+    return tuple(finding for finding in findings if finding.kind in kinds)

@@ -12,7 +12,7 @@ from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.report.tables.published import rows_of
 from fitting.report.words.inference import profile_words
-from fitting.report.words.values import told_twice, verdict_words
+from fitting.report.words.values import same_values, verdict_words
 from fitting.result.assembly import result_of
 from fitting.result.result import Result
 from fitting.text.records import to_plain
@@ -105,6 +105,6 @@ def test_an_output_that_rests_on_other_bounds_is_no_other_name_of_a_parameter(
         algorithm2=1.2,
     )
     both = replace(result, parameters={"theta": known}, derived={"angle": same})
-    assert told_twice(both) == {"angle": "theta"}
+    assert same_values(both) == {"angle": "theta"}
     other = replace(both, derived={"angle": replace(same, boxes=("d1",))})
-    assert told_twice(other) == {}
+    assert same_values(other) == {}

@@ -24,9 +24,10 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import flag
-from fitting.report.words.answer import CUT_SHORT, NO_PROFILES
+from fitting.report.summary import item
 from fitting.report.words.cost import cost_lines, measured_lines
-from fitting.report.words.result import result_lines
+from fitting.report.words.result import detail_lines, result_lines
+from fitting.result.assembly import without_profiles
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
 from fitting.text.errors import NoScale, OutOfBudget
@@ -87,12 +88,15 @@ def _reconstructed(
         write_result(result, out)
     hand_over(args, result)
     print("\n".join(result_lines(result)))
-    print(f"\nwritten: {', '.join(str(path) for path in files)}")
+    if args.verbose:
+        print("", *detail_lines(result), "", sep="\n")
     if not ended.done:
         remove_earlier(out, PASSING)
-        print(f"go on with: {command_again(args)}")
+        print(item("continue", command_again(args)))
         return 1
-    if not args.no_report:
+    if args.no_report:
+        print(item("results", str(files[0])))
+    else:
         with status_line(NAME, remaining.left) as tell:
             tell(remaining.report())
             page = draw_report(
@@ -103,11 +107,13 @@ def _reconstructed(
                 lambda done, of: tell(remaining.drawing(done, of)),
                 course.drawing,
             )
-        print(f"report: {page}")
+        hint = "" if args.verbose else "   (--verbose prints all that was found)"
+        print(item("report", f"{page}{hint}"))
         course.laps.end("for the report")
     remove_earlier(out, PASSING)
     memory.remove()  # when all is done that may be killed
-    print(course.laps.words)
+    if args.verbose:
+        print(course.laps.words)
     return EXIT_CODES.get(result.status, 1)
 
 
@@ -256,7 +262,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
         job.course.drawing.begin(fitted)
     try:
         with to_the_end():
-            result = replace(result, warnings=(*result.warnings, NO_PROFILES))
+            result = without_profiles(result, "pending")
             write_result(result, job.out)
         inferred = ff.profile(
             fitted,
@@ -268,7 +274,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
             found, result, done = inferred, inferred.result, inferred.profiled
     except OutOfBudget:  # all there is to it: to go on would take as much again
         done = True
-        result = replace(fitted.result, warnings=(*fitted.result.warnings, CUT_SHORT))
+        result = without_profiles(fitted.result, "budget")
     except KeyboardInterrupt:
         pass
     job.course.laps.end("for the profiles")

@@ -237,7 +237,7 @@ class Knowledge:
     `inflation` of all standard deviations for residuals beyond the noise, `adequacy` whether
     the model describes the data at all, which the first of the `sentences` says. `most_likely`
     are all parameters at that point. `data` is False where the profiles are those of assumed
-    data (before any measurement).
+    data (before any measurement). `findings` are those of the profiles themselves.
     """
 
     data: bool
@@ -255,6 +255,7 @@ class Knowledge:
     effort: Effort
     nu: NuChoice | None = None
     bootstrap: Bootstrap | None = None
+    findings: tuple[Finding, ...] = ()
 
     @property
     def profiles(self) -> dict[str, Profile]:

@@ -9,9 +9,9 @@ from functools import partial
 
 from matplotlib.lines import Line2D
 
+from fitting.inference.findings import WORTH_SAYING
 from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import WORTH_SAYING
 from fitting.report import plot
 from fitting.report.figures.numbers import NU, OUTPUTS, PROFILES, TOGETHER
 from fitting.report.figures.style import (

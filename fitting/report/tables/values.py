@@ -17,7 +17,7 @@ from fitting.report.words.values import (
     Valued,
     offset_name,
     point_words,
-    told_twice,
+    same_values,
     verdict_words,
 )
 from fitting.result.result import Result
@@ -160,7 +160,7 @@ def values_of(result: Valued) -> list[Value]:
     Args:
         result: of a reconstruction, or what was inferred of a fit.
     """
-    twice = told_twice(result)
+    twice = same_values(result)
     found = [
         Value(name=name, digits=8, low=p.lower, high=p.upper, reference=p.reference, found=p)
         for name, p in result.parameters.items()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from fitting.inference.mistakes import fault_sentence
+from fitting.inference.mistakes import fault_finding
 from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
 from fitting.resonance.form import (
@@ -20,6 +20,7 @@ from fitting.resonance.line import Line, LineForm
 from fitting.signal.peaks import FLOOR, RICE, SINGLE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
 from fitting.text.notation import hertz, listed, number, percent, prefixed, quantity, with_error
+from fitting.text.sentences import sentence
 
 #: What each wiring is, in words.
 WIRINGS = {
@@ -41,8 +42,8 @@ def text(line: Line) -> str:
         line: as it was fitted.
     """
     lines = [*map(terminal_text, answer(line))]
-    for sentence in sentences(line):
-        lines += wrapped(sentence)
+    for text in sentences(line):
+        lines += wrapped(text)
     return "\n".join([*lines, *text_lines(forms_table(line))])
 
 
@@ -82,7 +83,7 @@ def sentences(line: Line) -> list[str]:
         *_dependence(line),
         *_rivals(line),
         *_widening(line),
-        *(fault_sentence(fault) for fault in line.faults),
+        *(sentence(fault_finding(fault)) for fault in line.faults),
         *_instrument(line),
     ]
 

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fitting.inference.conditions import is_condition
 from fitting.inference.ending import UNTESTED, Ending
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
-from fitting.inference.warnings import verdict_sentences
+from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import text_lines, wrapped
 from fitting.report.tables.values import values_table
 from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.answer import answer_lines, answer_of
+from fitting.report.words.assumptions import assumption_sentences, combination_sentences
 from fitting.report.words.inference import bootstrap_lines
 from fitting.report.words.plan import plan_line
 from fitting.result.result import STATUSES, Result
+from fitting.text.finding import Kind
 from fitting.text.notation import settings_words
+from fitting.text.sentences import sentence
+
+#: Findings whose sentences need values beside their numbers.
+OWN_WORDS = (Kind.assumption, Kind.combination)
 
 
 def ending_words(result: Result) -> tuple[str, str]:
@@ -43,37 +47,34 @@ def headline(result: Result) -> str:
     return ending.told("").strip()
 
 
-def further_warnings(result: Result) -> tuple[str, ...]:
-    """Warnings that the answer does not hold already.
-
-    Args:
-        result: of a reconstruction.
-    """
-    told = verdict_sentences({**result.parameters, **result.derived})
-    return tuple(said for said in result.warnings if said not in told and not is_condition(said))
-
-
 def result_lines(result: Result) -> list[str]:
-    """The result as lines of text.
+    """The first screen: values, what is unconstrained, warnings, what to do next.
 
     Args:
         result: of a reconstruction.
     """
-    marked = result.synthetic and "synthetic" not in result.title.lower()
+    return summary_lines(summary_of(result))
+
+
+def detail_lines(result: Result) -> list[str]:
+    """All else, as `--verbose` prints it: how the fit ended, the table, what was found, its cost.
+
+    Args:
+        result: of a reconstruction.
+    """
     said = headline(result) if result.status == STATUSES[0] else result.message
-    lines = [result.title + (" [synthetic]" if marked else ""), *wrapped(said), ""]
-    lines += answer_lines(answer_of(result))
-    lines += ["", *text_lines(values_table(result, result.title))]
+    lines = [*wrapped(said), "", *text_lines(values_table(result, result.title)), ""]
     agreement = agreement_sentences(result)
-    lines += ["", *_sentences(agreement)] if agreement else []
-    lines += ["", *_sentences(_fit_lines(result))]
+    lines += [*_sentences(agreement), ""] if agreement else []
+    lines += _sentences(_fit_lines(result))
     if result.line is not None:
         lines += _sentences(line_sentences(result.line))
     lines += _sentences(_knowledge_lines(result))
     lines += _sentences(quadrature_sentences(result.quadratures))
+    lines += _sentences((*combination_sentences(result), *assumption_sentences(result)))
     lines += _sentences(_cost_lines(result))
-    warnings = further_warnings(result)
-    lines += ["", *_sentences([f"warning: {text}" for text in warnings])] if warnings else []
+    findings = [f"{f.severity}: {sentence(f)}" for f in result.findings if f.kind not in OWN_WORDS]
+    lines += ["", *_sentences(findings)] if findings else []
     return [line.replace("\u00a0", " ") for line in lines]
 
 

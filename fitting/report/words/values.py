@@ -48,7 +48,7 @@ class Valued(Protocol):
         """Values of single experiments."""
 
 
-def told_twice(result: Valued) -> dict[str, str]:
+def same_values(result: Valued) -> dict[str, str]:
     """Outputs that are a parameter, or an earlier output, under another name, with that name.
 
     One mode's eigenfrequency is such an output, and the frequencies of two equal circuits are:

@@ -1,0 +1,502 @@
+"""The first screen of a reconstruction: values, what is unconstrained, warnings, the next step."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from fitting.campaign.laws import in_base
+from fitting.inference.assumptions import SHIFT
+from fitting.inference.budget import BUDGET
+from fitting.inference.sweep_line import SweepLine, depends_on_background
+from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.verdict import Verdict
+from fitting.report.table import columns, environment, terminal_text, wrapped
+from fitting.report.words.values import reported_words, same_values
+from fitting.result.result import Result
+from fitting.text.finding import Finding, Kind, of_kind
+from fitting.text.notation import (
+    bound,
+    index,
+    listed,
+    number,
+    prefixed,
+    quantity,
+    symbol,
+    unit_text,
+)
+from fitting.text.sentences import sentence
+
+Found = ParameterResult | DerivedResult
+
+#: Warnings on the first screen, at most.
+MOST_WARNINGS = 3
+#: Findings that the first screen expresses otherwise: by its status, its values, its next step.
+EXPRESSED = frozenset(
+    {Kind.not_converged, Kind.not_described, Kind.contradiction, Kind.profiles_missing}
+)
+#: Kinds that say best what is wrong: they come first among the warnings.
+CAUSES = (
+    Kind.bounds_off_line,
+    Kind.outlier,
+    Kind.gain,
+    Kind.offset,
+    Kind.shift,
+    Kind.noise_level,
+    Kind.drift_exchanged,
+    Kind.peaks_exchanged,
+    Kind.phases_misread,
+    Kind.assumed_value,
+    Kind.equivalent_solution,
+)
+#: Value and standard deviation of a line, by what it is of the line.
+PARTS = {
+    "frequency": lambda line: (line.frequency_hz, line.frequency_std_hz),
+    "width": lambda line: (line.width_hz, line.width_std_hz),
+    "q": lambda line: (line.q, line.q_std),
+}
+#: What is printed beside a value that is not determined by a profile.
+REMARKS = {Verdict.SEVERAL: "one of several", Verdict.LINEARISED: "1σ from the covariance"}
+#: Standard errors from which sweep and fit are no two measurements of one value.
+APART_SIGMA = 3.0
+#: Times as large a budget is proposed where one cut a search.
+MORE = 10
+#: Share of the upper end of a range below which its lower end is printed as zero.
+NOTHING = 1e-6
+#: Columns before the text of an entry, between values in a line, and values in a line at most.
+LEAD, GAP, MOST_IN_LINE = 17, 4, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Printed:
+    """A value as it is printed: its symbol, other symbols of the same number, and a remark."""
+
+    name: str
+    symbols: tuple[str, ...]
+    text: str
+    remark: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """All of the first screen.
+
+    Args:
+        title: of the campaign.
+        status: how the fit ended, with χ²/dof.
+        values: those with an error; ``limits``: those with a bound on one side, or a wide interval.
+        unconstrained: names with the range that the data allow; ``unknown``: with the reason why
+            nothing is known of them.
+        external: how values agree with those from elsewhere.
+        warnings: the most urgent ones; ``more``: how many others there are.
+        assumption: what the values rest on, with the largest shift; mostly empty.
+        advice: what to do next, and ``command``, by which; both may be empty.
+    """
+
+    title: str
+    status: str
+    values: tuple[Printed, ...] = ()
+    limits: tuple[Printed, ...] = ()
+    unconstrained: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    external: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    more: int = 0
+    assumption: str = ""
+    advice: str = ""
+    command: str = ""
+    synthetic: bool = field(default=False)
+
+
+def summary_of(result: Result) -> Summary:
+    """The first screen of a reconstruction.
+
+    Args:
+        result: of a reconstruction.
+    """
+    same = same_values(result)
+    every: dict[str, Found] = {**result.parameters, **result.derived}
+    every = {name: found for name, found in every.items() if name not in same}
+    values, limits = [], []
+    for name, found in every.items():
+        others = (name, *(other for other, first in same.items() if first == name))
+        printed = _value(name, found, result.line, tuple(map(sign, others)))
+        if printed is not None:
+            values.append(printed)
+        elif found.identifiable in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
+            limits.append(_limit(name, found, tuple(map(sign, others))))
+    determined = {value.name for value in values if value.remark != REMARKS[Verdict.SEVERAL]}
+    left = {name: found for name, found in every.items() if name not in determined}
+    urgent = _urgent(result)
+    advice, command = next_step(result, left)
+    return Summary(
+        title=result.title,
+        status=status_words(result),
+        values=tuple(values),
+        limits=tuple(limits),
+        unconstrained=_unconstrained(left),
+        unknown=_unknown(left),
+        external=tuple(test.sentence for test in result.external),
+        warnings=tuple(dict.fromkeys(map(sentence, urgent)))[:MOST_WARNINGS],
+        more=max(len(urgent) - MOST_WARNINGS, 0),
+        assumption=_assumption(result),
+        advice=advice,
+        command=command,
+        synthetic=result.synthetic and "synthetic" not in result.title.lower(),
+    )
+
+
+def sign(name: str) -> str:
+    """The symbol of a quantity in plain text: "λ₁₂", "f₁"; its name where it has none.
+
+    Args:
+        name: of a parameter or an output.
+    """
+    parts = symbol(name)
+    return name if parts is None else f"{parts[0]}{index(parts[1]) if parts[1] else ''}"
+
+
+def status_words(result: Result) -> str:
+    """How the fit ended, with chi square over its degrees of freedom where it tests anything.
+
+    Args:
+        result: of a reconstruction.
+    """
+    if result.status in ("not converged", "interrupted"):
+        return result.status
+    chi = ""
+    if math.isfinite(result.chi_square) and result.dof >= 1.0:
+        chi = f", χ²/dof = {number(result.chi_square, 3)}/{number(round(result.dof, 1), 4)}"
+    if of_kind(result.findings, Kind.contradiction):
+        return f"converged, but the campaigns contradict each other{chi}"
+    if result.status != "converged":
+        return f"converged, but the model does not describe the data{chi}"
+    return f"converged{chi}" if chi else "converged, noise estimated from the residuals"
+
+
+def _value(
+    name: str, found: Found, line: SweepLine | None, symbols: tuple[str, ...]
+) -> Printed | None:
+    """A value with its error: the sweep's own where it is the better one; None: it has none."""
+    better = by_line(name, found, line)
+    if better is not None:
+        text = quantity(*better, found.unit)
+        return Printed(name=name, symbols=symbols, text=text, remark="from the sweep")
+    if not found.identifiable.has_value or found.identifiable is Verdict.BOUNDED:
+        return None
+    remark = REMARKS.get(found.identifiable, found.condition.strip())
+    text = reported_words(found)
+    if isinstance(found, ParameterResult) and not math.isnan(found.box_end):
+        remark, text = f"beyond its bound, {_one(found.box_end, found.unit)}", found.likely_words
+    return Printed(name=name, symbols=symbols, text=text, remark=remark)
+
+
+def _limit(name: str, found: Found, symbols: tuple[str, ...]) -> Printed:
+    """A value that the data bound: "< 5.2 Hz", or an interval."""
+    low, high = found.ci95
+    text = {
+        Verdict.BOUNDED: range_words(low, high, found.unit),
+        Verdict.ABOVE: f"< {_one(high, found.unit, up=True)}",
+        Verdict.BELOW: f"> {_one(low, found.unit, up=False)}",
+    }[found.identifiable]
+    return Printed(name=name, symbols=symbols, text=text, remark=found.condition.strip())
+
+
+def by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, float] | None:
+    """Value and error of the sweep's line, where they are of this value and the better ones.
+
+    Args:
+        name: of the value.
+        found: the fit's value.
+        line: that the sweep shows by itself.
+    """
+    if line is None or name not in line.values or depends_on_background(line):
+        return None
+    value, std = PARTS[line.values[name]](line)
+    if not (math.isfinite(value) and std > 0.0) or found.identifiable is Verdict.WITHDRAWN:
+        return None
+    if not found.identifiable.has_value or math.isnan(found.std):
+        return value, std
+    near = abs(found.likely - value) <= APART_SIGMA * math.hypot(std, found.std)
+    return (value, std) if std < found.std and near else None
+
+
+def _unconstrained(left: Mapping[str, Found]) -> tuple[str, ...]:
+    """Names of unconstrained values by the range that the data allow."""
+    groups: dict[str, list[str]] = {}
+    for name, found in left.items():
+        if found.identifiable is not Verdict.OPEN:
+            continue
+        if found.is_all_round:
+            where = "any value of its period"
+        elif isinstance(found, ParameterResult):
+            where = f"within its bounds, {range_words(*found.ci95, found.unit)}"
+        else:
+            where = f"{range_words(*found.ci95, found.unit)}, all that the model allows"
+        groups.setdefault(where, []).append(sign(name))
+    return tuple(
+        f"{listed(names)} ({where.replace('its', 'their') if len(names) > 1 else where})"
+        for where, names in groups.items()
+    )
+
+
+def _unknown(left: Mapping[str, Found]) -> tuple[str, ...]:
+    """Names of values of which nothing is known, by the reason."""
+    groups: dict[str, list[str]] = {}
+    for name, found in left.items():
+        if found.identifiable is Verdict.UNKNOWN:
+            groups.setdefault(found.reason, []).append(sign(name))
+    return tuple(f"{listed(names)} ({why})" for why, names in groups.items())
+
+
+def range_words(low: float, high: float, unit: str) -> str:
+    """An interval with one unit, or one for each end where they are far apart: "1 Hz–1 kHz".
+
+    Args:
+        low: lower end.
+        high: upper end.
+        unit: of both.
+    """
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "any value"
+    if 0.0 < low < NOTHING * high:
+        low = 0.0
+    factor, shown = prefixed(max(abs(low), abs(high)), unit)
+    if high - low < 1e-3 * factor or not unit_text(unit):
+        factor, shown = 1.0, unit_text(unit)
+    if 0.0 < low < 1e-2 * high and shown:
+        return f"{_one(low, unit, up=False)}–{_one(high, unit, up=True)}"
+    lower, upper = (bound(end / factor, 3, up=up) for end, up in ((low, False), (high, True)))
+    return f"{lower}–{upper} {shown}".rstrip()
+
+
+def _one(value: float, unit: str, *, up: bool = True) -> str:
+    """A bound of three digits, with a prefix that suits it."""
+    factor, shown = prefixed(abs(float(f"{value:.3g}")), unit)
+    return f"{bound(value / factor, 3, up=up)} {shown}".strip()
+
+
+def _urgent(result: Result) -> list[Finding]:
+    """Errors and warnings that the screen does not express otherwise, causes first."""
+    found = [f for f in result.findings if f.severity != "note" and f.kind not in EXPRESSED]
+    return sorted(found, key=lambda f: f.kind not in CAUSES)
+
+
+def _assumption(result: Result) -> str:
+    """Of the assumptions that of the largest shift, in standard errors, and how many others."""
+    every: dict[str, Found] = {**result.derived, **result.parameters}
+    found = []
+    for finding in of_kind(result.findings, Kind.assumption):
+        for name, value in every.items():
+            shift = finding.numbers.get(f"{SHIFT}{name}", math.nan)
+            shift /= in_base(value.unit, name).factor
+            if value.std > 0.0 and math.isfinite(shift):
+                found.append((abs(shift) / value.std, finding.subject, name, shift, value.unit))
+    if not found:
+        return ""
+    _, subject, name, shift, unit = max(found)
+    factor, shown = prefixed(abs(shift), unit)
+    others = len(of_kind(result.findings, Kind.assumption)) - 1
+    more = f"; {others} more in the report" if others else ""
+    signed = f"{'+' if shift > 0.0 else '−'}{number(abs(shift) / factor, 2)} {shown}".rstrip()
+    return f"{subject} would shift {sign(name)} by {signed}{more}"
+
+
+# --- what to do next -----------------------------------------------------------------------------
+
+
+def next_step(result: Result, left: Mapping[str, Found]) -> tuple[str, str]:
+    """What to do next, in words and as a command; both empty where nothing is needed.
+
+    Args:
+        result: of a reconstruction.
+        left: values that are not determined, by name.
+    """
+    kinds = {finding.kind for finding in result.findings}
+    if result.status == "interrupted":
+        return "continue with the same command and --resume", ""
+    if Kind.bounds_off_line in kinds:
+        return "check the unit of the bounds and of the file's frequencies", ""
+    if result.status != "converged" and Kind.sweep_point in kinds:
+        return "remove the row of the single point from the file", ""
+    if result.status == "not converged":
+        return "start nearer to the solution, or from more starts (--starts N)", ""
+    if result.status != "converged":
+        return _other_model(result), ""
+    if Kind.contradiction in kinds:
+        return "fit each campaign separately and compare them", ""
+    beyond = [
+        f"{sign(n)} (to {_one(p.likely, p.unit)} and beyond)"
+        for n, p in result.parameters.items()
+        if not math.isnan(p.box_end)
+    ]
+    if beyond:
+        return f"widen the bounds of {listed(beyond)}", ""
+    if result.knowledge is None:
+        return _with_profiles(result)
+    return _measurement(result, left, kinds)
+
+
+def _other_model(result: Result) -> str:
+    """What may describe data that the model does not."""
+    adequacy = None if result.knowledge is None else result.knowledge.adequacy
+    if adequacy is not None and adequacy.scale_off > 1.0:
+        return 'use a sweep whose top is that of a line, or scale = "free"'
+    if adequacy is not None and adequacy.absent:
+        return "drive harder, average longer, or measure about the lines"
+    if adequacy is not None and adequacy.remedy:
+        return f"use {adequacy.remedy}: {adequacy.against} describes the data better"
+    if adequacy is not None and adequacy.against:
+        return f"use another model, or phases: {adequacy.against} describes the data better"
+    if adequacy is not None and adequacy.is_correlated:
+        return "use another model: the residuals are correlated, which no noise explains"
+    return "use another model, more data, or the noise that the data have"
+
+
+def _measurement(result: Result, left: Mapping[str, Found], kinds: set[Kind]) -> tuple[str, str]:
+    """What to measure next, of a fit that is as good as it can be."""
+    knowledge = result.knowledge
+    if Kind.sampling_ambiguity in kinds:
+        return "narrow the bounds to one of the values that the samples allow, or sample faster", ""
+    [assumed, *_] = of_kind(result.findings, Kind.assumed_value) or [None]
+    if assumed is not None:
+        names = listed(map(sign, assumed.names["assumed"]))
+        return f"measure {names}, or drive or observe the same sample elsewhere", ""
+    target = target_of(result, left)
+    if not target or knowledge is None:
+        return "none needed: every requested value is determined", ""
+    if "cost" in knowledge.profiles[target].ends:
+        return _larger_budget(result)
+    command = _design_command(result, target)
+    if not command:
+        return f'determine {sign(target)}: ff.design, target "{target}"', ""
+    return f"determine {sign(target)}:", command
+
+
+def _with_profiles(result: Result) -> tuple[str, str]:
+    """Profiles: by the same command with them, from Python by their function.
+
+    Where the command ended before they were done, it goes on from the levels that it has kept.
+    """
+    words, _ = _without_budget(result)
+    if not words:
+        return "scan the profiles for intervals: ff.profile", ""
+    spent = any(f.subject == "budget" for f in of_kind(result.findings, Kind.profiles_missing))
+    if "--no-profiles" not in words and not spent:
+        every = shlex.split(result.provenance.command)
+        kept = [*(word for word in every if word != "--resume"), "--resume"]
+        return "complete the profiles:", shlex.join(kept)
+    kept = [word for word in words if word != "--no-profiles"]
+    return "scan the profiles for intervals:", shlex.join(kept)
+
+
+def _larger_budget(result: Result) -> tuple[str, str]:
+    """What was cut for its cost: the same with ten times the budget, or the usual one."""
+    words, budget = _without_budget(result)
+    if not words:
+        return "a profile ended at its budget: ff.profile with a larger one", ""
+    if budget is None:  # the usual one, which it has spent
+        spent = 0 if result.knowledge is None else result.knowledge.effort.fmu_runs
+        budget = max(BUDGET, spent)
+    more = words if MORE * budget <= BUDGET else [*words, "--budget", str(MORE * budget)]
+    return "a profile ended at its budget:", shlex.join(more)
+
+
+def _without_budget(result: Result) -> tuple[list[str], int | None]:
+    """The command to be typed again, but for its budget, and that; none of another command."""
+    words, budget = shlex.split(result.provenance.command), None
+    if words[:2] != ["fmu-fit", "reconstruct"]:
+        return [], None
+    kept = [word for word in words if word != "--resume"]
+    if "--budget" in kept:
+        at = kept.index("--budget")
+        budget = int(kept[at + 1])
+        del kept[at : at + 2]
+    return kept, budget
+
+
+def target_of(result: Result, left: Mapping[str, Found]) -> str:
+    """What to determine next: the first output that is not determined, else parameter.
+
+    Not what the measurement brings along, as the delay of a cable.
+
+    Args:
+        result: of a reconstruction.
+        left: values that are not determined, by name.
+    """
+    asked = [name for name, p in result.parameters.items() if p.asked]
+    wanted = [name for name in (*result.derived, *asked) if name in left]
+    # what nothing is known of comes before what is bounded
+    open_ = [name for name in wanted if left[name].identifiable in (Verdict.OPEN, Verdict.UNKNOWN)]
+    return next(iter((*open_, *wanted)), "")
+
+
+def _design_command(result: Result, target: str) -> str:
+    """`fmu-fit design` for the campaigns of a `fmu-fit reconstruct`; empty where it was no such."""
+    words = shlex.split(result.provenance.command)
+    if words[:2] != ["fmu-fit", "reconstruct"]:
+        return ""
+    made = ["fmu-fit", "design", *_before_options(words[2:])]
+    if "--out" in words[:-1]:
+        made += ["--at", f"{words[words.index('--out') + 1]}/result.json"]
+    return shlex.join([*made, "--target", target])
+
+
+def _before_options(words: Sequence[str]) -> list[str]:
+    count = next((k for k, word in enumerate(words) if word.startswith("--")), len(words))
+    return list(words[:count])
+
+
+# --- the screen ----------------------------------------------------------------------------------
+
+
+def summary_lines(summary: Summary) -> list[str]:
+    """The first screen as lines of a terminal, by the template `summary.txt.j2`.
+
+    Args:
+        summary: of a reconstruction.
+    """
+    templates = environment(escaped=False)
+    templates.filters["printed"] = printed
+    text = templates.get_template("summary.txt.j2").render(
+        s=summary, heading=_heading, grid=_grid, item=item, lead=LEAD
+    )
+    return [line.replace("\u00a0", " ").rstrip() for line in text.splitlines()]
+
+
+def printed(value: Printed) -> str:
+    """Symbols, value and remark: "λ = 647.20 ± 0.82 kHz (from the sweep)".
+
+    Args:
+        value: of a summary.
+    """
+    remark = f" ({value.remark})" if value.remark else ""
+    return f"{' = '.join(value.symbols)} {value.text}{remark}"
+
+
+def _heading(title: str, status: str) -> str:
+    """Title and status in one line where both fit, the status at its end; else in two."""
+    gap = columns() - len(title) - len(status)
+    return (
+        f"{title}{' ' * gap}{status}"
+        if gap >= 2
+        else "\n".join([*wrapped(title), *wrapped(status)])
+    )
+
+
+def _grid(values: Sequence[Printed]) -> list[str]:
+    """Values in columns of one width, as many a line as fit, at most three."""
+    cells = [terminal_text(printed(value)) for value in values]
+    width = max(map(len, cells), default=0) + GAP
+    per_line = max(1, min(MOST_IN_LINE, (columns() - 2 + GAP) // width))
+    rows = [cells[k : k + per_line] for k in range(0, len(cells), per_line)]
+    return ["".join(cell.ljust(width) for cell in row).rstrip() for row in rows]
+
+
+def item(head: str, text: str) -> str:
+    """An entry with its head in the first column, its further lines below its text."""
+    return (
+        "\n".join(wrapped(f"  {head:{LEAD - 2}}{text}", LEAD)) if text else f"  {head:{LEAD - 2}}"
+    )
