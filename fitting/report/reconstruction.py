@@ -146,6 +146,7 @@ def answer_block(summary: Summary) -> tuple[Line, ...]:
     shown = tuple(map(_named, summary.values))
     limits = ", ".join(" ".join(_named(value)) for value in summary.limits)
     rest = (
+        ("Errors", summary.errors),
         ("95 % CI", limits),
         ("Unconstrained", "; ".join(summary.unconstrained)),
         ("Not known", "; ".join(summary.unknown)),

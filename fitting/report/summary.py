@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fitting.campaign.laws import in_base
 from fitting.inference.assumptions import SHIFT
@@ -89,6 +89,7 @@ class Summary:
         values: those with an error; ``limits``: those with a bound on one side, or a wide interval.
         unconstrained: names with the range that the data allow; ``unknown``: with the reason why
             nothing is known of them.
+        errors: what all errors are, where that is one remark.
         external: how values agree with those from elsewhere.
         warnings: the most urgent ones; ``more``: how many others there are.
         assumption: what the values rest on, with the largest shift; mostly empty.
@@ -102,6 +103,7 @@ class Summary:
     unconstrained: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
     external: tuple[str, ...] = ()
+    errors: str = ""
     warnings: tuple[str, ...] = ()
     more: int = 0
     assumption: str = ""
@@ -129,6 +131,9 @@ def summary_of(result: Result) -> Summary:
             limits.append(_limit(name, found, tuple(map(sign, others))))
     determined = {value.name for value in values if value.remark != REMARKS[Verdict.SEVERAL]}
     left = {name: found for name, found in every.items() if name not in determined}
+    remarks = {value.remark for value in values}
+    errors = f"{remarks.pop()}; no profile" if remarks == {REMARKS[Verdict.LINEARISED]} else ""
+    values = [replace(value, remark="") for value in values] if errors else values
     urgent = _urgent(result)
     advice, command = next_step(result, left)
     return Summary(
@@ -137,7 +142,8 @@ def summary_of(result: Result) -> Summary:
         values=tuple(values),
         limits=tuple(limits),
         unconstrained=_unconstrained(left),
-        unknown=_unknown(left),
+        unknown=_unknown(left, withdrawn=result.status == "converged"),
+        errors=errors,
         external=tuple(test.sentence for test in result.external),
         warnings=tuple(dict.fromkeys(map(sentence, urgent)))[:MOST_WARNINGS],
         more=max(len(urgent) - MOST_WARNINGS, 0),
@@ -242,11 +248,12 @@ def _unconstrained(left: Mapping[str, Found]) -> tuple[str, ...]:
     )
 
 
-def _unknown(left: Mapping[str, Found]) -> tuple[str, ...]:
-    """Names of values of which nothing is known, by the reason."""
+def _unknown(left: Mapping[str, Found], *, withdrawn: bool) -> tuple[str, ...]:
+    """Names of values of which nothing is known, by the reason; those ``withdrawn`` among them."""
+    verdicts = (Verdict.UNKNOWN, Verdict.WITHDRAWN) if withdrawn else (Verdict.UNKNOWN,)
     groups: dict[str, list[str]] = {}
     for name, found in left.items():
-        if found.identifiable is Verdict.UNKNOWN:
+        if found.identifiable in verdicts:
             groups.setdefault(found.reason, []).append(sign(name))
     return tuple(f"{listed(names)} ({why})" for why, names in groups.items())
 

@@ -5,7 +5,6 @@ Truth: `fitting.lab.string`, which shares no code with the FMU, and sums done by
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +23,7 @@ from fitting.fit.problem import problem_of
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings, solve
 from fitting.fmu import FmuWorkers, read_description
-from fitting.inference.warnings import drift_warnings
+from fitting.inference.findings import drift_findings
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
@@ -33,6 +32,7 @@ from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind
 from fitting.text.written import Written, written_values
 from tests.support.datasets import answer, dataset
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
@@ -224,9 +224,11 @@ def test_a_drift_that_makes_no_sense_is_refused(
 def test_drift_beyond_the_line_width_is_told(swift_fmu: Path, tmp_path: Path) -> None:
     path = written(tmp_path, campaign_files(series_of(5.0, 1), "test"))
     bound = bound_to(swift_fmu, path)
-    assert drift_warnings(bound, (), 200.0) == []
-    [said] = drift_warnings(bound, (), 94.0)
-    assert re.search(r"^eta_plus .*\b100 Hz.* 94 Hz", said)
+    assert not [*drift_findings(bound, (), 200.0)]
+    [found] = drift_findings(bound, (), 94.0)
+    assert found.kind is Kind.drift_wide
+    assert found.numbers["eta_plus"] == pytest.approx(100.0)
+    assert found.numbers["width_hz"] == 94.0
 
 
 def test_a_smaller_drift_is_told_where_the_model_does_not_describe_the_data(
@@ -234,11 +236,10 @@ def test_a_smaller_drift_is_told_where_the_model_does_not_describe_the_data(
 ) -> None:
     path = written(tmp_path, campaign_files(series_of(5.0, 1), "test"))
     bound = bound_to(swift_fmu, path)
-    [said] = drift_warnings(bound, (), 200.0, describes=False)
-    assert re.search(r"^eta_plus .*\b100 Hz", said)
-    for token in ("[drift] model", '"offsets"', '"walk"'):
-        assert token in said
-    assert drift_warnings(bound, (), 2000.0, describes=False) == []
+    [found] = drift_findings(bound, (), 200.0, describes=False)
+    assert (found.kind, found.severity) == (Kind.drift_suspected, "warning")
+    assert found.numbers["eta_plus"] == pytest.approx(100.0)
+    assert not [*drift_findings(bound, (), 2000.0, describes=False)]
 
 
 class Line:

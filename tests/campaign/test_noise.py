@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from fitting.fit.problem import problem_of
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings, solve
 from fitting.fmu import read_description
-from fitting.inference.warnings import outlier_sentences
+from fitting.inference.findings import outlier_findings
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import peak_sigmas
@@ -203,11 +202,10 @@ def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
         widths[outliers] = d1 * np.cos(theta) ** 2 + d2 * np.sin(theta) ** 2
         bound = string_campaign(objective.data, string_response(drift_hz=80.0), tmp_path)
         problem = problem_of([replace(bound, noise=Noise(outliers=outliers))])
-        said = outlier_sentences(problem, [row_by_row(evaluator, x, sigma)])
-        assert len(said) == 1
-        assert re.search(r"\bpair2 .*6\.94034 MHz", said[0])
-        assert "pair1" not in said[0]
-        assert ("count less" in said[0]) == (outliers == "huber")
+        [found] = outlier_findings(problem, [row_by_row(evaluator, x, sigma)])
+        assert found.subject == "pair2"
+        assert found.numbers["frequency_hz"] == pytest.approx(6.94034e6)
+        assert bool(found.names["reduced"]) == (outliers == "huber")
     truth = 120.0 * np.cos(1.9498) ** 2 + 90.0 * np.sin(1.9498) ** 2
     assert abs(widths["huber"] - truth) < 0.5 * abs(widths["keep"] - truth)
 
@@ -225,7 +223,7 @@ def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
         ]
         evaluator = Evaluator(objective)
         problem = problem_of([string_campaign(measured, response, tmp_path)])
-        named += len(outlier_sentences(problem, [row_by_row(evaluator, x, measured.sigma)]))
+        named += len([*outlier_findings(problem, [row_by_row(evaluator, x, measured.sigma)])])
     assert named <= 1
 
 

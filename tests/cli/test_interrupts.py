@@ -21,8 +21,8 @@ from fitting.cli.running.interrupts import interruptible
 from fitting.cli.running.remaining import Remaining
 from fitting.fit import checkpoint
 from fitting.lab.tradeoff.study import CHECKPOINT_NAME
-from fitting.report.words.answer import NO_PROFILES
 from fitting.result.result import Result, read_result
+from fitting.text.finding import Kind, of_kind
 from tests.support.asked import asked_to_end, harmless, temporary_files_in
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.in_process import told
@@ -183,8 +183,8 @@ def test_an_end_during_the_profiles_keeps_the_fit(
     late = read_result(result)
     assert (ended.code, ended.err) == (1, "")
     assert (early.status, early.knowledge) == ("converged", None)
-    assert NO_PROFILES in early.warnings
-    assert any("profiles" in text for text in late.warnings)
+    assert [f.subject for f in of_kind(early.findings, Kind.profiles_missing)] == ["pending"]
+    assert of_kind(late.findings, Kind.profiles_missing)
     assert late.parameters == early.parameters
     assert goes_on(ended.out)
     assert (result.parent / checkpoint.NAME).exists()
@@ -218,8 +218,8 @@ def test_ends_during_the_profiles_keep_the_fit(
     assert early.status == "converged"
     late = read_result(result)
     assert early.knowledge is None
-    assert NO_PROFILES in early.warnings
-    assert any("profiles" in text for text in late.warnings)
+    assert [f.subject for f in of_kind(early.findings, Kind.profiles_missing)] == ["pending"]
+    assert of_kind(late.findings, Kind.profiles_missing)
     assert late.parameters == early.parameters
     assert goes_on(out)
     assert (result.parent / checkpoint.NAME).exists()

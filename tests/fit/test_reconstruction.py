@@ -28,12 +28,14 @@ from fitting.fit.solver.continuation import ContinuationStep, Schedule
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.ending import DESCRIBES
 from fitting.measurements.response_curve import ResponseCurve
-from fitting.report.words.result import result_lines
+from fitting.report.summary import summary_of
+from fitting.report.words.result import detail_lines, result_lines
 from fitting.result.provenance import Identity, job_of, provenance_of
 from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind, of_kind
 from fitting.text.results_folder import results_folder
 from tests.fit.test_result import read_rows
 from tests.support import closed_form
@@ -93,7 +95,7 @@ def test_the_width_is_determined_and_the_coupling_is_not(result: Result) -> None
     assert coupling.identifiable == "not known"
     assert "not known" in coupling.text()
     assert coupling.box[0] < 2e5 < 7e5 < coupling.box[1]
-    assert any("lambda" in said for said in result.warnings)
+    assert "λ" in "; ".join(summary_of(result).unconstrained)
 
 
 def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Path) -> None:
@@ -111,20 +113,21 @@ def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Pa
     assert data["derived"]["lambda"]["std"] is None
     assert data["derived"]["lambda"]["ci95"][0] > 0.0
     words = ("not known", "linearised only")
-    told = {line.split()[0]: line for line in result_lines(result) if any(w in line for w in words)}
+    told = {line.split()[0]: line for line in detail_lines(result) if any(w in line for w in words)}
     for name in ("theta", "lambda"):  # a range, and neither a value nor an error
         assert told[name].split()[1] == told[name].split()[3] == "-"
     assert f" {width.std:.2g} " in told["D11"]
 
 
 def test_the_table_says_nothing_twice(result: Result) -> None:
-    assert result_lines(result)[0] == "string [synthetic]"
-    told = result_lines(replace(result, title="String (synthetic)"))
-    assert told[0] == "String (synthetic)"
+    assert result_lines(result)[0].startswith("string (synthetic data) ")
+    named = replace(result, title="String (synthetic)")
+    assert result_lines(named)[0].count("ynthetic") == 1
+    told = detail_lines(named)
     assert sum(line.startswith("alternative ") for line in told) == 2
     single = replace(result.alternatives[0], settings={})
-    told = result_lines(replace(result, alternatives=(single,)))
-    assert not any("alternative" in line for line in told if not line.startswith("warning"))
+    told = detail_lines(replace(result, alternatives=(single,), findings=()))
+    assert not any("alternative" in line for line in told)
 
 
 def test_the_scatter_of_the_width_over_noise_is_what_is_claimed(tmp_path: Path) -> None:
@@ -154,7 +157,7 @@ def test_both_alternatives_are_listed_and_their_tie_is_told(result: Result) -> N
     ]
     assert [a.reported for a in result.alternatives] == [True, False]
     assert all(a.equal_to_best for a in result.alternatives)
-    assert any("alternatives" in said for said in result.warnings)
+    assert of_kind(result.findings, Kind.equal_alternative)
     # there is one minimum: all that are tried, two for each of two further starts, end in it, and
     # its image in the other alternative is where that ends by itself
     joined = [[start.joined for start in each.starts] for each in result.alternatives]
@@ -444,11 +447,11 @@ def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
     identity = identify_fmu(workers.description, "test")
     asked = ReconstructionOptions(options, profiles=False)
     found = reconstruct_through(workers, problem_of([bound]), identity, asked)
-    said = [text for text in found.warnings if "says: lambda" in text]
+    said = of_kind(found.findings, Kind.fmu_warning)
     assert len(said) == warned
     assert len(found.provenance.notes) == noted
     if warned:
-        assert f"theta = {found.parameters['theta'].value!r} rad" in said[0]
+        assert f"theta = {found.parameters['theta'].value!r} rad" in said[0].names["text"][0]
 
 
 def arguments(*words: str) -> argparse.Namespace:
@@ -459,10 +462,9 @@ def arguments(*words: str) -> argparse.Namespace:
 
 def test_the_command_reconstructs_the_shipped_campaign(string_q1_run: ShippedRun) -> None:
     out = string_q1_run.printed
-    assert "not determined" in out
-    # the sweep by itself knows the width better than the peaks, and is told first
-    known = next(line for line in out.splitlines() if line.startswith("known:"))
-    assert "= 94.18 ± 0.24 Hz" in known
+    assert "unconstrained" in out
+    # the sweep by itself determines the width better than the peaks
+    assert "width_plus 94.18 ± 0.24 Hz (from the sweep)" in out
     found = string_q1_run.result
     assert found.ending.words == DESCRIBES
     width = found.derived["width_plus"]
@@ -472,7 +474,7 @@ def test_the_command_reconstructs_the_shipped_campaign(string_q1_run: ShippedRun
     assert len(found.provenance.plan) > 5
     assert "reused" in found.provenance.plan[-1]
     # lambda is no real number at some starts and samples of the box, but at the solution it is
-    assert not any("FMU says" in said for said in found.warnings)
+    assert not of_kind(found.findings, Kind.fmu_warning)
     assert "The FMU" not in out
     [note] = found.provenance.notes
     assert "lambda" in note

@@ -23,11 +23,11 @@ from fitting.fit.search.minima import Minimum, Search
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.adequacy import judged
 from fitting.inference.ending import MISFIT
+from fitting.inference.findings import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.outside import held_sentences
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import search_sentences
 from fitting.text.arrays import FloatArray
 from tests.faults import scene
 from tests.support.whitened import learnt, parameter, whitened
@@ -226,11 +226,16 @@ def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
         evaluations=0,
         runs=0,
     )
-    [said] = search_sentences(Outcome(chains=(), search=search))
-    for words in ("64 points", "1 of 2 descents", "4900", "7000"):
-        assert words in said
+    [found] = search_findings(Outcome(chains=(), search=search))
+    assert found.numbers == {
+        "points": 64.0,
+        "lowest": 1.0,
+        "descents": 2.0,
+        "chi_square": 4900.0,
+        "next_chi_square": 7000.0,
+    }
     explained = replace(search, explained=True)
-    assert search_sentences(Outcome(chains=(), search=explained)) == []
+    assert not [*search_findings(Outcome(chains=(), search=explained))]
 
 
 def test_of_intervals_that_nobody_tells_no_sentence_speaks() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import fitting as ff
 from fitting.inference.ending import CONTRADICTED
 from fitting.inference.verdict import Verdict
-from fitting.report.words.answer import Answer, answer_of
+from fitting.report.summary import Summary, summary_of
 from fitting.result.result import Result
 
 F_HZ, WIDTH_HZ = 1000.0, 10.0
@@ -30,7 +30,7 @@ PARAMETERS = (
 METHOD = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
 
 
-def together(fmu: Path, ringing_hz: float) -> tuple[Result, Answer]:
+def together(fmu: Path, ringing_hz: float) -> tuple[Result, Summary]:
     """Both fitted with one frequency and one width, where the ringdown has a width of its own."""
     rng = np.random.default_rng(5)
     t = np.linspace(0.0, 0.0998, 500)
@@ -57,23 +57,23 @@ def together(fmu: Path, ringing_hz: float) -> tuple[Result, Answer]:
     ]
     fit = ff.fit(ff.Problem(fmu, PARAMETERS, measurements), method=METHOD, starts=1)
     found = ff.profile(fit, names=["d1", "eta_plus"]).result
-    return found, answer_of(found)
+    return found, summary_of(found)
 
 
 def test_a_ringdown_and_a_sweep_of_one_width_agree(swift_fmu: Path) -> None:
-    result, answer = together(swift_fmu, WIDTH_HZ)
+    result, summary = together(swift_fmu, WIDTH_HZ)
     assert result.ending.words != CONTRADICTED
-    assert {known.name for known in answer.known} == {"d1", "eta_plus"}
+    assert {value.name for value in summary.values} == {"d1", "eta_plus"}
     d1 = result.parameters["d1"]
     assert abs(d1.value - WIDTH_HZ) < 3.0 * d1.std
 
 
 def test_widths_that_differ_are_not_known_and_both_are_told(swift_fmu: Path) -> None:
     """8 % apart, some eight errors: what lies between them is true of neither."""
-    result, answer = together(swift_fmu, 1.08 * WIDTH_HZ)
+    result, summary = together(swift_fmu, 1.08 * WIDTH_HZ)
     assert result.ending.words == CONTRADICTED
     assert not result.ending.whole
-    assert [known.name for known in answer.known] == ["eta_plus"]  # of which both say the same
+    assert [value.name for value in summary.values] == ["eta_plus"]  # of which both say the same
     d1 = result.parameters["d1"]
     assert d1.identifiable is Verdict.WITHDRAWN
     assert np.isnan(d1.std)
@@ -81,5 +81,5 @@ def test_widths_that_differ_are_not_known_and_both_are_told(swift_fmu: Path) -> 
     for part, truth in zip(result.joint.series, (1.08 * WIDTH_HZ, WIDTH_HZ), strict=True):
         alone = part.alone["d1"]
         assert abs(alone.value - truth) < 3.0 * alone.std
-        assert re.search(rf"{part.name} .*{alone.value:.2f}", answer.open_words)
-    assert "campaigns" in answer.advice
+        assert re.search(rf"{part.name} .*{alone.value:.2f}", " ".join(summary.unknown))
+    assert "campaign" in summary.advice

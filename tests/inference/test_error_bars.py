@@ -22,10 +22,10 @@ from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.values import ParameterResult
 from fitting.inference.verdict import Verdict
+from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
 from fitting.report.tables.published import write_values
 from fitting.report.tables.values import interval_table
-from fitting.report.words.answer import CONVENTION, CONVENTION_UNEVEN, answer_lines, answer_of
 from fitting.report.words.calibration import calibration_lines
 from fitting.report.words.values import reported_words
 from fitting.result.calibration import Calibration, Handed
@@ -130,19 +130,15 @@ UNEVEN = ErrorBars(below=8.9, above=12.8, is_even=False, tells95=False)
 
 def test_answer_tables_and_files_tell_both_sides(tmp_path: Path) -> None:
     result = records.result_for(records.campaign())
-    assert CONVENTION in answer_lines(answer_of(result))
     d1 = replace(
         result.parameters["d1"], value=94.0, std=10.85, ci95=(40.0, 130.0), bars=UNEVEN, unit="Hz"
     )
     uneven = replace(result, parameters={**result.parameters, "d1": d1}, line=None)
-    answer = answer_of(uneven)
-    [shown] = [k.shown.replace("\u00a0", " ") for k in answer.known if k.name == "d1"]
-    assert shown.startswith("= 94.0 +12.8 −8.9 Hz ")
+    summary = summary_of(uneven)
+    [shown] = [v.text.replace("\u00a0", " ") for v in summary.values if v.name == "d1"]
+    assert shown.startswith("94.0 +12.8 −8.9 Hz ")
     assert "40.0 to 130.0 Hz" in shown
-    lines = answer_lines(answer)
-    assert "94.0 +12.8 -8.9 Hz " in " ".join(lines)
-    assert CONVENTION not in lines
-    assert " ".join(lines).endswith(CONVENTION_UNEVEN.replace("−", "-"))
+    assert "94.0 +12.8 -8.9 Hz " in " ".join(summary_lines(summary))
     table = interval_table(uneven, "t")
     [line] = [line for line in text_lines(table) if line.startswith("d1")]
     assert "  +12.8 -8.9  40.0 to 130.0" in line

@@ -21,11 +21,11 @@ from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import Inference, infer
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import Kind
 from fitting.report.table import text_lines
 from fitting.report.tables.values import interval_table, values_table
 from fitting.report.words.values import reported_words
 from fitting.text.arrays import FloatArray
+from fitting.text.finding import Kind, of_kind
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 ROWS = 15
@@ -140,8 +140,8 @@ def test_algorithm_2_is_reported_where_asked_for_and_errors_stay_those_of_least_
     values = np.array([result.value for result in found.parameters.values()])
     least = least_absolute(matrix, measured).fun
     assert float(np.sum(np.abs(matrix @ values - measured))) == pytest.approx(least, rel=1e-4)
-    said = " ".join(w.sentence for w in found.warnings if w.kind is Kind.ESTIMATOR)
-    assert "Algorithm 2" in said
+    assert len(of_kind(found.findings, Kind.estimator)) == 1
+    beyond = {each.subject for each in of_kind(found.findings, Kind.outside_interval)}
     for k, (name, result) in enumerate(found.parameters.items()):
         assert result.value == result.algorithm2
         assert result.most_likely == pytest.approx(solution[k], abs=0.05 * errors[k])
@@ -150,7 +150,7 @@ def test_algorithm_2_is_reported_where_asked_for_and_errors_stay_those_of_least_
         low, high = solution[k] - half, solution[k] + half
         assert result.ci95 == pytest.approx((low, high), abs=0.06 * errors[k])
         outside = not low < result.value < high
-        assert (f"{name} = " in said) == outside
+        assert (name in beyond) == outside
         words = reported_words(result)
         assert "by Algorithm 2" in words
         assert "most likely" in words
@@ -179,8 +179,8 @@ def test_a_value_of_algorithm_2_beyond_the_interval_is_said_to_be_there() -> Non
     assert result.most_likely == pytest.approx(mean, abs=0.01)
     assert result.std == pytest.approx(error, rel=0.03)
     assert result.is_outside
-    said = [w.sentence for w in found.warnings if w.kind is Kind.ESTIMATOR]
-    assert said[1].startswith("p = ")
-    assert "10.1" in said[1]
+    [beyond] = of_kind(found.findings, Kind.outside_interval)
+    assert beyond.subject == "p"
+    assert (beyond.numbers["low"], beyond.numbers["high"]) == result.ci95
     lines = " ".join(text_lines(interval_table(found, "t")))
     assert "outside" in lines

@@ -11,12 +11,11 @@ import pytest
 from fitting.campaign import Experiment
 from fitting.fit.fit import Fit, Status
 from fitting.inference.contradictions import contradicted
-from fitting.inference.findings import findings_of
+from fitting.inference.findings import pair_findings
 from fitting.inference.infer import Inference
 from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import Kind as Warning_
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra
@@ -300,7 +299,7 @@ def test_the_experiment_that_is_too_high_is_named_and_no_other() -> None:
     [outlier] = [f for f in found.findings if f.kind is Kind.outlier]
     assert outlier.subject == "e2"
     assert outlier.numbers["factor"] == pytest.approx(1.5, rel=0.05)
-    assert not [w for w in found.warnings if w.kind is Warning_.DRIFT]
+    assert Kind.drift_suspected not in kinds(found)
 
 
 def test_weak_peaks_that_the_noise_explains_are_no_misfit() -> None:
@@ -367,8 +366,7 @@ def joint(**sigmas: float) -> JointResult:
 def test_the_campaign_that_differs_is_named_once(
     sigmas: dict[str, float], named: list[str]
 ) -> None:
-    fit = fitted_line(sweep(line(U) + noise(), NOISE))
-    found = findings_of(fit, None, joint(**sigmas))
+    found = pair_findings(joint(**sigmas), is_best=True)
     assert [f.subject for f in found if f.kind is Kind.contradiction] == named
 
 

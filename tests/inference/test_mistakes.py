@@ -19,10 +19,11 @@ from fitting.campaign import SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Status
 from fitting.inference.infer import Inference, InferenceRequest, infer
-from fitting.inference.mistakes import SweepFindings, slipped_sentences
+from fitting.inference.mistakes import SweepFindings, slipped_findings
 from fitting.inference.sweep_line import line_of_sweep
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import Kind, Warned
+from fitting.text.finding import Finding, Kind
+from fitting.text.sentences import sentence
 from tests.support.lines import mode, noise
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
@@ -31,7 +32,18 @@ from tests.support.virtual.laboratory import Laboratory
 pytestmark = pytest.mark.usefixtures("swift_models")
 
 #: Kinds of warnings that name a mistake.
-MISTAKES = {Kind.SWEEP, Kind.SCALE_FACTOR, Kind.SWAPPED, Kind.LINES}
+MISTAKES = {
+    Kind.sweep_power,
+    Kind.sweep_saturated,
+    Kind.sweep_clipped,
+    Kind.sweep_outlier,
+    Kind.sweep_background,
+    Kind.sweep_point,
+    Kind.points_left_out,
+    Kind.scale_contradicted,
+    Kind.peaks_exchanged,
+    Kind.unknown_line,
+}
 
 
 #: Short fits: by Algorithm 2, and by squares, which get to their end sooner.
@@ -46,28 +58,28 @@ def fitted(laboratory: Laboratory, folder: Path, method: ff.Tikhonov = SHORT) ->
     return ff.fit(problem, method, starts=1).inferred
 
 
-def warned_of(kind: str, seed: int, folder: Path, method: ff.Tikhonov = SHORT) -> list[Warned]:
+def warned_of(kind: str, seed: int, folder: Path, method: ff.Tikhonov = SHORT) -> list[Finding]:
     """What a fit of that laboratory warns of, mistakes only."""
     found = fitted(KINDS[kind](seed), folder, method)
-    return [w for w in found.warnings if w.kind in MISTAKES]
+    return [each for each in found.findings if each.kind in MISTAKES]
 
 
 @pytest.mark.parametrize(
     ("seed", "kind", "words"),
     [
-        (0, Kind.SCALE_FACTOR, r"1\.4\d+.* rms"),
-        (1, Kind.SCALE_FACTOR, r"2\.00\d+.* twice"),
-        pytest.param(2, Kind.SWEEP, r"1\.9\d+.* decibels", marks=pytest.mark.nightly),
-        (3, Kind.SWEEP, "clipped"),
-        (4, Kind.SWEEP, "background"),
-        (5, Kind.SWEEP, r"1\.32761414 kHz"),
-        (6, Kind.SWAPPED, "pair3"),
-        (7, Kind.LINES, "tones"),
+        (0, Kind.scale_contradicted, r"1\.4\d+.* rms"),
+        (1, Kind.scale_contradicted, r"2\.00\d+.* twice"),
+        pytest.param(2, Kind.sweep_power, r"1\.9\d+", marks=pytest.mark.nightly),
+        (3, Kind.sweep_clipped, ""),
+        (4, Kind.sweep_background, ""),
+        (5, Kind.sweep_outlier, r"1\.32761414 kHz"),
+        (6, Kind.peaks_exchanged, "pair3"),
+        (7, Kind.unknown_line, ""),
     ],
 )
 def test_a_mistake_is_named_by_its_kind(seed: int, kind: Kind, words: str, tmp_path: Path) -> None:
     said = warned_of("misuse", seed, tmp_path, SQUARES)
-    assert any(w.kind is kind and re.search(words, w.sentence) for w in said), said
+    assert any(each.kind is kind and re.search(words, sentence(each)) for each in said), said
 
 
 @pytest.mark.parametrize(
@@ -94,11 +106,13 @@ def test_a_box_a_thousand_times_off_the_line_is_named(place: float, said: bool) 
         for n, a, b in (("f1", 0.995 * place, 1.005 * place), ("d1", 5.0 * factor, 500.0 * factor))
     ]
     problem = SimpleNamespace(campaigns={"": SimpleNamespace(sweep=sweep)}, parameters=boxes)
-    found = slipped_sentences(problem, {"": line_of_sweep(sweep)})  # type: ignore[arg-type]
+    lines = {"": line_of_sweep(sweep)}
+    found = [*slipped_findings(problem, lines)]  # type: ignore[arg-type]
     assert bool(found) is said
-    for sentence in found:
-        assert "mine.csv" in sentence
-        assert re.search(r"52\.3\d+ kHz.*\bf1\b.*\b1000 ", sentence)
+    for each in found:
+        assert (each.subject, each.names["file"]) == ("f1", ("mine.csv",))
+        assert each.numbers["factor"] == 1e3
+        assert each.numbers["frequency_hz"] == pytest.approx(52.34e3, rel=1e-3)
 
 
 @pytest.mark.parametrize(

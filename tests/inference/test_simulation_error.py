@@ -24,10 +24,10 @@ from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity, interval
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import Kind
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.scale import Maximum
 from fitting.text.arrays import FloatArray
+from fitting.text.finding import Kind, of_kind
 from tests.support.datasets import answer, dataset, sweep_measurement
 from tests.support.single_line import ETA_HZ, TOP, WIDTH_HZ, LineResponse, line_parameters
 from tests.support.whitened import SIGMA, Z95, WhitenedResponse, parameter, whitened
@@ -151,9 +151,10 @@ def test_a_bounded_error_adds_its_worst_to_what_noise_makes(profiles: bool) -> N
         half = Z95 * errors[k] + worst[k]
         ends = result.most_likely - half, result.most_likely + half
         assert result.ci95 == pytest.approx(ends, abs=0.03 * half)
-    [said] = [w.sentence for w in found.warnings if w.kind is Kind.SIMULATION]
-    assert "3.0e-03" in said
-    assert " p by 0." in said
+    [said] = of_kind(found.findings, Kind.simulation_error)
+    assert said.numbers["error"] == pytest.approx(promised)
+    for name in said.names["values"]:
+        assert said.numbers[name] == found.parameters[name].simulation
 
 
 def at(value: float, delta: float) -> ProfilePoint:
@@ -185,7 +186,7 @@ def test_a_promise_far_below_the_noise_changes_nothing_and_is_not_told() -> None
     for name, result in fine.parameters.items():
         assert result.ci95 == pytest.approx(exact.parameters[name].ci95, rel=1e-5)
         assert result.std == pytest.approx(exact.parameters[name].std, rel=1e-3)
-    assert not [w for w in fine.warnings if w.kind is Kind.SIMULATION]
+    assert not of_kind(fine.findings, Kind.simulation_error)
 
 
 def test_a_value_that_the_simulation_hides_is_not_called_determined() -> None:

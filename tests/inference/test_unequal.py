@@ -11,8 +11,7 @@ import pytest
 import fitting as ff
 from fitting.fit.fit import Status
 from fitting.inference.infer import InferenceRequest, infer
-from fitting.inference.warnings import Kind
-from fitting.signal.residual_tests import UNEQUAL
+from fitting.text.finding import Kind
 from tests.support.complex_data import mode
 from tests.support.one_mode import SETUP
 
@@ -67,23 +66,20 @@ def test_the_noise_that_is_stated_is_of_one_size(stated: ff.Fit) -> None:
 
 
 def test_the_warning_names_what_states_it(unstated: ff.Fit, stated: ff.Fit) -> None:
-    told = [" ".join(fit.warnings) for fit in (unstated, stated)]
-    assert UNEQUAL in told[0]
-    assert "[noise] relative" in told[0]
-    assert UNEQUAL not in told[1]
+    kinds = (Kind.heteroscedastic_residuals, Kind.correlated_residuals)
+    [found] = [f for f in unstated.inferred.findings if f.kind in kinds]
+    assert found.numbers["can_state"]
+    assert not [f for f in stated.inferred.findings if f.kind in kinds]
 
 
 def test_a_search_that_was_interrupted_does_not_blame_the_noise(swift_fmu: Path) -> None:
     """Its residuals may be what the search had still to take away."""
     done = fitted(swift_fmu, 0, ff.Noise(relative=SHARE / 1.8)).record
     cut = replace(done, status=Status.INTERRUPTED)
-    told = [
-        [
-            warning.sentence
-            for warning in infer(fit, InferenceRequest(profiles=False)).warnings
-            if warning.kind is Kind.INFLATION
-        ]
+    blames = {Kind.noise_underestimated, Kind.excess_residuals}
+    kinds = [
+        {found.kind for found in infer(fit, InferenceRequest(profiles=False)).findings}
         for fit in (done, cut)
     ]
-    assert ["too small" in " ".join(said) for said in told] == [True, False]
-    assert "search" in " ".join(told[1])
+    assert [bool(blames & each) for each in kinds] == [True, False]
+    assert Kind.search_unfinished in kinds[1]

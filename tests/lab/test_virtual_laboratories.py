@@ -12,7 +12,7 @@ import pytest
 
 import fitting as ff
 from fitting.fit.fit import Status
-from fitting.inference.warnings import Kind
+from fitting.text.finding import Kind
 from tests.support import reference
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.findings import findings
@@ -26,12 +26,12 @@ pytestmark = pytest.mark.usefixtures("swift_models")
 NIGHTLY = pytest.mark.nightly
 #: For what profiles say: Algorithm 2 ends sooner by squares, and the likelihood is the same.
 SQUARES = ff.Tikhonov(nu=1e-3, levels=1, misfit="squares")
-CONTRADICTED = {Kind.AGREEMENT, Kind.SCALE_FACTOR}
+CONTRADICTED = {Kind.contradiction, Kind.tension, Kind.scale_contradicted}
 
 
 def kinds(found: ff.Inference) -> set[Kind]:
-    """What is warned of."""
-    return {warned.kind for warned in found.record.warnings}
+    """What was found, notes apart."""
+    return {each.kind for each in found.findings if each.severity != "note"}
 
 
 @pytest.mark.parametrize("reflection", [False, True])
@@ -157,7 +157,7 @@ def test_where_a_descent_is_stuck_is_no_noise_and_no_bound(tmp_path: Path) -> No
     assert knowledge is not None
     assert knowledge.inflation == 1.0
     assert knowledge.adequacy.p_value > 0.05
-    assert Kind.INFLATION not in kinds(found)
+    assert Kind.excess_residuals not in kinds(found)
     low, high = found.values["d1"].interval(0.95)
     assert low < laboratory.truth()["d1"] < 1000.0 < high
 

@@ -18,7 +18,7 @@ from fitting.campaign.instruments import read_trace
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import Wiring
-from fitting.report.words.answer import answer_of
+from fitting.report.summary import printed, summary_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from tests.support.coloured import coloured
@@ -92,17 +92,17 @@ def test_a_value_beyond_its_box_is_told_as_such_with_what_is_left_there(
     problem = ff.Problem(swift, inside, ff.ComplexSweep(SETUP, curve))
     found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1), ["d1"])
     value, error, scatter = best(SEEN, y, 2)
-    answer = answer_of(found.result)
-    [known] = [k for k in answer.known if k.name == "d1"]
+    [known] = [v for v in summary_of(found.result).values if v.name == "d1"]
     told = re.fullmatch(
-        r"= ([\d.]+) ± ([\d.]+) Hz \(beyond its box, which ends at 11 Hz\)",
-        known.shown.replace("\u00a0", " "),
+        r"d₁ ([\d.]+) ± ([\d.]+) Hz \(beyond its bound, 11 Hz\)",
+        printed(known).replace("\u00a0", " "),
     )
     assert told is not None
     assert float(told[1]) == pytest.approx(value[0], abs=0.05 * error[0])
     assert float(told[2]) == pytest.approx(error[0], rel=0.05)
-    assert "d1" in answer.advice
-    assert " 12." in answer.advice
+    advice = summary_of(found.result).advice
+    assert "d₁" in advice
+    assert " 12." in advice
     # the distance of X + iY from the model, rms over the largest value, as those squares leave it
     left = math.sqrt(2.0 * (1.0 - 3.0 / SEEN.size)) * scatter / float(np.max(np.abs(y)))
     share = re.search(r"to ([\d.]+) % of the largest", found.result.ending.extent)

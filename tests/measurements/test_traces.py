@@ -18,7 +18,7 @@ from fitting.inference.verdict import Verdict
 from fitting.measurements.traces.step_plan import first_steps
 from fitting.measurements.traces.waveform import Recorded, Waveform
 from fitting.report.shown import shown_fit
-from fitting.report.words.answer import answer_of
+from fitting.report.summary import summary_of
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -365,7 +365,7 @@ def test_of_a_fit_that_follows_nothing_nothing_is_known(lag: ff.Fmu) -> None:
     trace = ff.Trace(t, y, setup=LAG, input="u", driven=(t, np.full(t.size, 5.0)))
     found = ff.profile(ff.fit(ff.Problem(lag, LAG_PARAMETERS[1:], trace), method=QUICK, starts=1))
     assert found.result.status != "converged"
-    assert answer_of(found.result).known == ()
+    assert summary_of(found.result).values == ()
     assert found.result.parameters["gain"].identifiable is Verdict.WITHDRAWN
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2, kstest
 
 from fitting.campaign import SweepData
-from fitting.inference.sweep_line import SweepLine, line_of_sweep, line_sentences, line_warnings
+from fitting.inference.sweep_line import SweepLine, line_findings, line_of_sweep, line_sentences
 from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.residual_tests import (
     autocorrelation,
@@ -24,6 +23,7 @@ from fitting.signal.residual_tests import (
     white_noise_p,
 )
 from fitting.text.arrays import FloatArray
+from fitting.text.finding import Kind
 from tests.support.coloured import coloured
 
 ETA, WIDTH, NOISE = 30281.3, 25.0, 0.004
@@ -356,16 +356,16 @@ def test_a_background_is_told_with_both_values(chosen: str) -> None:
         assert line.frequency_hz == (plain if chosen == "none" else full).frequency_hz
         assert full.frequency_hz == pytest.approx(ETA, abs=4.0 * full.frequency_std_hz)
         assert abs(plain.frequency_hz - ETA) > 0.2
-        said = line_warnings(line, fitted=True)[-1]
-        told = [float(word) for word in re.findall(r"f = ([\d.]+)", said)]
-        assert told == pytest.approx([plain.frequency_hz, full.frequency_hz], abs=0.06)
-        assert len(said) > len(line_warnings(line, fitted=False)[-1])  # what a fit shares of it
+        found = [*line_findings(line, fitted=True)][-1]
+        assert found.kind is Kind.line_background
+        assert found.numbers["plain_frequency_hz"] == plain.frequency_hz
+        assert found.numbers["full_frequency_hz"] == full.frequency_hz
 
 
 @pytest.mark.parametrize("seeds", [20, pytest.param(60, marks=NIGHTLY)])
 def test_without_a_background_none_is_told(seeds: int) -> None:
     lines = [line_of_sweep(sweep(0.0, seed)) for seed in range(seeds)]
-    assert sum(bool(line_warnings(line, fitted=False)) for line in lines) <= 1
+    assert sum(bool([*line_findings(line, fitted=False)]) for line in lines) <= 1
     seen = [line.background_p < 0.05 for line in lines if not math.isnan(line.background_p)]
     assert len(seen) >= seeds * 55 // 60
     assert np.mean(seen) < 0.12
@@ -379,14 +379,14 @@ def test_correlated_noise_is_no_background(seeds: int) -> None:
         rough = NOISE * coloured(0.7, F.size, np.random.default_rng(seed))
         line = line_of_sweep(replace(clean, amplitude_v=trace() + rough))
         assert line.fits[0].widening > 1.5
-        told += len(line_warnings(line, fitted=False)) - 1  # the first is of how they hang together
+        told += len([*line_findings(line, fitted=False)]) - 1  # the first is of their correlation
     assert told <= max(1, seeds // 20)
 
 
 def test_exact_data_raise_no_doubt() -> None:
     line = line_of_sweep(sweep(0.0, 0, noise=0.0))
     assert line.frequency_hz == pytest.approx(ETA, abs=1e-9)
-    assert line_warnings(line, fitted=False) == []
+    assert not [*line_findings(line, fitted=False)]
     assert all(fit.widening == 1.0 for fit in line.fits)
     assert len(line_sentences(line)) == len(line.fits)
 
@@ -395,5 +395,5 @@ def test_a_fit_that_fails_is_told_beside_the_other() -> None:
     line: SweepLine = line_of_sweep(sweep(0.0, 1))
     failed = replace(line.fits[1], frequency_hz=math.nan, message="it ended nowhere")
     broken = replace(line, fits=(line.fits[0], failed), background_p=math.nan)
-    assert line_warnings(broken, fitted=True) == []
+    assert not [*line_findings(broken, fitted=True)]
     assert "(it ended nowhere)" in line_sentences(broken)[-1]

@@ -24,7 +24,7 @@ from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
-from fitting.report.words.result import result_lines
+from fitting.report.words.result import detail_lines, result_lines
 from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import STATUSES, Result
 from fitting.text.arrays import FloatArray
@@ -298,8 +298,8 @@ def speaks_plainly(result: Result) -> None:
     assert result.status in STATUSES
     assert result.message.endswith(".")
     assert all(math.isfinite(p.value) for p in result.parameters.values())
-    told = " ".join(" ".join(result_lines(result)).split())
-    told = re.sub(r"The FMU says.*? it is NaN", "", told)  # its own words
+    told = " ".join(" ".join([*result_lines(result), *detail_lines(result)]).split())
+    told = re.sub(r"The FMU reports.*? it is NaN", "", told)  # its own words
     words = told.lower().replace(",", " ").replace("=", " ").split()
     assert not {"nan", "inf", "-inf", "+inf"} & set(words), told
     json.dumps(to_plain(result), allow_nan=False)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from fitting.inference.error_bars import EVEN, ErrorBars
 from fitting.inference.values import OffsetResult
+from fitting.report.summary import by_line
 from fitting.report.table import Cell, Column, csv_text, tabulate
 from fitting.report.tables.values import Value, values_of
-from fitting.report.words.answer import by_line
 from fitting.report.words.values import period_words
 from fitting.result.result import Result
 from fitting.signal.student import ratio95

@@ -74,9 +74,10 @@ def _false(judged: Judged) -> Iterator[tuple[str, str]]:
         if warned and fits(judged):
             words = next(w for w in judged.warnings if CONTRADICTED.search(w))
             yield "contradicts", f"the truth fits, but: {words[:160]}"
-        for words in filter(ALARM.search, judged.warnings):
-            yield "false alarm", f"no such mistake was made: {words[:160]}"
-    if judged.fault and not NAMED[judged.fault].search(" ".join(judged.warnings)):
+        for kind in judged.kinds:
+            if kind in ALARM:
+                yield "false alarm", f"no such mistake was made: {kind}"
+    if judged.fault and not NAMED[judged.fault].intersection(judged.kinds):
         yield "not named", f"{judged.fault} is not named by its kind"
 
 
@@ -233,7 +234,7 @@ def faults_table(records: Sequence[Judged]) -> list[str]:
     for fault in dict.fromkeys(j.fault for j in faulty):
         mine = [j for j in faulty if j.fault == fault]
         done = [j for j in mine if not j.error]
-        named = sum(bool(NAMED[fault].search(" ".join([*j.warnings, j.error]))) for j in mine)
+        named = sum(bool(NAMED[fault].intersection(j.kinds)) for j in mine)
         warned = sum(any(CONTRADICTED.search(w) for w in j.warnings) for j in done)
         silent = sum(any(f.about.startswith("truth") for f in findings(j)) for j in done)
         rows.append(f"| {fault} | {len(mine)} | {named} | {warned} | {silent} |")
