@@ -28,8 +28,9 @@ def sentence(finding: Finding) -> str:
         *finding.numbers,
         *(n for all_ in finding.names.values() for n in all_),
     }
-    # the name of a parameter or a file is spelled as it is
-    return text if first in named or not first.isalpha() else f"{text[0].upper()}{text[1:]}"
+    # the name of a parameter or a file is spelled as it is, and so is the text of others
+    kept = first in named or "text" in finding.names or not first.isalpha()
+    return text if kept else f"{text[0].upper()}{text[1:]}"
 
 
 def warning_sentences(findings: Iterable[Finding]) -> tuple[str, ...]:

@@ -37,6 +37,7 @@ from fitting.report.tables.values import per_experiment_table
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
+from fitting.text.finding import Finding, Kind
 from fitting.text.results_folder import results_folder
 from tests.support import plot_records
 from tests.support import report_records as records
@@ -151,9 +152,9 @@ def test_the_answer_the_figure_and_the_warnings_come_first_and_the_rest_is_folde
     assert first == ["answer", "figure-1", "warnings"]
     assert main.find("figure/img").get("alt") == "Alt 1_frequency_response"
     told = [dt.text_content() for dt in main.iter("dt")]
-    assert told == ["Known", "Not known", "Next"]
+    assert told == ["Values", "Unconstrained", "Next"]
     shown = [s.text_content().replace("\u00a0", " ") for s in main.find_class("value")]
-    assert "d1 = 93.42 ± 0.24 Hz" in shown
+    assert any("93.42 ± 0.24 Hz" in text for text in shown)
     folded = [found.find("summary/h2").text_content() for found in main.iter("details")]
     assert "Provenance" in folded
     assert "Values" not in folded
@@ -266,8 +267,8 @@ def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None
     assert cells[5].text_content() == "–"
     assert cells[9].text_content() == "not determined"
     said = words(page).replace("\u00a0", " ")
-    assert "(0.00 to 3.15 rad), lambda (63 to 781 kHz)" in said
-    assert "D11 = 599.1 ± 1.9 1/s" in said
+    assert "63.3–781 kHz, all that the model allows" in said
+    assert "D₁₁ 599.1 ± 1.9 1/s" in said
     assert "theta and d1 are tied (correlation −0.988)" in said
 
 
@@ -362,7 +363,7 @@ def test_synthetic_data_are_called_so(synthetic: bool, figures: list[FigureFile]
 
 
 def test_a_bad_end_is_seen(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> None:
-    ended = replace(result, status="not converged", message="The last level stalled.", warnings=())
+    ended = replace(result, status="not converged", message="The last level stalled.", findings=())
     page = html.document_fromstring(render(page_of(ended, data, figures)))
     box = page.get_element_by_id("status")
     assert box.get("class") == "status bad"
@@ -384,7 +385,11 @@ def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> N
         parameters=named,
         history=rows,
         message=evil,
-        warnings=(evil,),
+        findings=(
+            Finding(
+                kind=Kind.campaign_note, severity="warning", subject="", names={"text": (evil,)}
+            ),
+        ),
         alternatives=(),
         correlation=((1.0,),),
     )

@@ -321,7 +321,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_printed(result: 
     }
     bad = replace(result, status="does not describe the data", parameters=gone, derived={})
     summary = summary_of(bad)
-    assert not (summary.values or summary.limits or summary.unconstrained or summary.unknown)
+    assert summary.values == summary.limits == summary.unconstrained == summary.unknown == ()
 
 
 def test_withdrawn_values_of_campaigns_that_contradict_have_their_reason(result: Result) -> None:

@@ -28,6 +28,7 @@ from fitting.result.result import (
     SweepCurves,
 )
 from fitting.signal.peaks import fit_resonance
+from fitting.text.finding import Finding, Kind
 
 #: Drive pairs of the paper's first series, Hz, and peak amplitudes of the size it reports.
 PAIRS_HZ = (
@@ -40,6 +41,7 @@ PAIRS_HZ = (
 SIGMA_V = 0.2e-6
 SWEEP_HZ = np.linspace(6939960.0, 6940560.0, 41)
 WIDTH_HZ, ETA_HZ, TOP_V = 94.0, 6940260.0, 40e-6
+WARNINGS = ("theta is not determined.", "A second warning with < and & in it.")
 
 
 def lorentzian_v(f_hz: np.ndarray) -> np.ndarray:
@@ -173,7 +175,13 @@ def result_for(
         correlation=((1.0, -0.988), (-0.988, 1.0)),
         evaluations=Cost(120, 14, 1200),
         seconds=3.25,
-        warnings=("theta is not determined.", "A second warning with < and & in it."),
+        warnings=WARNINGS,
+        findings=tuple(
+            Finding(
+                kind=Kind.campaign_note, severity="warning", subject="", names={"text": (text,)}
+            )
+            for text in WARNINGS
+        ),
         provenance=provenance(),
         line=SweepLine(
             frequency_hz=ETA_HZ,
