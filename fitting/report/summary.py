@@ -172,14 +172,16 @@ def status_words(result: Result) -> str:
     """
     if result.status in ("not converged", "interrupted"):
         return result.status
-    chi = ""
-    if math.isfinite(result.chi_square) and result.dof >= 1.0:
+    chi = ", noise estimated from the residuals"
+    if math.isfinite(result.chi_square):
         chi = f", χ²/dof = {number(result.chi_square, 3)}/{number(round(result.dof, 1), 4)}"
+        if result.dof <= 0.0:
+            chi = ", dof = 0: nothing tests the model"
     if of_kind(result.findings, Kind.contradiction):
         return f"converged, but the campaigns contradict each other{chi}"
     if result.status != "converged":
         return f"converged, but the model does not describe the data{chi}"
-    return f"converged{chi}" if chi else "converged, noise estimated from the residuals"
+    return f"converged{chi}"
 
 
 def _value(
