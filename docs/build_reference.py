@@ -11,6 +11,7 @@ own modelDescription.xml. No page depends on the terminal or on the version of P
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from docs.site import campaign, commands, models, python, results
+from fitting.result.result import Result
+from fitting.result.schema import json_schema
 
 REFERENCE = Path(__file__).resolve().parent / "reference"
 #: What stands below the title: where a change has to be made to be seen here.
@@ -47,6 +50,9 @@ def main() -> int:
         old.append(f"docs/reference/{name}.md")
         if not check:
             path.write_text(text, "utf-8")
+    if not check:  # for editors and other programs; a library's version may order it otherwise
+        schema = json.dumps(json_schema(Result), indent=1, ensure_ascii=False) + "\n"
+        (REFERENCE / "result.schema.json").write_text(schema, "utf-8")
     for name in old:
         print(f"{name} is not what it describes" if check else f"written: {name}")
     return int(check and bool(old))

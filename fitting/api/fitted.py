@@ -31,7 +31,7 @@ from fitting.inference.error_bars import EVEN, error_bars
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.report.table import Table, html_table, terminal_text, text_lines, wrapped
 from fitting.report.tables.values import interval_table
@@ -61,7 +61,6 @@ __all__ = [
     "search_options",
 ]
 
-Found = ParameterResult | DerivedResult | OffsetResult
 #: Levels at which intervals are known.
 LEVELS = (0.68, 0.95)
 #: Ends of parameters that are told under a table, at most.
@@ -239,7 +238,9 @@ class Value:
 
     def _reported(self) -> str:
         """The value with its error; of two estimators, each by its own name."""
-        bars = EVEN if self.profile is None else error_bars(self.profile)
+        bars, p = EVEN, self.profile
+        if p is not None and p.verdict.has_value:
+            bars = error_bars(p.best, p.interval68, p.interval95, p.simulation)
         best = bars.words(self.stopped_at, self.std, self.unit, self.interval95)
         if self.value == self.stopped_at:
             return best
@@ -271,17 +272,8 @@ class Valued(ABC):
         """Every value by name: parameters, derived outputs, values of single experiments."""
         found = self.inferred
         profiles = found.knowledge.profiles if found.knowledge is not None else {}
-        values = {
-            name: _value(name, "parameter", p, (p.lower, p.upper), profiles.get(name))
-            for name, p in found.parameters.items()
-        }
-        values |= {
-            name: _value(name, "derived", d, d.box, profiles.get(name))
-            for name, d in found.derived.items()
-        }
-        for o in found.offsets:
-            values[o.parameter] = _value(o.parameter, "offset", o, (math.nan, math.nan), None)
-        return values
+        every = (*found.parameters.values(), *found.derived.values(), *found.offsets)
+        return {e.name: _value(e, profiles.get(e.name)) for e in every}
 
     def __getitem__(self, name: str) -> Value:
         if name not in self.values:
@@ -645,24 +637,22 @@ def require_values(names: Sequence[str], known: Sequence[str], where: str) -> No
             raise BadInput(f"{where}: no value '{name}'{did_you_mean(name, sorted(known))}")
 
 
-def _value(
-    name: str, kind: str, found: Found, box: tuple[float, float], profile: Profile | None
-) -> Value:
-    is_open = not found.identifiable.has_value
-    if isinstance(found, OffsetResult):  # its prior gives it a value, where the model is right
-        is_open = found.identifiable is Verdict.WITHDRAWN
+def _value(found: Estimate, profile: Profile | None) -> Value:
+    is_open = not found.status.has_value
+    if found.role == "offset":  # its prior gives it a value, where the model is right
+        is_open = found.status is Verdict.WITHDRAWN
     return Value(
-        name=name,
-        kind=kind,
+        name=found.name,
+        kind=found.role,
         unit=found.unit,
         value=math.nan if is_open else found.value,
         std=math.nan if is_open else found.std,
-        verdict=found.identifiable,
-        reason="" if isinstance(found, OffsetResult) else found.reason,
-        range=box,
+        verdict=found.status,
+        reason=found.reason,
+        range=found.bounds,
         stopped_at=found.value if found.is_most_likely else found.most_likely,
-        algorithm2=math.nan if isinstance(found, OffsetResult) else found.algorithm2,
-        reference=0.0 if isinstance(found, OffsetResult) else found.reference,
+        algorithm2=found.algorithm2,
+        reference=found.reference,
         interval95=found.ci95,
         profile=profile,
     )

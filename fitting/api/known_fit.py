@@ -13,7 +13,7 @@ from fitting.api.problem import Problem
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.summary import Interval
-from fitting.inference.values import DerivedResult
+from fitting.inference.values import Estimate
 from fitting.result.result import Result
 from fitting.result.same_data import require_same_data
 from fitting.text.arrays import FloatArray, Scalar
@@ -33,7 +33,7 @@ class KnownFit:
     places: tuple[tuple[str, FloatArray], ...]
     most_likely: Mapping[str, float]
     intervals: Mapping[str, Interval]
-    derived: Mapping[str, DerivedResult]
+    derived: Mapping[str, Estimate]
     alternative: Mapping[str, Scalar]
     knowledge: Knowledge | None
     sha256: str

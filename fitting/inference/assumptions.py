@@ -30,7 +30,7 @@ from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.inference.conditions import left_of
 from fitting.inference.equivalent_fits import turned_to
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, OutOfBudget
@@ -40,8 +40,6 @@ from fitting.text.finding import Finding, Kind
 STEPS, SMALL = 8, 0.05
 #: What the shift of a value is called among the numbers of a finding.
 SHIFT = "shift_"
-
-Found = ParameterResult | DerivedResult
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class _Moved:
     chi_square: float
 
 
-def assumption_findings(fit: Fit, values: Mapping[str, Found]) -> tuple[Finding, ...]:
+def assumption_findings(fit: Fit, values: Mapping[str, Estimate]) -> tuple[Finding, ...]:
     """By how much every value that has one would shift without an assumption, a finding for each.
 
     The subject says what is assumed and what might be instead. Numbers are ``shift_NAME`` of each
@@ -65,7 +63,7 @@ def assumption_findings(fit: Fit, values: Mapping[str, Found]) -> tuple[Finding,
         values: parameters and derived outputs, as they are reported.
     """
     solution = fit.solution
-    known = {name: v for name, v in values.items() if v.identifiable.has_value and v.std > 0.0}
+    known = {name: v for name, v in values.items() if v.status.has_value and v.std > 0.0}
     if not known or not isinstance(solution.objective.response, FmuResponse):
         return ()
     found = []
@@ -167,7 +165,7 @@ def _started(solution: Solution, assumption: Assumption) -> FloatArray:
 
 
 def _shifts(
-    solution: Solution, moved: _Moved, known: Mapping[str, Found]
+    solution: Solution, moved: _Moved, known: Mapping[str, Estimate]
 ) -> Iterator[tuple[str, float]]:
     """Name and shift of every value, in SI units."""
     parameters, here = solution.parameters, solution.final.parameters

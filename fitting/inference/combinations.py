@@ -19,7 +19,7 @@ from fitting.campaign.laws import in_base
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.inference.estimates import SEEN
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.finding import Finding, Kind
@@ -37,10 +37,8 @@ STEP = 1e-4
 #: What the error of a parameter with the other one known is called among the numbers of a finding.
 ALONE = "std_alone_"
 
-Found = ParameterResult | DerivedResult
 
-
-def combination_findings(solution: Solution, values: Mapping[str, Found]) -> tuple[Finding, ...]:
+def combination_findings(solution: Solution, values: Mapping[str, Estimate]) -> tuple[Finding, ...]:
     """A finding for each pair of parameters of which the data know little but one combination.
 
     The subject names both, derived values that follow behind them. Numbers are the `correlation`,
@@ -71,7 +69,7 @@ def combination_findings(solution: Solution, values: Mapping[str, Found]) -> tup
     return tuple(found)
 
 
-def _is_poor(solution: Solution, i: int, values: Mapping[str, Found]) -> bool:
+def _is_poor(solution: Solution, i: int, values: Mapping[str, Estimate]) -> bool:
     """Whether the data know a parameter, but not well."""
     p = solution.parameters[i]
     if p.name not in values or not p.moves_model or p.experiments:

@@ -25,7 +25,7 @@ from fitting.campaign.parameters import prior_sigmas
 from fitting.fit.fit import Fit
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.solution import Solution
-from fitting.inference.values import ParameterResult
+from fitting.inference.values import Estimate
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput, FmuFailure
@@ -69,7 +69,7 @@ class _Column:
     change: FloatArray
 
 
-def condition_findings(fit: Fit, values: Mapping[str, ParameterResult]) -> Iterator[Finding]:
+def condition_findings(fit: Fit, values: Mapping[str, Estimate]) -> Iterator[Finding]:
     """Under what conditions values hold that the data do not tell; none where there are none.
 
     Args:
@@ -123,12 +123,12 @@ def _taken(fit: Fit) -> list[Taken]:
     return list(found.values())
 
 
-def _known(values: Mapping[str, ParameterResult]) -> dict[str, ParameterResult]:
+def _known(values: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """Parameters of the campaign that have a value and an error."""
     return {
         name: value
         for name, value in values.items()
-        if value.asked and value.identifiable.has_value and value.std > 0.0
+        if value.asked and value.status.has_value and value.std > 0.0
     }
 
 
@@ -221,7 +221,7 @@ def _example(
     columns: Sequence[_Column],
     fixed: FloatArray,
     added: FloatArray,
-    values: Mapping[str, ParameterResult],
+    values: Mapping[str, Estimate],
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """How little of a condition moves which value by its standard error, where the fit allows.
 

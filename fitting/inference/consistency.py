@@ -29,7 +29,7 @@ from fitting.fit.objective import Point
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
+from fitting.inference.joint_result import JointResult, PairTest, SeriesPart, ValueAlone
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
@@ -148,7 +148,7 @@ def without_values(joint: JointResult | None) -> JointResult | None:
     """
     if joint is None:
         return None
-    nothing = Estimate(float("nan"), float("nan"))
+    nothing = ValueAlone(float("nan"), float("nan"))
     series = tuple(replace(s, alone=dict.fromkeys(s.alone, nothing)) for s in joint.series)
     return replace(joint, series=series)
 
@@ -225,16 +225,16 @@ def _whitened(solution: Solution) -> tuple[_System, list[float]]:
 
 def _alone(
     minimum: Minimum, gradients: Mapping[str, tuple[float, FloatArray]]
-) -> dict[str, Estimate]:
+) -> dict[str, ValueAlone]:
     """What a campaign determines by itself: value and error along what its data see."""
     found = {}
     for name, (value, gradient) in gradients.items():
         known = float(gradient @ minimum.covariance @ gradient)
         unknown = float(gradient @ minimum.unseen @ gradient)
         if not np.isfinite(known + unknown) or known < DETERMINED * (known + unknown):
-            found[name] = Estimate(float("nan"), float("nan"))
+            found[name] = ValueAlone(float("nan"), float("nan"))
             continue
-        found[name] = Estimate(value + float(gradient @ minimum.step), float(np.sqrt(known)))
+        found[name] = ValueAlone(value + float(gradient @ minimum.step), float(np.sqrt(known)))
     return found
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from fitting.inference.consistency import contradictions
-from fitting.inference.joint_result import Estimate, JointResult
+from fitting.inference.joint_result import JointResult, ValueAlone
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.verdicts import withdrawn
 from fitting.text.notation import listed, quantity
@@ -69,9 +69,9 @@ def without_verdicts(knowledge: Knowledge, reasons: Mapping[str, str]) -> Knowle
     )
 
 
-def _apart(one: Estimate, other: Estimate) -> bool:
+def _apart(one: ValueAlone, other: ValueAlone) -> bool:
     return abs(one.value - other.value) > APART * math.hypot(one.std, other.std)
 
 
-def _words(estimate: Estimate, unit: str) -> str:
+def _words(estimate: ValueAlone, unit: str) -> str:
     return quantity(estimate.value, estimate.std, unit)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from fitting.inference.likelihood.knowledge import Profile
 from fitting.signal.student import ROOT_95
 from fitting.text.notation import joint_prefix, quantity, span, uneven_quantity
 
@@ -66,22 +65,23 @@ class ErrorBars:
 EVEN = ErrorBars()
 
 
-def error_bars(profile: Profile) -> ErrorBars:
-    """The sides of a profile's 68 % interval, and whether ± says them and the 95 % interval.
+def error_bars(value: float, ci68: Interval, ci95: Interval, simulation: float) -> ErrorBars:
+    """The sides of a 68 % interval, and whether ± says them and the 95 % interval.
 
     How far the simulation's own error lengthens both intervals by as much is taken off before
     they are compared.
 
     Args:
-        profile: of a value.
+        value: the most likely one.
+        ci68: its 68 % interval; NaN where there is none.
+        ci95: its 95 % interval.
+        simulation: how far the simulation's own error moves it, at most.
     """
-    if not profile.verdict.has_value:
-        return EVEN
-    below, above = _sides(profile.best, profile.interval68)
+    below, above = _sides(value, ci68)
     if not (below > 0.0 and above > 0.0):
         return EVEN
-    wide = _sides(profile.best, profile.interval95)
-    moved = min(profile.simulation, 0.99 * min(below, above))
+    wide = _sides(value, ci95)
+    moved = min(simulation, 0.99 * min(below, above))
     ratios = [
         (far - moved) / (ROOT_95 * (near - moved))
         for near, far in zip((below, above), wide, strict=True)

@@ -13,7 +13,7 @@ from fitting.fit.options import ALGORITHM2, LIKELIHOOD
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.ranges import output_ranges
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.measurements.dataset import places_of_outputs
 from fitting.signal.student import ROOT_68, ROOT_95, reach
@@ -47,7 +47,7 @@ class Estimates:
         return self.paper if self.estimator == ALGORITHM2 else self.best
 
 
-def parameter_results(solution: Solution, found: Estimates) -> dict[str, ParameterResult]:
+def parameter_results(solution: Solution, found: Estimates) -> dict[str, Estimate]:
     """Value, error and provenance of every parameter of the whole campaign, by name.
 
     Args:
@@ -65,7 +65,9 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
         gradient[i] = parameter.scale
         (std, half), shrinkage = _halves(solution, gradient)
         shift = solution.errors.shift(gradient)
-        results[parameter.name] = ParameterResult(
+        results[parameter.name] = Estimate(
+            name=parameter.name,
+            role="parameter",
             value=float(reported[i]),
             unit=parameter.unit,
             std=std + shift if shrinkage >= SEEN else float("nan"),
@@ -75,7 +77,7 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
             lower=parameter.lower,
             upper=parameter.upper,
             shrinkage=shrinkage,
-            identifiable=_word(shrinkage),
+            status=_word(shrinkage),
             algorithm2=float(paper[i]),
             most_likely=float(shown[i]),
             period=parameter.period,
@@ -102,7 +104,7 @@ def _interval(parameter: Parameter, raw: float, shown: float, half: float) -> tu
 
 def derived_results(
     solution: Solution, found: Estimates, units: Mapping[str, str], seed: int
-) -> dict[str, DerivedResult]:
+) -> dict[str, Estimate]:
     """Derived outputs as reported, with errors from their gradient and range over the box.
 
     Args:
@@ -136,18 +138,20 @@ def derived_results(
         value = mean(values)
         each = len(places) == values.size > 1
         slopes = around.quotients([answer[name] for answer in answers[2:]]) if each else ()
-        results[name] = DerivedResult(
+        results[name] = Estimate(
+            name=name,
+            role="derived",
             value=value,
             unit=units.get(name, ""),
             values=tuple(map(float, values)),
-            mean=value,
             spread=float(np.std(values, ddof=1)) if values.size > 1 else 0.0,
             std=std + shift,
             ci95=_within(box, best, half + shift),
             reference=float(means[1]),
             shrinkage=shrinkage,
-            identifiable=_word(shrinkage),
-            box=box,
+            status=_word(shrinkage),
+            lower=box[0],
+            upper=box[1],
             algorithm2=float(means[0]),
             most_likely=best,
             simulation=shift,
@@ -196,7 +200,7 @@ def _within(box: tuple[float, float], value: float, half: float) -> tuple[float,
     return min(low, value), max(high, value)
 
 
-def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, ...]:
+def offset_results(solution: Solution, found: Estimates) -> tuple[Estimate, ...]:
     """One record per parameter of an experiment: what it adds up to there, with its error.
 
     Steps of a random walk are reported as the offset that they have led to.
@@ -220,8 +224,9 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, 
         shift = solution.errors.shift(gradient)
         later = [q.experiment for q in own if q is not p and _goes_to(q) == _goes_to(p)]
         results.append(
-            OffsetResult(
-                parameter=p.name,
+            Estimate(
+                name=p.name,
+                role="offset",
                 experiments=tuple(label for label in p.experiments if label not in later),
                 variables=_goes_to(p),
                 value=float(adds @ found.reported),
@@ -230,7 +235,7 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, 
                 ci95=(best - half - shift, best + half + shift),
                 prior=p.prior_sigma or float("nan"),
                 shrinkage=shrinkage,
-                identifiable=_word(shrinkage),
+                status=_word(shrinkage),
                 fitted=float(found.reported[i]),
                 most_likely=best,
                 simulation=shift,

@@ -32,7 +32,7 @@ from fitting.inference.mistakes import (
 )
 from fitting.inference.phase_readings import phase_findings
 from fitting.inference.sweep_line import line_findings
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
@@ -61,8 +61,6 @@ WORTH_SAYING = 0.1
 #: as a departure from a straight line moves a peak on the flank by some per cent.
 SUSPECT = 0.1
 
-Valued = ParameterResult | DerivedResult | OffsetResult
-
 
 @dataclass(frozen=True)
 class Misfitting:
@@ -83,7 +81,7 @@ class Misfitting:
 
 def findings_of(
     fit: Fit,
-    offsets: Sequence[OffsetResult],
+    offsets: Sequence[Estimate],
     sweeps: SweepFindings,
     most_likely: FloatArray,
     misfit: Misfitting | None = None,
@@ -269,7 +267,7 @@ def _finite(numbers: Mapping[str, float]) -> dict[str, float]:
 # --- values --------------------------------------------------------------------------------------
 
 
-def estimator_findings(options: Options, values: Mapping[str, Valued]) -> Iterator[Finding]:
+def estimator_findings(options: Options, values: Mapping[str, Estimate]) -> Iterator[Finding]:
     """That the values are Algorithm 2's and the errors are not, and which of them do not agree.
 
     Args:
@@ -280,7 +278,7 @@ def estimator_findings(options: Options, values: Mapping[str, Valued]) -> Iterat
         return
     yield Finding(kind=Kind.estimator, severity="note", subject="values")
     for name, value in values.items():
-        if value.identifiable.has_value and value.is_outside:
+        if value.status.has_value and value.is_outside:
             low, high = value.ci95
             yield Finding(
                 kind=Kind.outside_interval,
@@ -292,7 +290,7 @@ def estimator_findings(options: Options, values: Mapping[str, Valued]) -> Iterat
 
 
 def simulation_findings(
-    promised: Sequence[float], scale_off: float, values: Mapping[str, Valued]
+    promised: Sequence[float], scale_off: float, values: Mapping[str, Estimate]
 ) -> Iterator[Finding]:
     """Values whose errors hold more of what is no noise than can be left unsaid.
 
@@ -304,7 +302,7 @@ def simulation_findings(
     moved = {
         name: value
         for name, value in values.items()
-        if value.identifiable.has_value
+        if value.status.has_value
         and value.simulation > WORTH_SAYING * (value.std - value.simulation)
     }
     if not moved:
@@ -399,7 +397,7 @@ def _of_alternatives(alternatives: tuple[AlternativeResult, ...]) -> Iterator[Fi
 
 
 def _of_drift(
-    problem: Problem, offsets: Sequence[OffsetResult], sweeps: SweepFindings, describes: bool
+    problem: Problem, offsets: Sequence[Estimate], sweeps: SweepFindings, describes: bool
 ) -> Iterator[Finding]:
     """Of every campaign, by its name where there are several."""
     for name, bound in problem.campaigns.items():
@@ -417,7 +415,7 @@ def _of_drift(
 
 def drift_findings(
     bound: BoundCampaign,
-    offsets: Sequence[OffsetResult],
+    offsets: Sequence[Estimate],
     width_hz: float,
     describes: bool = True,
     subject: str = "",
@@ -451,7 +449,7 @@ def drift_findings(
             numbers={"width_hz": width_hz, **shown},
             names={
                 "variables": tuple(shown),
-                "offsets": tuple(o.parameter for o in offsets),
+                "offsets": tuple(o.name for o in offsets),
             },
         )
     far = {

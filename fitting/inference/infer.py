@@ -59,7 +59,7 @@ from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
 from fitting.inference.presence import unseen
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.finding import Finding, Kind
@@ -86,9 +86,9 @@ class Inference:
     """
 
     fit: Fit
-    parameters: Mapping[str, ParameterResult]
-    derived: Mapping[str, DerivedResult]
-    offsets: tuple[OffsetResult, ...]
+    parameters: Mapping[str, Estimate]
+    derived: Mapping[str, Estimate]
+    offsets: tuple[Estimate, ...]
     knowledge: Knowledge | None
     joint: JointResult | None
     status: Status
@@ -172,8 +172,8 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     parameters, derived, offsets = values.parameters, values.derived, values.offsets
     knowledge = values.knowledge
     sweeps = _with_names(sweeps, fit, {**parameters, **derived})
-    named: dict[str, ParameterResult | DerivedResult | OffsetResult]
-    named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
+    named: dict[str, Estimate]
+    named = {**parameters, **derived, **{o.name: o for o in offsets}}
     causes = causes_of(fit, adequacy)
     ending = _ending(fit, status, read, left)
     if is_best and contradictions(joint):
@@ -234,7 +234,7 @@ def _scale_off(solution: Solution, sweeps: SweepFindings) -> float:
 
 
 def _of_solution(
-    fit: Fit, solution: Solution, values: Mapping[str, ParameterResult | DerivedResult]
+    fit: Fit, solution: Solution, values: Mapping[str, Estimate]
 ) -> tuple[Finding, ...]:
     """What the data know in combination only, and what values rest on.
 
@@ -242,7 +242,7 @@ def _of_solution(
     """
     conditions: tuple[Finding, ...] = ()
     with contextlib.suppress(FmuFailure, np.linalg.LinAlgError):
-        parameters = {n: v for n, v in values.items() if isinstance(v, ParameterResult)}
+        parameters = {n: v for n, v in values.items() if v.role == "parameter"}
         conditions = tuple(condition_findings(fit, parameters))
     return (
         *conditions,
@@ -251,9 +251,7 @@ def _of_solution(
     )
 
 
-def _with_names(
-    sweeps: SweepFindings, fit: Fit, values: Mapping[str, ParameterResult | DerivedResult]
-) -> SweepFindings:
+def _with_names(sweeps: SweepFindings, fit: Fit, values: Mapping[str, Estimate]) -> SweepFindings:
     """The sweeps; a line that nothing speaks against says which of the values are its own."""
     if sweeps.faults or any(found.contradicts for found in sweeps.agreement):
         return sweeps
@@ -265,7 +263,7 @@ def _with_names(
 def _quadratures(
     solution: Solution,
     request: InferenceRequest,
-    named: Mapping[str, ParameterResult | DerivedResult | OffsetResult],
+    named: Mapping[str, Estimate],
 ) -> Quadratures:
     """What complex values tell, of values that there are; nothing where the model fails nearby."""
     try:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ValueAlone:
     """A value as one campaign alone determines it (NaN where it does not), with its error."""
 
     value: float
@@ -33,7 +33,7 @@ class SeriesPart:
     chi_square_joint: float
     chi_square_alone: float
     inflation: float
-    alone: Mapping[str, Estimate]
+    alone: Mapping[str, ValueAlone]
     swept_initial_v: tuple[float, ...] = ()
     swept_final_v: tuple[float, ...] = ()
 

@@ -5,24 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from fitting.inference.contradictions import without_verdicts
-from fitting.inference.error_bars import error_bars
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.values import NOWHERE, Estimate
 from fitting.inference.verdict import Verdict
-
-Valued = TypeVar("Valued", ParameterResult, DerivedResult)
 
 
 @dataclass(frozen=True)
 class JudgedValues:
     """All values of a fit, and what profiles say of them; None: none were walked."""
 
-    parameters: Mapping[str, ParameterResult]
-    derived: Mapping[str, DerivedResult]
-    offsets: tuple[OffsetResult, ...]
+    parameters: Mapping[str, Estimate]
+    derived: Mapping[str, Estimate]
+    offsets: tuple[Estimate, ...]
     knowledge: Knowledge | None
 
     @property
@@ -47,7 +43,7 @@ class JudgedValues:
         offsets = self.offsets
         if why_not:
             offsets = tuple(
-                replace(o, std=math.nan, ci95=(math.nan, math.nan), identifiable=Verdict.WITHDRAWN)
+                replace(o, std=math.nan, ci95=(math.nan, math.nan), status=Verdict.WITHDRAWN)
                 for o in offsets
             )
         derived = {
@@ -64,13 +60,13 @@ class JudgedValues:
         )
 
 
-def _withdrawn(derived: DerivedResult) -> DerivedResult:
+def _withdrawn(derived: Estimate) -> Estimate:
     """An output without errors of single places: the model does not describe the data."""
     nothing = (math.nan,) * len(derived.stds)
     return replace(derived, stds=nothing, halves95=nothing)
 
 
-def _judged(value: Valued, profile: Profile | None, withdrawn: str) -> Valued:
+def _judged(value: Estimate, profile: Profile | None, withdrawn: str) -> Estimate:
     """A value with the verdict, error and interval of its profile, where one was walked.
 
     `withdrawn`: why no verdict is given; empty where the model describes the data.
@@ -83,7 +79,7 @@ def _judged(value: Valued, profile: Profile | None, withdrawn: str) -> Valued:
             value,
             std=math.nan,
             ci95=nowhere,
-            identifiable=Verdict.WITHDRAWN,
+            status=Verdict.WITHDRAWN,
             reason=withdrawn,
         )
     low, high = profile.interval68
@@ -93,10 +89,11 @@ def _judged(value: Valued, profile: Profile | None, withdrawn: str) -> Valued:
         std=std,
         ci95=profile.interval95,
         shrinkage=profile.shrinkage,
-        identifiable=profile.verdict,
-        precision=profile.precision,
+        status=profile.verdict,
         simulation=profile.simulation,
         reason=profile.reason,
-        bars=error_bars(profile),
-        boxes=profile.boxes,
+        ci68=profile.interval68 if profile.verdict.has_value else NOWHERE,
+        method="profile",
+        closed_by=profile.ends,
+        active_bounds=profile.boxes,
     )

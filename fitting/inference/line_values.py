@@ -12,7 +12,7 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
 from fitting.signal.peaks import fit_resonance
@@ -28,7 +28,7 @@ ELSEWHERE = ((1.1, 0.3), (1.0 / 1.3, -0.5), (1.2, 1.0))
 
 
 def values_of_line(
-    problem: Problem, solution: Solution, values: Mapping[str, ParameterResult | DerivedResult]
+    problem: Problem, solution: Solution, values: Mapping[str, Estimate]
 ) -> dict[str, str]:
     """Names of values that are the line's "frequency", "width" or "q".
 

@@ -1,36 +1,115 @@
-"""Values as records: value, error, interval, and how far the data determine it."""
+"""A value with its uncertainty: one record for parameters, outputs and values of experiments."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from fitting.campaign.parameters import SLACK
-from fitting.inference.error_bars import EVEN, ErrorBars
+from fitting.inference.error_bars import ErrorBars, error_bars
 from fitting.inference.verdict import Verdict, in_boxes
 from fitting.text.notation import span
 
 Floats = tuple[float, ...]
+Interval = tuple[float, float]
+NOWHERE: Interval = (math.nan, math.nan)
 #: Share of a period from which an interval is all of it: ends are counted in other units.
 ALL_ROUND = 1.0 - 1e-9
+#: How errors and intervals were determined.
+Method = Literal["covariance", "profile"]
 
 
-class _Reported:
-    """What any value can be asked: whose it is, and whether it lies in its interval."""
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """One value, in ``unit``.
 
+    Args:
+        name: of the parameter or the output.
+        role: "parameter" of the campaign, "derived" output, or "offset" of single experiments.
+        value: the most likely one, or the end of Algorithm 2 where the campaign asks for that;
+            canonical: periodic ones lie in [0, period). Of an output its mean over the experiments;
+            of an offset all steps of a random walk together.
+        std: half of the 68 % interval; NaN where ``status`` leaves no value.
+        ci68: interval of the profile likelihood; NaN without a profile.
+        ci95: the same at 95 %; without a profile of the covariance.
+        status: how far the data determine it, ``reason``: why.
+        method: of errors and intervals.
+        closed_by: what closes each side of ``ci95`` (``ENDS`` of a profile); empty without one.
+        active_bounds: parameters whose bounds ``status`` rests on: beyond them the data may allow
+            other values.
+        most_likely, algorithm2: by the likelihood, and by Algorithm 2; errors belong to the former.
+        shrinkage: share of the variance that comes from the data.
+        simulation: how far what the plan of the simulation cannot exclude moves the value, at most;
+            ``std`` and the intervals include it.
+        reference, start: of a parameter; of an output ``reference`` is the mean there.
+        lower, upper: bounds of a parameter; range of an output over them.
+        period: by which values may differ and be the same; None: it has none.
+        asked: whether the campaign names it; else the measurement brings it, as a cable's delay.
+        prior: standard deviation of an offset's prior; NaN: none.
+        fitted: of an offset, the value of its own parameter, which is the last step of a walk.
+        experiments, variables: that an offset belongs to, and that it is added to.
+        values: of an output per experiment, with their standard deviation ``spread``.
+        places: labels of ``values``, with linearised ``stds`` and halves of 95 % intervals
+            ``halves95``; all empty where there is one, NaN where the data leave a value open.
+    """
+
+    name: str
+    role: Literal["parameter", "derived", "offset"]
     value: float
     unit: str
     std: float
-    most_likely: float
-    ci95: tuple[float, float]
+    ci95: Interval
+    status: Verdict
+    shrinkage: float
+    ci68: Interval = NOWHERE
+    method: Method = "covariance"
+    closed_by: tuple[str, str] = ("", "")
+    active_bounds: tuple[str, ...] = ()
+    reason: str = ""
+    most_likely: float = math.nan
+    algorithm2: float = math.nan
+    simulation: float = 0.0
+    reference: float = 0.0
+    start: float = math.nan
+    lower: float = math.nan
+    upper: float = math.nan
     period: float | None = None
-    bars: ErrorBars = EVEN
-    boxes: tuple[str, ...] = ()
+    asked: bool = True
+    prior: float = math.nan
+    fitted: float = math.nan
+    experiments: tuple[str, ...] = ()
+    variables: tuple[str, ...] = ()
+    values: Floats = ()
+    spread: float = 0.0
+    places: tuple[str, ...] = ()
+    stds: Floats = ()
+    halves95: Floats = ()
+
+    @property
+    def bounds(self) -> Interval:
+        """Bounds of a parameter, range of an output over them: what it may be without any data."""
+        return self.lower, self.upper
+
+    @property
+    def bars(self) -> ErrorBars:
+        """What is printed beside the value: ± or both sides."""
+        return error_bars(self.likely, self.ci68, self.ci95, self.simulation)
+
+    @property
+    def precision(self) -> float:
+        """Half of the 95 % interval over the value, or its period; NaN if not closed by data."""
+        if self.closed_by != ("crossed", "crossed"):
+            return math.nan
+        half = 0.5 * (self.ci95[1] - self.ci95[0])
+        if self.period is not None:
+            return half / self.period
+        return half / abs(self.likely) if self.likely else math.inf
 
     @property
     def condition(self) -> str:
-        """What the verdict holds under: " in the box of d1"; mostly empty."""
-        return in_boxes(self.boxes)
+        """What the status holds under: " in the box of d1"; mostly empty."""
+        return in_boxes(self.active_bounds)
 
     @property
     def is_most_likely(self) -> bool:
@@ -62,122 +141,25 @@ class _Reported:
             self.value + turn < low or self.value + turn > high for turn in turns
         )
 
-
-@dataclass(frozen=True, kw_only=True)
-class ParameterResult(_Reported):
-    """One fitted parameter.
-
-    `value` is what is reported (canonical: periodic ones in [0, period)): the `most_likely` one,
-    unless the campaign asks for `algorithm2`, the paper's, the end of Algorithm 2. Error, interval
-    and verdict are the likelihood's in any case: `std` is half the 68 % interval of the profile
-    likelihood, `ci95` its 95 % interval, `identifiable` the verdict with its `reason` and
-    `precision` (see `Profile`). Without profiles ("linearised only") `std`, `ci95` and `shrinkage`,
-    the share of the variance that comes from the data, are those of the problem linearised at the
-    end of Algorithm 2. `std` is NaN where the verdict leaves no value. `simulation` is how far what
-    the plan of the simulation cannot exclude moves the value, at most: it is in `std` and `ci95`.
-    `bars` are the sides of the 68 % interval, and whether `std` tells them and the 95 % interval.
-    `asked`: it is one that the campaign names; else the measurement brings it, as a cable's delay.
-    `boxes` names the parameters on whose boxes the verdict rests: beyond them the data may say
-    otherwise.
-    """
-
-    value: float
-    unit: str
-    std: float
-    ci95: tuple[float, float]
-    reference: float
-    start: float
-    lower: float
-    upper: float
-    shrinkage: float
-    identifiable: Verdict
-    algorithm2: float
-    most_likely: float = math.nan
-    period: float | None = None
-    simulation: float = 0.0
-    precision: float = math.nan
-    reason: str = ""
-    asked: bool = True
-    bars: ErrorBars = EVEN
-    boxes: tuple[str, ...] = ()
-
     @property
-    def box_end(self) -> float:
-        """The end of the campaign's box beyond which the most likely value lies; NaN: in it."""
+    def bound_passed(self) -> float:
+        """The bound of a parameter beyond which its most likely value lies; NaN: within both."""
         slack = SLACK * (self.upper - self.lower)
-        if self.period is not None or not self.asked or not math.isfinite(self.likely):
+        if self.role != "parameter" or self.period is not None or not self.asked:
+            return math.nan
+        if not math.isfinite(self.likely):
             return math.nan
         if self.likely > self.upper + slack:
             return self.upper
         return self.lower if self.likely < self.lower - slack else math.nan
 
-
-@dataclass(frozen=True, kw_only=True)
-class DerivedResult(_Reported):
-    """One derived output: `values` per experiment, `mean` and `spread` (standard deviation).
-
-    `value` is the mean; `reference` the mean at the reference parameters; `box` the range of the
-    mean over the box of the parameters: what it could be without any data. `stds` are linearised
-    standard deviations of each of the `values`, `halves95` half of their 95 % intervals, at the
-    `places` they belong to; all are empty
-    where there is but one, NaN where the data leave it open. The rest is as for a
-    `ParameterResult`. Where the data leave it open, `value` is only where the search stopped.
-    """
-
-    value: float
-    unit: str
-    values: Floats
-    mean: float
-    spread: float
-    std: float
-    ci95: tuple[float, float]
-    reference: float
-    shrinkage: float
-    identifiable: Verdict
-    box: tuple[float, float]
-    algorithm2: float
-    most_likely: float = math.nan
-    simulation: float = 0.0
-    precision: float = math.nan
-    reason: str = ""
-    places: tuple[str, ...] = ()
-    stds: Floats = ()
-    halves95: Floats = ()
-    bars: ErrorBars = EVEN
-    boxes: tuple[str, ...] = ()
-
     def text(self) -> str:
-        """Value for people; never a value with a small error where the data do not give one."""
-        if not self.identifiable.has_value:
-            low, high = self.box if math.isnan(self.ci95[0]) else self.ci95
+        """The value for people; never with a small error where the data do not give one."""
+        if not self.status.has_value:
+            low, high = self.bounds if math.isnan(self.ci95[0]) else self.ci95
             if math.isnan(low):
                 return "has no value at any parameters tried"
-            return f"{self.identifiable} by these data ({span(low, high)})"
+            return f"{self.status} by these data ({span(low, high)})"
         if not self.is_most_likely:
             return f"{self.value:.9g} (most likely {self.likely_words})"
         return self.likely_words
-
-
-@dataclass(frozen=True, kw_only=True)
-class OffsetResult(_Reported):
-    """A fitted value of one state of the sample, such as its offset from the interpolated drift.
-
-    It belongs to `experiments` (those of one time share it) and is added to `variables`; `prior` is
-    the standard deviation it was given (NaN: none). `fitted` is the value of `parameter` itself:
-    of a random walk it is the last step, while `value` is all steps together. Both are of the
-    reported estimator; `std` and `ci95` are linearised, about the `most_likely` value.
-    """
-
-    parameter: str
-    experiments: tuple[str, ...]
-    variables: tuple[str, ...]
-    value: float
-    unit: str
-    std: float
-    ci95: tuple[float, float]
-    prior: float
-    shrinkage: float
-    identifiable: Verdict
-    fitted: float
-    most_likely: float = math.nan
-    simulation: float = 0.0

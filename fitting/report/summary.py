@@ -11,7 +11,7 @@ from fitting.campaign.laws import in_base
 from fitting.inference.assumptions import SHIFT
 from fitting.inference.budget import BUDGET
 from fitting.inference.sweep_line import SweepLine, depends_on_background
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.report.table import columns, environment, terminal_text, wrapped
 from fitting.report.words.values import reported_words, same_values
@@ -28,8 +28,6 @@ from fitting.text.notation import (
     unit_text,
 )
 from fitting.text.sentences import sentence
-
-Found = ParameterResult | DerivedResult
 
 #: Warnings on the first screen, at most.
 MOST_WARNINGS = 3
@@ -119,7 +117,7 @@ def summary_of(result: Result) -> Summary:
         result: of a reconstruction.
     """
     same = same_values(result)
-    every: dict[str, Found] = {**result.parameters, **result.derived}
+    every: dict[str, Estimate] = {**result.parameters, **result.derived}
     every = {name: found for name, found in every.items() if name not in same}
     values, limits = [], []
     for name, found in every.items():
@@ -127,7 +125,7 @@ def summary_of(result: Result) -> Summary:
         printed = _value(name, found, result.line, tuple(map(sign, others)))
         if printed is not None:
             values.append(printed)
-        elif found.identifiable in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
+        elif found.status in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
             limits.append(_limit(name, found, tuple(map(sign, others))))
     determined = {value.name for value in values if value.remark != REMARKS[Verdict.SEVERAL]}
     left = {name: found for name, found in every.items() if name not in determined}
@@ -185,34 +183,37 @@ def status_words(result: Result) -> str:
 
 
 def _value(
-    name: str, found: Found, line: SweepLine | None, symbols: tuple[str, ...]
+    name: str, found: Estimate, line: SweepLine | None, symbols: tuple[str, ...]
 ) -> Printed | None:
     """A value with its error: the sweep's own where it is the better one; None: it has none."""
     better = by_line(name, found, line)
     if better is not None:
         text = quantity(*better, found.unit)
         return Printed(name=name, symbols=symbols, text=text, remark="from the sweep")
-    if not found.identifiable.has_value or found.identifiable is Verdict.BOUNDED:
+    if not found.status.has_value or found.status is Verdict.BOUNDED:
         return None
-    remark = REMARKS.get(found.identifiable, found.condition.strip())
+    remark = REMARKS.get(found.status, found.condition.strip())
     text = reported_words(found)
-    if isinstance(found, ParameterResult) and not math.isnan(found.box_end):
-        remark, text = f"beyond its bound, {_one(found.box_end, found.unit)}", found.likely_words
+    if not math.isnan(found.bound_passed):
+        remark, text = (
+            f"beyond its bound, {_one(found.bound_passed, found.unit)}",
+            found.likely_words,
+        )
     return Printed(name=name, symbols=symbols, text=text, remark=remark)
 
 
-def _limit(name: str, found: Found, symbols: tuple[str, ...]) -> Printed:
+def _limit(name: str, found: Estimate, symbols: tuple[str, ...]) -> Printed:
     """A value that the data bound: "< 5.2 Hz", or an interval."""
     low, high = found.ci95
     text = {
         Verdict.BOUNDED: range_words(low, high, found.unit),
         Verdict.ABOVE: f"< {_one(high, found.unit, up=True)}",
         Verdict.BELOW: f"> {_one(low, found.unit, up=False)}",
-    }[found.identifiable]
+    }[found.status]
     return Printed(name=name, symbols=symbols, text=text, remark=found.condition.strip())
 
 
-def by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, float] | None:
+def by_line(name: str, found: Estimate, line: SweepLine | None) -> tuple[float, float] | None:
     """Value and error of the sweep's line, where they are of this value and the better ones.
 
     Args:
@@ -223,23 +224,23 @@ def by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, flo
     if line is None or name not in line.values or depends_on_background(line):
         return None
     value, std = PARTS[line.values[name]](line)
-    if not (math.isfinite(value) and std > 0.0) or found.identifiable is Verdict.WITHDRAWN:
+    if not (math.isfinite(value) and std > 0.0) or found.status is Verdict.WITHDRAWN:
         return None
-    if not found.identifiable.has_value or math.isnan(found.std):
+    if not found.status.has_value or math.isnan(found.std):
         return value, std
     near = abs(found.likely - value) <= APART_SIGMA * math.hypot(std, found.std)
     return (value, std) if std < found.std and near else None
 
 
-def _unconstrained(left: Mapping[str, Found]) -> tuple[str, ...]:
+def _unconstrained(left: Mapping[str, Estimate]) -> tuple[str, ...]:
     """Names of unconstrained values by the range that the data allow."""
     groups: dict[str, list[str]] = {}
     for name, found in left.items():
-        if found.identifiable is not Verdict.OPEN:
+        if found.status is not Verdict.OPEN:
             continue
         if found.is_all_round:
             where = "any value of its period"
-        elif isinstance(found, ParameterResult):
+        elif found.role == "parameter":
             where = f"within its bounds, {range_words(*found.ci95, found.unit)}"
         else:
             where = f"{range_words(*found.ci95, found.unit)}, all that the model allows"
@@ -250,12 +251,12 @@ def _unconstrained(left: Mapping[str, Found]) -> tuple[str, ...]:
     )
 
 
-def _unknown(left: Mapping[str, Found], *, withdrawn: bool) -> tuple[str, ...]:
+def _unknown(left: Mapping[str, Estimate], *, withdrawn: bool) -> tuple[str, ...]:
     """Names of values of which nothing is known, by the reason; those ``withdrawn`` among them."""
     verdicts = (Verdict.UNKNOWN, Verdict.WITHDRAWN) if withdrawn else (Verdict.UNKNOWN,)
     groups: dict[str, list[str]] = {}
     for name, found in left.items():
-        if found.identifiable in verdicts:
+        if found.status in verdicts:
             groups.setdefault(found.reason, []).append(sign(name))
     return tuple(f"{listed(names)} ({why})" for why, names in groups.items())
 
@@ -295,7 +296,7 @@ def _urgent(result: Result) -> list[Finding]:
 
 def _assumption(result: Result) -> str:
     """Of the assumptions that of the largest shift, in standard errors, and how many others."""
-    every: dict[str, Found] = {**result.derived, **result.parameters}
+    every: dict[str, Estimate] = {**result.derived, **result.parameters}
     found = []
     for finding in of_kind(result.findings, Kind.assumption):
         for name, value in every.items():
@@ -316,7 +317,7 @@ def _assumption(result: Result) -> str:
 # --- what to do next -----------------------------------------------------------------------------
 
 
-def next_step(result: Result, left: Mapping[str, Found]) -> tuple[str, str]:
+def next_step(result: Result, left: Mapping[str, Estimate]) -> tuple[str, str]:
     """What to do next, in words and as a command; both empty where nothing is needed.
 
     Args:
@@ -339,7 +340,7 @@ def next_step(result: Result, left: Mapping[str, Found]) -> tuple[str, str]:
     beyond = [
         f"{sign(n)} (to {_one(p.likely, p.unit)} and beyond)"
         for n, p in result.parameters.items()
-        if not math.isnan(p.box_end)
+        if not math.isnan(p.bound_passed)
     ]
     if beyond:
         return f"widen the bounds of {listed(beyond)}", ""
@@ -364,7 +365,7 @@ def _other_model(result: Result) -> str:
     return "use another model, more data, or the noise that the data have"
 
 
-def _measurement(result: Result, left: Mapping[str, Found], kinds: set[Kind]) -> tuple[str, str]:
+def _measurement(result: Result, left: Mapping[str, Estimate], kinds: set[Kind]) -> tuple[str, str]:
     """What to measure next, of a fit that is as good as it can be."""
     knowledge = result.knowledge
     if Kind.sampling_ambiguity in kinds:
@@ -426,7 +427,7 @@ def _without_budget(result: Result) -> tuple[list[str], int | None]:
     return kept, budget
 
 
-def target_of(result: Result, left: Mapping[str, Found]) -> str:
+def target_of(result: Result, left: Mapping[str, Estimate]) -> str:
     """What to determine next: the first output that is not determined, else parameter.
 
     Not what the measurement brings along, as the delay of a cable.
@@ -438,7 +439,7 @@ def target_of(result: Result, left: Mapping[str, Found]) -> str:
     asked = [name for name, p in result.parameters.items() if p.asked]
     wanted = [name for name in (*result.derived, *asked) if name in left]
     # what nothing is known of comes before what is bounded
-    open_ = [name for name in wanted if left[name].identifiable in (Verdict.OPEN, Verdict.UNKNOWN)]
+    open_ = [name for name in wanted if left[name].status in (Verdict.OPEN, Verdict.UNKNOWN)]
     return next(iter((*open_, *wanted)), "")
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.parameter_set import SetValue
 from fitting.inference.error_bars import EVEN, ErrorBars
-from fitting.inference.values import ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
@@ -100,7 +100,7 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
     )
 
 
-def _handed(name: str, found: ParameterResult, description: FmuDescription, wanted: bool) -> Handed:
+def _handed(name: str, found: Estimate, description: FmuDescription, wanted: bool) -> Handed:
     variable = description.variables.get(name)
     unit = found.unit
     if variable is None:
@@ -108,7 +108,7 @@ def _handed(name: str, found: ParameterResult, description: FmuDescription, want
     elif not variable.can_be_started:
         left = "cannot be set in the FMU"
     else:
-        left = "" if wanted or found.identifiable is Verdict.DETERMINED else str(found.identifiable)
+        left = "" if wanted or found.status is Verdict.DETERMINED else str(found.status)
         unit = variable.unit or unit
     factor = convert(1.0, found.unit, unit, where=name) if unit != found.unit else 1.0
     low, high = (factor * end for end in found.ci95)
@@ -118,7 +118,7 @@ def _handed(name: str, found: ParameterResult, description: FmuDescription, want
         unit=unit,
         std=factor * found.std,
         ci95=(low, high),
-        verdict=found.identifiable,
+        verdict=found.status,
         left=left,
         bars=found.bars.scaled(factor) if found.is_most_likely else EVEN,
     )

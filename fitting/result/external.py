@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fitting.inference.joint_result import ExternalTest
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.result.result import Result
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.notation import quantity, span
@@ -64,14 +64,14 @@ def _parts(text: str) -> list[str]:
 
 def _test(result: Result, text: str) -> ExternalTest:
     name, _, written = text.partition("=")
-    values: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
+    values: dict[str, Estimate] = {**result.parameters, **result.derived}
     if name not in values:
         raise _no_such(name, list(values))
     found = values[name]
     numbers = [_in(part, found.unit, name) for part in _parts(written)]
     value, std = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
     outside = quantity(value, std, found.unit) if std > 0.0 else f"{value:.7g} {found.unit}"
-    if not found.identifiable.has_value or not math.isfinite(found.std):
+    if not found.status.has_value or not math.isfinite(found.std):
         low, high = _allowed(found)
         allowed = span(low, high, found.unit).replace("\u00a0", " ")
         where = "lies within" if low <= value <= high else "lies outside"
@@ -83,7 +83,7 @@ def _test(result: Result, text: str) -> ExternalTest:
             found=found.value,
             found_std=math.nan,
             sigmas=math.nan,
-            sentence=f"{name} = {outside} cannot be tested: {name} is {found.identifiable} by "
+            sentence=f"{name} = {outside} cannot be tested: {name} is {found.status} by "
             f"these data; the value {where} what they allow, {allowed}.",
         )
     own = _towards(found, value)
@@ -104,18 +104,18 @@ def _test(result: Result, text: str) -> ExternalTest:
     )
 
 
-def _allowed(found: ParameterResult | DerivedResult) -> tuple[float, float]:
+def _allowed(found: Estimate) -> tuple[float, float]:
     """The interval of a value, or its range where it has none at the solution."""
     if math.isfinite(found.ci95[0]):
         return found.ci95
-    return found.box if isinstance(found, DerivedResult) else (found.lower, found.upper)
+    return found.bounds
 
 
 def _no_such(name: str, known: Sequence[str]) -> BadInput:
     return BadInput(f"--external: the result has no '{name}'{did_you_mean(name, sorted(known))}")
 
 
-def _towards(found: ParameterResult | DerivedResult, value: float) -> float:
+def _towards(found: Estimate, value: float) -> float:
     """Standard deviation on the side of the external value: intervals may be asymmetric."""
     low, high = found.ci95
     best = found.value if found.is_most_likely else found.most_likely
@@ -123,7 +123,7 @@ def _towards(found: ParameterResult | DerivedResult, value: float) -> float:
     return side if math.isfinite(side) and side > 0.0 else found.std
 
 
-def _own_words(found: ParameterResult | DerivedResult, best: float, own: float) -> str:
+def _own_words(found: Estimate, best: float, own: float) -> str:
     """The value with the error on the side of the external one, or with that of both sides."""
     return quantity(best, own, found.unit) if found.bars.is_even else found.likely_words
 

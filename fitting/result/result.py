@@ -18,7 +18,8 @@ from fitting.inference.joint_result import ExternalTest, JointResult
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.quadratures import Quadratures
 from fitting.inference.sweep_line import SweepLine
-from fitting.inference.values import DerivedResult, Floats, OffsetResult, ParameterResult
+from fitting.inference.values import Estimate, Floats
+from fitting.result.schema import SCHEMA, upgraded
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_text
@@ -136,6 +137,8 @@ class Compared(Protocol):
 class Result:
     """A whole reconstruction, as `result.json` holds it."""
 
+    schema: int = SCHEMA
+    """Version of these keys."""
     title: str
     """Heading of the campaign."""
     synthetic: bool
@@ -144,9 +147,9 @@ class Result:
     """One of STATUSES: converged, not converged, interrupted, does not describe the data."""
     message: str
     """What `status` means here, a sentence."""
-    parameters: Mapping[str, ParameterResult]
+    parameters: Mapping[str, Estimate]
     """The fitted parameters by name."""
-    derived: Mapping[str, DerivedResult]
+    derived: Mapping[str, Estimate]
     """Outputs of the FMU that follow from them, by name."""
     alternative: Mapping[str, Scalar]
     """The discrete settings that are reported."""
@@ -180,7 +183,7 @@ class Result:
     """Where all of it comes from."""
     line: SweepLine | None = None
     """One damped mode fitted to the sweep without the FMU."""
-    offsets: tuple[OffsetResult, ...] = ()
+    offsets: tuple[Estimate, ...] = ()
     """Fitted values of single experiments, as offsets from the drift."""
     joint: JointResult | None = None
     """Several series: what they say alone, together and of each other."""
@@ -205,7 +208,7 @@ class Result:
     def fitted_values(self) -> dict[str, float]:
         """Fitted values by parameter, those of single experiments too, each in its unit."""
         values = {name: p.value for name, p in self.parameters.items()}
-        return values | {offset.parameter: offset.fitted for offset in self.offsets}
+        return values | {offset.name: offset.fitted for offset in self.offsets}
 
 
 def write_result(result: Result, folder: Path) -> tuple[Path, Path]:
@@ -230,7 +233,7 @@ def read_result(path: Path) -> Result:
     Raises:
         BadInput: no such file, or not a result; names the key.
     """
-    return read_json(path, Result)
+    return read_json(path, Result, upgraded)
 
 
 def history_csv(result: Result) -> str:

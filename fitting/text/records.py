@@ -12,7 +12,7 @@ import json
 import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -157,12 +157,15 @@ def json_text(value: Any) -> str:
     return json.dumps(to_plain(value), indent=1, allow_nan=False) + "\n"
 
 
-def read_json(path: Path, kind: type[Record]) -> Record:
+def read_json(
+    path: Path, kind: type[Record], upgraded: Callable[[dict[str, Any]], Any] = lambda data: data
+) -> Record:
     """Read a record written by `write_json`.
 
     Args:
         path: of the file.
         kind: class of the record.
+        upgraded: makes the present keys of those of an earlier version.
 
     Raises:
         BadInput: no such file, no JSON, or not such a record; names the file and the key.
@@ -171,4 +174,8 @@ def read_json(path: Path, kind: type[Record]) -> Record:
         data = json.loads(read_whole(path))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read as JSON: {error}") from error
+    try:
+        data = upgraded(data) if isinstance(data, dict) else data
+    except (KeyError, TypeError, AttributeError, ValueError):
+        raise BadInput(f"{path}: found another file than a {kind.__name__.lower()}") from None
     return from_plain(kind, data, str(path))

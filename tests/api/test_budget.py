@@ -170,7 +170,7 @@ def test_the_command_says_what_was_cut_and_which_budget_tells(
     words, out = small(tmp_path, swift_fmu)
     little = reconstructed([*words, "--budget", "60"], out, capsys)
     said = " ".join(capsys.readouterr().out.split())
-    assert little.derived["width_plus"].identifiable is Verdict.UNKNOWN
+    assert little.derived["width_plus"].status is Verdict.UNKNOWN
     assert WAS_CUT in said
     assert said.count("--budget") == 1
     assert "not determined" not in said.lower()
@@ -179,7 +179,7 @@ def test_the_command_says_what_was_cut_and_which_budget_tells(
     assert next_words[len(words) :][:1] != ["--budget"]
     more = reconstructed(words, out, capsys)
     width = more.derived["width_plus"]
-    assert width.identifiable is Verdict.DETERMINED
+    assert width.status is Verdict.DETERMINED
     low, high = width.ci95
     truth = tomllib.loads((STRING / "truth.toml").read_text("utf-8"))
     assert low < truth["outcome"]["width_plus_hz"] < high
@@ -191,5 +191,5 @@ def test_a_budget_that_ends_before_any_profile_leaves_the_fit(
     words, out = small(tmp_path, swift_fmu)
     result = reconstructed([*words, "--budget", "3"], out, capsys)
     assert any("--budget" in said for said in result.warnings)
-    assert result.derived["width_plus"].identifiable is Verdict.LINEARISED
+    assert result.derived["width_plus"].status is Verdict.LINEARISED
     assert "--budget" not in capsys.readouterr().out.partition("next: ")[2].partition("\n\n")[0]

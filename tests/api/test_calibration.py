@@ -190,7 +190,7 @@ def test_the_page_in_the_fmu_tells_where_its_values_come_from(
 
 
 def with_verdict(result: Result, name: str, verdict: Verdict) -> Result:
-    changed = replace(result.parameters[name], identifiable=verdict)
+    changed = replace(result.parameters[name], status=verdict)
     return replace(result, parameters={**result.parameters, name: changed})
 
 

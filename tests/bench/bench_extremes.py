@@ -62,7 +62,7 @@ class Bench:
         except (BadInput, FmuFailure) as error:
             return Outcome(math.nan, math.nan, f"refused: {_short(error)}", 0.0)
         width = result.derived["width_plus"]
-        word = width.identifiable if result.status == "converged" else result.status
+        word = width.status if result.status == "converged" else result.status
         seconds = time.perf_counter() - begun
         off = abs(width.value / scene.width - 1.0)
         return Outcome(off, width.std / scene.width, word, seconds)

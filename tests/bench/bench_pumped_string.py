@@ -35,7 +35,7 @@ from scipy.stats import binomtest
 
 import build_fmu
 import fitting as ff
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.lab.pumped import STRING
 from fitting.lab.subharmonic import PumpedSweep, SubharmonicBench, closest_peaks_hz
@@ -210,11 +210,11 @@ def found(seed: int, fmu: ff.Fmu, coupling: float) -> dict[str, Any]:
             return _rests(fit.result, truth["lambda12"])
         result = ff.profile(fit, NAMES).result
     rows = {}
-    values: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
+    values: dict[str, Estimate] = {**result.parameters, **result.derived}
     for name, value in values.items():
         if name in NAMES:
             low, high = value.ci95
-            determined = value.identifiable is Verdict.DETERMINED
+            determined = value.status is Verdict.DETERMINED
             off = (value.value - truth[name]) / value.std if value.std > 0.0 else np.nan
             rows[name] = (bool(low <= truth[name] <= high), float(off), determined)
     return {"rows": rows, "status": result.status, "seconds": time.process_time() - begun}

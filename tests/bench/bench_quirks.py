@@ -30,7 +30,7 @@ import numpy as np
 import fitting as ff
 from fitting.cli.main import main as fmu_fit
 from fitting.fmu.findings import Severity
-from fitting.inference.values import ParameterResult
+from fitting.inference.values import Estimate
 from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -172,7 +172,7 @@ def fitted(path: Path, folder: Path) -> str:
     return f"| 0 | {ended} | {cells} |"
 
 
-def off(found: ParameterResult, true: float) -> str:
+def off(found: Estimate, true: float) -> str:
     """How far a value is from the truth, in its standard errors."""
     if found.std is None or not found.std > 0.0:
         return "not told"

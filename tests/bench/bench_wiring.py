@@ -112,7 +112,7 @@ def deviations(lab: Laboratory, fmu: Fmu) -> FloatArray:
     return np.array(
         [
             (eta.value - lab.eta_hz) / eta.std,
-            (loaded.mean - lab.loaded_q) / loaded.std,
+            (loaded.value - lab.loaded_q) / loaded.std,
             np.log(coupling.value / lab.coupling_q) * coupling.value / coupling.std,
         ]
     )

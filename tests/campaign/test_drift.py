@@ -112,7 +112,7 @@ def test_offsets_take_up_a_drift_that_is_not_linear(
             truth = true_offsets(series)
             away += [(o.value - t) / o.std for o, t in zip(result.offsets, truth, strict=True)]
             width = result.derived["width_plus"]
-            assert width.identifiable == "linearised only"
+            assert width.status == "linearised only"
             widths.append(width.value / series.bench.modes.widths_hz()[0] - 1.0)
     assert np.max(np.abs(widths)) < 0.01
     assert np.max(np.abs(away)) < 3.0

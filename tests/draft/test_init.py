@@ -278,7 +278,7 @@ def test_a_fit_that_leaves_a_constant_does_not_describe_its_sweep(
     assert main(["reconstruct", campaign, "--out", str(tmp_path / "r"), *quick]) == 4
     result = read_result(tmp_path / "r" / "result.json")
     assert result.status == Status.MISFIT.value
-    assert {value.identifiable for value in result.parameters.values()} == {Verdict.WITHDRAWN}
+    assert {value.status for value in result.parameters.values()} == {Verdict.WITHDRAWN}
     told = " ".join(capsys.readouterr().out.split())
     assert "drift" not in told
     assert ('background = "offset"' in told) is (constant == "offset")

@@ -14,7 +14,7 @@ from fitting.api.init import init
 from fitting.cli.main import main
 from fitting.draft.files import files_of, settled
 from fitting.draft.questions import Answers
-from fitting.inference.values import ParameterResult
+from fitting.inference.values import Estimate
 from fitting.resonance.reading import Columns
 from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
@@ -52,7 +52,7 @@ def two_coupled() -> FloatArray:
     return averaged(1e-12 * (np.array(density) / np.max(density) + 0.01), 300, 9)
 
 
-def fitted(folder: Path, file: Path) -> tuple[dict[str, ParameterResult], dict[str, Any]]:
+def fitted(folder: Path, file: Path) -> tuple[dict[str, Estimate], dict[str, Any]]:
     """What `reconstruct` finds with the campaign that `init` wrote, and its table of noise."""
     out, results = folder / "drafted", folder / "results"
     assert main(["init", str(file), "--out", str(out), "--yes"]) == 0

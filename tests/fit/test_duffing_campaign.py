@@ -80,7 +80,7 @@ def test_the_shipped_campaign_fits_by_its_file_alone(tmp_path: Path) -> None:
     for name, value in wanted.items():
         found = result["parameters"][name]
         assert abs(found["value"] - value) < 3.0 * found["std"], name
-        assert found["identifiable"] == "linearised only"
+        assert found["status"] == "linearised only"
     assert result["parameters"]["alpha1"]["std"] < 0.01 * wanted["alpha1"]
     assert result["deviations"]["initial"]["mean"] > 0.3  # the linear start does not explain it
     assert result["deviations"]["final"]["mean"] < 0.006  # as much as a line is repeatable

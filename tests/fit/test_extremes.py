@@ -47,7 +47,7 @@ def fitted(workers: FmuWorkers, tmp_path: Path) -> Fit:
 def width_error(result: Result, scene: Scene) -> float:
     """Relative error of the line width, of a fit that says it is done and knows."""
     found = result.derived["width_plus"]
-    assert (result.status, found.identifiable) == ("converged", "linearised only")
+    assert (result.status, found.status) == ("converged", "linearised only")
     return abs(found.value / scene.width - 1.0)
 
 
@@ -89,7 +89,7 @@ def test_a_drift_that_is_told_may_be_any_number_of_line_widths(drift: float, fit
 
 def test_a_drift_that_is_not_told_is_no_success(fitted: Fit) -> None:
     little = fitted(Scene(drift=0.5, drift_known=False))
-    assert little.derived["width_plus"].identifiable != "determined"
+    assert little.derived["width_plus"].status != "determined"
     lost = fitted(Scene(drift=5.0, drift_known=False))
     assert lost.status == "not converged"
     assert "peaks" in lost.message
@@ -196,7 +196,7 @@ def test_angles_of_symmetry(eighths: int, reflection: bool, fitted: Fit) -> None
 def test_at_a_right_angle_the_other_damping_is_seen(fitted: Fit) -> None:
     """theta = pi/2: the first mode is damped by d2 alone, and d1 is said to be unknown."""
     blind = fitted(Scene(theta=math.pi / 2.0))
-    assert blind.parameters["d1"].identifiable == "not known"
+    assert blind.parameters["d1"].status == "not known"
     assert math.isnan(blind.parameters["d1"].std)
     seen = fitted(Scene(theta=math.pi / 2.0, fitted={"d2": Fitted(20.0, 500.0, 180.0, 100.0)}))
     assert seen.parameters["d2"].value == pytest.approx(120.0, rel=1e-8)
@@ -208,7 +208,7 @@ def test_a_start_at_a_symmetric_angle_invents_no_angle(workers: FmuWorkers, tmp_
     scene = Scene(fitted=box, nu=(0.1, 0.1, 3), points=9)
     result = fit(scene, workers, tmp_path, profiles=True)
     angle = result.parameters["theta"]
-    assert angle.identifiable == "one of several values"
+    assert angle.status == "one of several values"
     assert abs(math.cos(angle.value)) == pytest.approx(abs(math.cos(scene.theta)), abs=1e-6)
     assert angle.ci95[0] < scene.theta < angle.ci95[1]
 
@@ -224,7 +224,7 @@ def test_a_prior_stronger_than_the_data_is_told(fitted: Fit) -> None:
     d1 = result.parameters["d1"]
     assert d1.algorithm2 == pytest.approx(150.0, abs=0.01)
     assert d1.value == pytest.approx(100.0, abs=0.01)  # of the likelihood, which knows no nu
-    assert d1.identifiable == "not known"
+    assert d1.status == "not known"
 
 
 def test_nu_through_22_decades(fitted: Fit) -> None:

@@ -79,7 +79,7 @@ def test_errors_claimed_follow_the_noise(ratio: float, seed: int, fitted: Fit) -
     """Width and its error from spectra: the error is of the order of the noise, and holds."""
     scene = Scene(noise=1.0 / ratio, seed=seed, peaks=False)
     width = fitted(scene).derived["width_plus"]
-    assert width.identifiable == "linearised only"
+    assert width.status == "linearised only"
     assert 0.3 / ratio < width.std / scene.width < 10.0 / ratio + 3e-6
 
 
@@ -96,7 +96,7 @@ def test_noise_of_the_order_of_the_peaks_determines_nothing(
     scene = Scene(noise=1.0 / ratio, seed=seed, points=15)
     result = fitted(scene)
     width = result.derived["width_plus"]
-    assert width.identifiable != "linearised only" or width.std > 0.03 * scene.width
+    assert width.status != "linearised only" or width.std > 0.03 * scene.width
     if ratio <= 3.0:
         assert said(result, "Peaks", "e0")
 
@@ -125,7 +125,7 @@ def test_sixty_experiments(fitted: Fit) -> None:
     tones = tuple((-0.5 - 0.01 * k, 0.4 + 0.02 * k) for k in range(60))
     scene = Scene(tones=tones, drift=20.0, noise=1e-3)
     result = fitted(scene)
-    assert result.derived["width_plus"].identifiable == "linearised only"
+    assert result.derived["width_plus"].status == "linearised only"
     assert len(result.derived["width_plus"].values) == 60
 
 

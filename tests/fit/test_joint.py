@@ -340,10 +340,10 @@ def test_the_shipped_series_together_hold_the_widths_alone(swift_fmu: Path, tmp_
         variables = workers.description.variables
         bounds = [bind(read_campaign(path), variables) for path in of_two_pairs(tmp_path)]
         result = quickly(workers, bounds, levels=1)
-    assert result.parameters["theta"].identifiable == "not known"
-    assert result.derived["lambda"].identifiable == "not known"
+    assert result.parameters["theta"].status == "not known"
+    assert result.derived["lambda"].status == "not known"
     for name in ("width_plus", "width_minus"):
-        assert result.derived[name].identifiable == "linearised only"
+        assert result.derived[name].status == "linearised only"
     assert abs(result.derived["width_plus"].value - 94.107) < 3 * result.derived["width_plus"].std
     assert result.joint is not None
     alone = [part.alone for part in result.joint.series]
@@ -380,7 +380,7 @@ def test_both_modes_at_both_resonances_hold_the_coupling(swift_fmu: Path, tmp_pa
     with FmuWorkers(swift_fmu, workers=2) as workers:
         result = quickly(workers, bounds, levels=1)
     coupling = result.derived["lambda"]
-    assert coupling.identifiable == "linearised only"
+    assert coupling.status == "linearised only"
     # closed form of the paper at the true angle and the mean eigenfrequencies
     truth = math.sqrt(-0.5 * math.sin(2 * 1.9498) * (7027600.0**2 - 6940260.0**2))
     assert coupling.ci95[0] < truth < coupling.ci95[1]

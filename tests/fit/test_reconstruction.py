@@ -85,27 +85,27 @@ def result(watched: tuple[Result, list[Progress]]) -> Result:
 
 def test_the_width_is_determined_and_the_coupling_is_not(result: Result) -> None:
     width = result.derived["D11"]
-    assert width.identifiable == "linearised only"  # no profiles were asked for
+    assert width.status == "linearised only"  # no profiles were asked for
     assert abs(width.value / (2 * np.pi) - WIDTH) < 4.0 * width.std / (2 * np.pi)
     assert width.std / width.value < 0.02
     for name in ("theta", "d1"):
-        assert result.parameters[name].identifiable == "not known"
+        assert result.parameters[name].status == "not known"
         assert result.parameters[name].shrinkage < 0.01
     coupling = result.derived["lambda"]
-    assert coupling.identifiable == "not known"
+    assert coupling.status == "not known"
     assert "not known" in coupling.text()
-    assert coupling.box[0] < 2e5 < 7e5 < coupling.box[1]
+    assert coupling.lower < 2e5 < 7e5 < coupling.upper
     assert "λ" in "; ".join(summary_of(result).unconstrained)
 
 
 def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Path) -> None:
     for value in (result.parameters["theta"], result.derived["lambda"]):
         assert np.isnan(value.std)
-    assert result.derived["lambda"].ci95 == result.derived["lambda"].box
+    assert result.derived["lambda"].ci95 == result.derived["lambda"].bounds
     for p in result.parameters.values():
         assert p.lower <= p.ci95[0] <= p.value <= p.ci95[1] <= p.upper
     for d in result.derived.values():
-        assert d.box[0] <= d.ci95[0] <= d.value <= d.ci95[1] <= d.box[1]
+        assert d.lower <= d.ci95[0] <= d.value <= d.ci95[1] <= d.upper
     width = result.derived["D11"]
     assert width.ci95[1] - width.ci95[0] == pytest.approx(2 * norm.ppf(0.975) * width.std)
     data = json.loads(write_result(result, tmp_path)[0].read_text())
@@ -186,7 +186,7 @@ def test_result_files_come_back_whole(result: Result, tmp_path: Path) -> None:
     data = json.loads(whole.read_text())
     for key in ("status", "message", "evaluations", "seconds", "provenance", "history"):
         assert key in data
-    for key in ("value", "unit", "std", "ci95", "reference", "shrinkage", "identifiable"):
+    for key in ("value", "unit", "std", "ci95", "reference", "shrinkage", "status"):
         assert key in data["parameters"]["theta"]
         assert key in data["derived"]["lambda"]
     assert {"mean", "spread", "values"} <= set(data["derived"]["lambda"])

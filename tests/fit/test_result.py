@@ -5,19 +5,23 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+import jsonschema
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.fit import checkpoint
 from fitting.fit.solver.continuation import ContinuationStep
-from fitting.inference.values import DerivedResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
+from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
 from fitting.text.records import from_plain, read_json, to_plain, write_json
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
@@ -143,25 +147,58 @@ def test_a_checkpoint_is_whole_at_any_moment(tmp_path: Path) -> None:
 
 
 def test_a_derived_value_without_data_is_not_printed_as_one() -> None:
-    held = DerivedResult(
+    held = Estimate(
+        name="lambda",
+        role="derived",
         value=647400.0,
         unit="Hz",
         values=(647399.0, 647401.0),
-        mean=647400.0,
         spread=1.4,
         std=2e2,
         ci95=(647000.0, 647800.0),
         reference=6.5e5,
         shrinkage=0.99,
-        identifiable=Verdict.DETERMINED,
-        box=(6e4, 7.8e5),
+        status=Verdict.DETERMINED,
+        lower=6e4,
+        upper=7.8e5,
         algorithm2=647300.0,
     )
     assert held.text().replace("\u00a0", " ") == "647.40 ± 0.20 kHz"
-    free = replace(held, ci95=(6e4, 7.8e5), identifiable=Verdict.OPEN)
+    free = replace(held, ci95=(6e4, 7.8e5), status=Verdict.OPEN)
     assert "±" not in free.text()
     assert "60000 to 780000" in free.text()
 
 
 def read_rows(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_result_of_schema_1_is_read_with_every_number(tmp_path: Path) -> None:
+    """The file was written by the version before schema 2: three curves are cut to three points."""
+    path = Path(__file__).with_name("result_schema1.json")
+    old, new = json.loads(path.read_text("utf-8")), read_result(path)
+    assert new.schema == 2
+    for key in ("parameters", "derived"):
+        for name, before in old[key].items():
+            after = getattr(new, key)[name]
+            assert (after.name, after.status) == (name, before["identifiable"])
+            assert (after.value, after.std, list(after.ci95)) == (
+                before["value"],
+                before["std"],
+                before["ci95"],
+            )
+            assert after.bars.below == pytest.approx(before["bars"]["below"], rel=1e-9)
+            assert after.bars.is_even == before["bars"]["is_even"]
+            assert after.precision == pytest.approx(before["precision"], rel=1e-9)
+    width = new.derived["width_plus"]
+    assert list(width.bounds) == old["derived"]["width_plus"]["box"]
+    assert read_result(write_result(new, tmp_path)[0]) == new
+
+
+def test_a_result_obeys_the_published_schema() -> None:
+    published = json.loads((ROOT / "docs/reference/result.schema.json").read_text("utf-8"))
+    assert set(published["properties"]) == {each.name for each in fields(Result)}
+    new = to_plain(read_result(Path(__file__).with_name("result_schema1.json")))
+    jsonschema.validate(new, published)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**new, "title": 3}, published)

@@ -74,7 +74,7 @@ def test_a_measured_line_comes_out_as_another_program_has_it(sensor: Result) -> 
     for one, value, variance in zip(found, (eta, width), np.diag(covariance)[:2], strict=True):
         assert one.value == pytest.approx(value, abs=1e-3)
         assert one.std == pytest.approx(plain.widening * math.sqrt(variance), rel=0.1)
-        assert one.identifiable == "determined"
+        assert one.status == "determined"
     assert eta / width == pytest.approx(1216.0, abs=3.0)
     assert found[0].value / found[1].value == pytest.approx(eta / width, rel=1e-5)
     assert sensor.sweep is not None

@@ -134,7 +134,7 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
         width, rel=1e-6, abs=width * c / DAMPING
     )
     word = "determined" if profiles else "linearised only"
-    assert found.derived["line_width"].identifiable == word
+    assert found.derived["line_width"].status == word
     papers = misfit == "slack"
     estimator = "algorithm2" if papers else "likelihood"
     assert found.provenance.settings["estimator"] == estimator

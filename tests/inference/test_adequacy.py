@@ -26,7 +26,7 @@ from fitting.inference.ending import MISFIT
 from fitting.inference.findings import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.outside import held_sentences
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from tests.faults import scene
@@ -166,10 +166,10 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
     found: Inference = infer(fit, InferenceRequest(profiles=profiles))
     assert found.status is Status.MISFIT
     assert found.ending.words == MISFIT
-    values: dict[str, ParameterResult | DerivedResult] = {**found.parameters, **found.derived}
+    values: dict[str, Estimate] = {**found.parameters, **found.derived}
     assert set(values) == {"p", "q", "r", "sum", "fixed"}
     for value in values.values():
-        assert value.identifiable is Verdict.WITHDRAWN
+        assert value.status is Verdict.WITHDRAWN
         assert math.isnan(value.std)
         assert all(map(math.isnan, value.ci95))
     if found.knowledge is not None:
@@ -205,7 +205,7 @@ def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
     written = json.loads((out / "result.json").read_text("utf-8"))
     assert written["status"] == Status.MISFIT.value
     for value in (*written["parameters"].values(), *written["derived"].values()):
-        assert value["identifiable"] == "no verdict"
+        assert value["status"] == "no verdict"
         assert value["std"] is None
         assert value["ci95"] == [None, None]
     assert Status.MISFIT.value in "".join(capsys.readouterr())

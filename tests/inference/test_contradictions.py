@@ -75,7 +75,7 @@ def test_widths_that_differ_are_not_known_and_both_are_told(swift_fmu: Path) -> 
     assert not result.ending.whole
     assert [value.name for value in summary.values] == ["eta_plus"]  # of which both say the same
     d1 = result.parameters["d1"]
-    assert d1.identifiable is Verdict.WITHDRAWN
+    assert d1.status is Verdict.WITHDRAWN
     assert np.isnan(d1.std)
     assert result.joint is not None
     for part, truth in zip(result.joint.series, (1.08 * WIDTH_HZ, WIDTH_HZ), strict=True):

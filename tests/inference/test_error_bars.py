@@ -20,7 +20,7 @@ from fitting.fit.solver.continuation import Schedule
 from fitting.inference.error_bars import EVEN, ErrorBars, error_bars
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.values import ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
@@ -38,7 +38,7 @@ DEEP = 10.0
 STEEP = math.asinh(2.5)
 
 
-def found_of(row: Callable[[float], float], start: float, top: float) -> ParameterResult:
+def found_of(row: Callable[[float], float], start: float, top: float) -> Estimate:
     """One value whose chi square is row(p)^2, in three rows, through fit and profile."""
     objective = whitened(
         lambda p: np.full(3, row(float(p[0])) / math.sqrt(3.0)),
@@ -49,7 +49,7 @@ def found_of(row: Callable[[float], float], start: float, top: float) -> Paramet
     return infer(solve_problem(problem, lambda _: objective.response, options)).parameters["p"]
 
 
-def words_of(found: ParameterResult) -> str:
+def words_of(found: Estimate) -> str:
     return reported_words(found).replace("\u00a0", " ")
 
 
@@ -75,7 +75,7 @@ def test_an_interval_that_the_error_does_not_tell_stands_beside_it() -> None:
     found = found_of(lambda p: math.asinh((p - 235.0) / DEEP) / STEEP, start=260.0, top=2000.0)
     half = DEEP * math.sinh(STEEP * Z95)
     assert 120.0 < half < 130.0
-    assert found.identifiable is Verdict.BOUNDED
+    assert found.status is Verdict.BOUNDED
     assert found.bars.is_even
     assert not found.bars.tells95
     told = words_of(found)
@@ -116,13 +116,13 @@ def test_no_side_is_far_from_what_is_told_of_it(
     sides = np.array([10.0, 10.0 * ratio])
     ends = Z95 * sides * (1.0, longer)
     near, far = sides + simulation, ends + simulation
-    profile = replace(profile_of(near, far), simulation=simulation)
-    bars = error_bars(profile)
+    profile = profile_of(near, far)
+    bars = error_bars(profile.best, profile.interval68, profile.interval95, simulation)
     assert (bars.below, bars.above) == pytest.approx(tuple(near))
     if bars.is_even:
         assert np.all(np.abs(near / np.mean(near) - 1.0) < 0.125)
     assert bars.tells95 == (1 / 1.5 < longer < 1.5)
-    assert error_bars(replace(profile, verdict=Verdict.OPEN)) == EVEN
+    assert error_bars(profile.best, (math.nan, math.nan), profile.interval95, simulation) == EVEN
 
 
 UNEVEN = ErrorBars(below=8.9, above=12.8, is_even=False, tells95=False)
@@ -131,7 +131,12 @@ UNEVEN = ErrorBars(below=8.9, above=12.8, is_even=False, tells95=False)
 def test_answer_tables_and_files_tell_both_sides(tmp_path: Path) -> None:
     result = records.result_for(records.campaign())
     d1 = replace(
-        result.parameters["d1"], value=94.0, std=10.85, ci95=(40.0, 130.0), bars=UNEVEN, unit="Hz"
+        result.parameters["d1"],
+        value=94.0,
+        std=10.85,
+        ci68=(94.0 - 8.9, 94.0 + 12.8),
+        ci95=(40.0, 130.0),
+        unit="Hz",
     )
     uneven = replace(result, parameters={**result.parameters, "d1": d1}, line=None)
     summary = summary_of(uneven)

@@ -115,7 +115,7 @@ def test_the_estimate_of_algorithm_2_stands_beside_and_not_in_the_interval(seed:
     errors = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix))) * widened(float(chi_square))
     least = least_absolute(matrix, measured)
     for k, result in enumerate(found.parameters.values()):
-        assert result.identifiable is Verdict.DETERMINED
+        assert result.status is Verdict.DETERMINED
         assert result.value == pytest.approx(solution[k], abs=0.05 * errors[k])
         assert result.std == pytest.approx(errors[k] * reaches(float(chi_square))[0], rel=0.03)
         assert result.ci95[0] < result.value < result.ci95[1]

@@ -235,11 +235,11 @@ def test_shipped_data_determine_the_width_and_neither_angle_nor_coupling(
 ) -> None:
     series, result = shipped
     seen, other = ("plus", "minus") if series == "q1" else ("minus", "plus")
-    assert result.parameters["theta"].identifiable == "not determined"
-    assert result.derived["lambda"].identifiable == "not determined"
-    assert result.derived[f"width_{seen}"].identifiable == "determined"
-    assert result.derived[f"Q_{seen}"].identifiable == "determined"
-    assert result.derived[f"width_{other}"].identifiable == "not determined"
+    assert result.parameters["theta"].status == "not determined"
+    assert result.derived["lambda"].status == "not determined"
+    assert result.derived[f"width_{seen}"].status == "determined"
+    assert result.derived[f"Q_{seen}"].status == "determined"
+    assert result.derived[f"width_{other}"].status == "not determined"
     coupling = result.derived["lambda"]
     # eta- and eta+ of the campaigns, in the closed form of the largest coupling
     largest = np.sqrt(0.5 * (7.02760e6**2 - 6.94026e6**2))

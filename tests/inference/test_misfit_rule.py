@@ -13,8 +13,8 @@ from fitting.fit.fit import Fit, Status
 from fitting.inference.contradictions import contradicted
 from fitting.inference.findings import pair_findings
 from fitting.inference.infer import Inference
-from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.joint_result import JointResult, PairTest, SeriesPart, ValueAlone
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord
@@ -39,7 +39,7 @@ from tests.support.curve_fits import (
 from tests.support.datasets import SETUP
 
 NOISE = 0.02
-UNKNOWN = Estimate(math.nan, math.nan)
+UNKNOWN = ValueAlone(math.nan, math.nan)
 #: Of a result that no campaign made.
 ORIGIN = Provenance(
     fmu_name="",
@@ -66,10 +66,10 @@ def kinds(found: Inference) -> dict[Kind, float]:
 
 
 def withdrawn(found: Inference) -> bool:
-    values: list[ParameterResult | DerivedResult | OffsetResult]
+    values: list[Estimate]
     values = [*found.parameters.values(), *found.derived.values(), *found.offsets]
     return all(
-        value.identifiable is Verdict.WITHDRAWN
+        value.status is Verdict.WITHDRAWN
         and math.isnan(value.std)
         and all(map(math.isnan, value.ci95))
         for value in values
@@ -373,9 +373,9 @@ def test_the_campaign_that_differs_is_named_once(
 def test_values_stay_that_every_contradicting_campaign_determines_alone_and_alike() -> None:
     """What one of them alone determines rests, in the joint fit, on the other one's data, too."""
     told = {
-        "a": {"f": Estimate(5.0, 0.1), "d": Estimate(10.0, 0.1), "theta": Estimate(1.0, 0.1)},
-        "b": {"f": Estimate(5.1, 0.1), "d": Estimate(11.0, 0.1), "theta": UNKNOWN},
-        "c": {"f": Estimate(9.0, 1.0), "d": UNKNOWN, "theta": UNKNOWN},
+        "a": {"f": ValueAlone(5.0, 0.1), "d": ValueAlone(10.0, 0.1), "theta": ValueAlone(1.0, 0.1)},
+        "b": {"f": ValueAlone(5.1, 0.1), "d": ValueAlone(11.0, 0.1), "theta": UNKNOWN},
+        "c": {"f": ValueAlone(9.0, 1.0), "d": UNKNOWN, "theta": UNKNOWN},
     }
     result = joint(ab=9.0, ac=0.5, bc=0.5)
     parts = tuple(replace(part, alone=told[part.name]) for part in result.series)

@@ -134,7 +134,7 @@ def test_a_scale_from_a_clipped_top_determines_nothing(tmp_path: Path) -> None:
     """A quarter of the top is missing: by linearised errors the width was 8 sigma off."""
     found = fitted(KINDS["misuse"](20027), tmp_path)
     assert found.status is Status.MISFIT
-    assert {d.identifiable for d in found.derived.values()} == {Verdict.WITHDRAWN}
+    assert {d.status for d in found.derived.values()} == {Verdict.WITHDRAWN}
     assert 'scale = "free"' in found.message
 
 

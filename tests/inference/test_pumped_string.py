@@ -109,7 +109,7 @@ def test_a_pump_misstated_in_one_sweep_is_found(fmu: ff.Fmu, tmp_path: Path) -> 
     result = ff.fit(problem, METHOD, starts=1).result
     assert result.status != "converged"
     assert "not_described" in {f.kind for f in result.findings}
-    assert not any(v.identifiable.has_value for v in result.derived.values())
+    assert not any(v.status.has_value for v in result.derived.values())
 
 
 @pytest.mark.nightly
@@ -150,7 +150,7 @@ def test_the_verdicts_of_the_shipped_campaign(fmu: ff.Fmu, tmp_path: Path) -> No
     fit = ff.fit(pumped_problem(BENCH, fmu, tmp_path), METHOD, starts=1)
     coupling = ff.profile(fit, ["lambda12"]).result.derived["lambda12"]
     low, high = coupling.ci95
-    assert coupling.identifiable is Verdict.DETERMINED
+    assert coupling.status is Verdict.DETERMINED
     assert low < TRUTH["lambda12"] < high
 
 

@@ -193,7 +193,7 @@ def test_a_value_that_the_simulation_hides_is_not_called_determined() -> None:
     """Noise would give it to a part in a thousand, the simulation to no better than itself."""
     _, _, objective = straight(promised=0.4)
     for result in inferred(objective, profiles=True).parameters.values():
-        assert result.identifiable is not Verdict.DETERMINED
+        assert result.status is not Verdict.DETERMINED
 
 
 @pytest.mark.parametrize("scale", ["none", "maximum", "fit"])

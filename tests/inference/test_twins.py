@@ -74,4 +74,4 @@ def test_profiles_that_come_by_a_lower_minimum_have_the_fit_made_from_it() -> No
         fit.alternatives[0].starts[0], equivalent=False
     )
     assert found.fit.nfev > fit.nfev
-    assert all(v.identifiable is not Verdict.WITHDRAWN for v in found.parameters.values())
+    assert all(v.status is not Verdict.WITHDRAWN for v in found.parameters.values())

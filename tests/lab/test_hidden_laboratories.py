@@ -73,9 +73,9 @@ def answer(code: int, value: float, *findings: str) -> _Answer:
     found = {
         "value": value,
         "std": 0.01,
-        "bars": {"is_even": True},
+        "ci68": [value - 0.01, value + 0.01],
         "ci95": [value - 0.02, value + 0.02],
-        "identifiable": "determined" if code == 0 else "no verdict",
+        "status": "determined" if code == 0 else "no verdict",
     }
     return _Answer(
         code=code,

@@ -237,6 +237,7 @@ def judged(**changed: object) -> Judged:
         statements=[said.__dict__, other.__dict__],
         wide={"width_plus": "determined", "Q_plus": "determined"},
         warnings=["chi^2 = 12 on 12 degrees of freedom: the stated noise explains the residuals."],
+        kinds=[],
         chi2_truth=12.0,
         chi2_end=11.0,
         chi2_fit=11.0,

@@ -86,7 +86,7 @@ def test_every_spectrum_has_a_coupling_of_its_own(swift: ff.Fmu, tmp_path: Path)
     path = tmp_path / "each.toml"
     path.write_text(text)
     fit = ff.fit(ff.Problem.of(path, swift), starts=1)
-    found = {o.parameter: o for o in fit.result.offsets}
+    found = {o.name: o for o in fit.result.offsets}
     assert set(found) == {f"k[{c:g} nF]" for c in C3_NF}
     assert np.median([o.value for o in found.values()]) == pytest.approx(COMPONENTS, rel=0.03)
     for c in (20, 30, 40, 50, 60, 70, 80, 90, 100):

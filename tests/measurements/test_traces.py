@@ -366,7 +366,7 @@ def test_of_a_fit_that_follows_nothing_nothing_is_known(lag: ff.Fmu) -> None:
     found = ff.profile(ff.fit(ff.Problem(lag, LAG_PARAMETERS[1:], trace), method=QUICK, starts=1))
     assert found.result.status != "converged"
     assert summary_of(found.result).values == ()
-    assert found.result.parameters["gain"].identifiable is Verdict.WITHDRAWN
+    assert found.result.parameters["gain"].status is Verdict.WITHDRAWN
 
 
 def lag_euler(per_sample: int) -> FloatArray:

@@ -108,7 +108,7 @@ def test_a_figure_is_known_by_its_name_before_it_is_drawn(
     result: Result, data: ShownCampaign
 ) -> None:
     """Its number rests on that; whoever draws one of them draws no other."""
-    known = replace(result.derived["lambda"], identifiable=Verdict.DETERMINED)
+    known = replace(result.derived["lambda"], status=Verdict.DETERMINED)
     moved = replace(result, derived={**result.derived, "lambda": known}, knowledge=knowledge())
     planned = planned_figures(moved, records.with_figures(data, result))
     assert [figure.number for figure in planned] == list(range(1, 13))
@@ -200,7 +200,7 @@ def test_outputs_are_drawn_over_the_experiments_where_one_that_is_known_moves(
 ) -> None:
     """lambda drifts by 1.74 Hz with an error of 2.5 Hz, but is open; D11 stays as it is."""
     assert draw_derived not in figures_of(result, data)
-    known = replace(result.derived["lambda"], identifiable=Verdict.DETERMINED)
+    known = replace(result.derived["lambda"], status=Verdict.DETERMINED)
     moved = replace(result, derived={**result.derived, "lambda": known})
     assert draw_derived in figures_of(moved, data)
     assert len(drawn(draw_derived, moved, data).axes) == 1
@@ -618,11 +618,11 @@ def test_a_run_stopped_at_once_and_values_that_do_not_exist_are_drawn(data: Show
         result.derived["lambda"],
         value=nothing,
         values=(nothing,) * 5,
-        mean=nothing,
         spread=nothing,
         std=nothing,
         reference=nothing,
-        box=(nothing, nothing),
+        lower=nothing,
+        upper=nothing,
     )
     begun = replace(result.history[0], derived={"lambda": nothing})
     odd = replace(result, derived={"lambda": absent}, history=(begun,))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.report.tables.published import rows_of
 from fitting.report.words.inference import profile_words
@@ -20,7 +20,9 @@ from tests.inference.test_misfit_rule import ORIGIN
 from tests.support.curve_fits import U as PLACES
 from tests.support.curve_fits import fitted_line, inferred, line, sweep
 
-THETA = ParameterResult(
+THETA = Estimate(
+    name="theta",
+    role="parameter",
     value=1.2,
     unit="rad",
     std=math.nan,
@@ -30,7 +32,7 @@ THETA = ParameterResult(
     lower=0.0,
     upper=math.pi,
     shrinkage=0.0,
-    identifiable=Verdict.OPEN,
+    status=Verdict.OPEN,
     algorithm2=1.2,
     most_likely=1.2,
     period=math.pi,
@@ -58,8 +60,8 @@ def test_the_bounds_that_a_verdict_rests_on_are_named_everywhere(
         THETA,
         std=0.1,
         ci95=(1.0, 1.4),
-        identifiable=verdict,
-        boxes=("d1", "d2"),
+        status=verdict,
+        active_bounds=("d1", "d2"),
         reason="for a reason",
     )
     profile = Profile(
@@ -89,22 +91,24 @@ def test_the_bounds_that_a_verdict_rests_on_are_named_everywhere(
 def test_an_output_that_rests_on_other_bounds_is_no_other_name_of_a_parameter(
     result: Result,
 ) -> None:
-    known = replace(THETA, ci95=(1.0, 1.4), identifiable=Verdict.DETERMINED, period=None)
-    same = DerivedResult(
+    known = replace(THETA, ci95=(1.0, 1.4), status=Verdict.DETERMINED, period=None)
+    same = Estimate(
+        name="angle",
+        role="derived",
         value=1.2,
         unit="rad",
         values=(1.2,),
-        mean=1.2,
         spread=0.0,
         std=0.1,
         ci95=(1.0, 1.4),
         reference=1.0,
         shrinkage=0.9,
-        identifiable=Verdict.DETERMINED,
-        box=(0.0, 3.0),
+        status=Verdict.DETERMINED,
+        lower=0.0,
+        upper=3.0,
         algorithm2=1.2,
     )
     both = replace(result, parameters={"theta": known}, derived={"angle": same})
     assert same_values(both) == {"angle": "theta"}
-    other = replace(both, derived={"angle": replace(same, boxes=("d1",))})
+    other = replace(both, derived={"angle": replace(same, active_bounds=("d1",))})
     assert same_values(other) == {}

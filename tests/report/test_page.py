@@ -223,8 +223,8 @@ def test_parameters_stand_as_they_are_in_the_record(page: Any, result: Result) -
             parameter.algorithm2,
         ]
         assert cells[2].text_content() == parameter.unit
-        assert cells[9].text_content() == parameter.identifiable
-        if not parameter.identifiable.has_value:
+        assert cells[9].text_content() == parameter.status
+        if not parameter.status.has_value:
             assert cells[1].text_content() == "–"
             continue
         assert exact(cells[1]) == parameter.value
@@ -238,7 +238,7 @@ def test_derived_values_stand_per_experiment(page: Any, result: Result) -> None:
     rows = table(page, "Derived outputs per experiment")
     coupling = [exact(cells[1]) for cells in rows]
     expected = result.derived["lambda"]
-    assert coupling == [*expected.values, expected.mean, expected.spread]
+    assert coupling == [*expected.values, expected.value, expected.spread]
 
 
 def test_outputs_of_each_experiment_say_at_which_point_they_are_taken(

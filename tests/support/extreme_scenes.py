@@ -315,9 +315,9 @@ def no_false_success(result: Result, scene: Scene, sigmas: float = 4.0) -> None:
     truth = {"d1": scene.d1, "d2": scene.d2, "eta_plus": scene.eta_plus}
     truth |= {"theta": scene.theta}
     found = {name: result.parameters[name] for name in scene.fitted or {"d1"} if name in truth}
-    told = [(p.value, p.std, truth[name], p.identifiable) for name, p in found.items()]
+    told = [(p.value, p.std, truth[name], p.status) for name, p in found.items()]
     width = result.derived["width_plus"]
-    told.append((width.value, width.std, scene.width, width.identifiable))
+    told.append((width.value, width.std, scene.width, width.status))
     for value, std, true, word in told:
         if word in ("determined", "linearised only"):
             assert abs(value - true) <= sigmas * std + 1e-6 * abs(true), (value, std, true)

@@ -11,7 +11,7 @@ import numpy as np
 from fitting.campaign import Drive, Setup, Spectrum
 from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.inference.sweep_line import SweepLine
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.measurements.figure import Figure
 from fitting.measurements.sweep import Sweep
@@ -247,10 +247,12 @@ def with_figures(data: ShownCampaign, result: Result) -> ShownCampaign:
     return replace(data, figures=tuple(figures))
 
 
-def parameters() -> dict[str, ParameterResult]:
+def parameters() -> dict[str, Estimate]:
     """One parameter that the data do not determine, one that they do."""
     return {
-        "theta": ParameterResult(
+        "theta": Estimate(
+            name="theta",
+            role="parameter",
             value=1.964226760285730,
             unit="rad",
             std=3.6,
@@ -261,9 +263,11 @@ def parameters() -> dict[str, ParameterResult]:
             lower=-6.3,
             upper=6.3,
             shrinkage=8e-8,
-            identifiable=Verdict.OPEN,
+            status=Verdict.OPEN,
         ),
-        "d1": ParameterResult(
+        "d1": Estimate(
+            name="d1",
+            role="parameter",
             value=93.42457642728192,
             unit="Hz",
             std=0.24,
@@ -274,47 +278,49 @@ def parameters() -> dict[str, ParameterResult]:
             lower=1.0,
             upper=1000.0,
             shrinkage=0.98,
-            identifiable=Verdict.DETERMINED,
-            precision=0.005,
+            status=Verdict.DETERMINED,
             reason="to 0.5 %",
         ),
     }
 
 
-def derived(experiments: int) -> dict[str, DerivedResult]:
+def derived(experiments: int) -> dict[str, Estimate]:
     """The same for derived outputs: a drifting one not determined, a constant one determined."""
     drift = tuple(657227.49 + 1.1 * m for m in range(experiments))
     mean = float(np.mean(drift))
     return {
-        "lambda": DerivedResult(
+        "lambda": Estimate(
+            name="lambda",
+            role="derived",
             value=mean,
             unit="Hz",
             values=drift,
-            mean=mean,
             spread=1.74,
             std=2.5,
             ci95=(63313.9, 780999.0),
             algorithm2=657000.0,
             reference=656749.9,
             shrinkage=8e-8,
-            identifiable=Verdict.OPEN,
-            box=(63313.9, 780999.0),
+            status=Verdict.OPEN,
+            lower=63313.9,
+            upper=780999.0,
         ),
-        "D11": DerivedResult(
+        "D11": Estimate(
+            name="D11",
+            role="derived",
             value=599.134,
             unit="1/s",
             values=(599.134,) * experiments,
-            mean=599.134,
             spread=0.0,
             std=1.9,
             ci95=(595.4, 602.8),
             algorithm2=600.1,
             reference=622.96,
             shrinkage=1.0,
-            identifiable=Verdict.DETERMINED,
-            precision=0.005,
+            status=Verdict.DETERMINED,
             reason="to 0.5 %",
-            box=(131.6, 6076.9),
+            lower=131.6,
+            upper=6076.9,
         ),
     }
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.fit.outputs import answered_apart, mean
 from fitting.inference.posterior.summary import NONE, PosteriorOutput, numbers_of
-from fitting.inference.values import DerivedResult
+from fitting.inference.values import Estimate
 from fitting.text.arrays import FloatArray
 
 #: Draws that are read in one batch.
@@ -45,7 +45,7 @@ def read_outputs(read: Read, draws: FloatArray, names: Sequence[str]) -> dict[st
 
 def outputs_of(
     table: Mapping[str, FloatArray],
-    beside: Mapping[str, DerivedResult],
+    beside: Mapping[str, Estimate],
     truth: Mapping[str, float],
 ) -> dict[str, PosteriorOutput]:
     """Every derived output by name.
@@ -61,7 +61,7 @@ def outputs_of(
     }
 
 
-def _output(values: FloatArray, fit: DerivedResult, truth: float) -> PosteriorOutput:
+def _output(values: FloatArray, fit: Estimate, truth: float) -> PosteriorOutput:
     there = values[np.isfinite(values)]
     return PosteriorOutput(
         unit=fit.unit,

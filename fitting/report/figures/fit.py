@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.report import plot
 from fitting.report.figures.numbers import CONVERGENCE, DERIVED
@@ -53,8 +53,8 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         f"{name} = {number(last[name], 6)} {unit_text(p.unit)}".strip()
         for name, p in result.parameters.items()
     ]
-    every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
-    warning = _warning({name: p.identifiable for name, p in every.items()})
+    every: dict[str, Estimate] = {**result.parameters, **result.derived}
+    warning = _warning({name: p.status for name, p in every.items()})
     levels, end = len(result.history) - 1, ""
     if ends_elsewhere(result):
         levels, end = levels - 1, " “end” is the reported end, found elsewhere, at the last ν."
@@ -82,7 +82,7 @@ def _groups(result: Result) -> list[list[str]]:
     ]
 
 
-def varying(result: Result) -> dict[str, DerivedResult]:
+def varying(result: Result) -> dict[str, Estimate]:
     """Outputs that the data give and that differ between experiments by more than a line's width.
 
     Args:
@@ -91,7 +91,7 @@ def varying(result: Result) -> dict[str, DerivedResult]:
     return {
         name: d
         for name, d in result.derived.items()
-        if d.identifiable.has_value and d.spread > SEEN * d.std
+        if d.status.has_value and d.spread > SEEN * d.std
     }
 
 
@@ -128,11 +128,11 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
     return Drawing(name=DERIVED, title=title, caption=caption, alt=alt, figure=figure)
 
 
-def _in_words(derived: DerivedResult) -> str:
-    if not derived.identifiable.has_value:
-        words = f"{derived.identifiable} by these data ({box_words(derived)} within"
+def _in_words(derived: Estimate) -> str:
+    if not derived.status.has_value:
+        words = f"{derived.status} by these data ({box_words(derived)} within"
         return f"{words} the box of the parameters)"
-    return f"{derived.identifiable}{derived.condition}, {reported_words(derived)}"
+    return f"{derived.status}{derived.condition}, {reported_words(derived)}"
 
 
 def _warning(verdicts: Mapping[str, Verdict]) -> str:

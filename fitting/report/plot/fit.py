@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 
-from fitting.inference.values import DerivedResult
+from fitting.inference.values import Estimate
 from fitting.report.plot.axes import (
     AFTER,
     BAND,
@@ -126,9 +126,9 @@ def output_by_experiment(
     finite = [v for v in derived.values if math.isfinite(v)]
     scaling = scaling_for(finite, derived.unit)
     if finite:
-        low, high = scaling(derived.mean - derived.spread), scaling(derived.mean + derived.spread)
+        low, high = scaling(derived.value - derived.spread), scaling(derived.value + derived.spread)
         axes.axhspan(low, high, color=GREY, alpha=BAND, linewidth=0.0, zorder=0)
-        axes.axhline(scaling(derived.mean), color=ink(), linestyle="--", linewidth=1.1)
+        axes.axhline(scaling(derived.value), color=ink(), linestyle="--", linewidth=1.1)
     else:
         say_empty(axes)
     for i, value in enumerate(derived.values):
@@ -138,7 +138,7 @@ def output_by_experiment(
     label_experiments(axes, labels or [str(i + 1) for i in range(len(derived.values))])
     _room_around(axes, [scaling(v) for v in finite])
     axes.set_ylabel(scaling.label(mathtext(name)))
-    sure = derived.identifiable.has_value
+    sure = derived.status.has_value
     first, second = mean_of(name) if sure else mathtext(name), _short_words(derived)
     colour = ink() if sure else AFTER
     axes.set_title(f"{first}{second}", fontsize="small", loc="left", color=colour)
@@ -248,11 +248,11 @@ def _room_around(axes: Axes, values: Sequence[float]) -> None:
     axes.set_ylim(low - margin, high + margin)
 
 
-def _short_words(derived: DerivedResult) -> str:
+def _short_words(derived: Estimate) -> str:
     """Two lines: never a value with a small error where the data do not give one."""
-    if not derived.identifiable.has_value:
-        return f": {derived.identifiable} by these data,\nin its box {box_words(derived)}"
-    verdict = f"{derived.identifiable} by these data{derived.condition}"
+    if not derived.status.has_value:
+        return f": {derived.status} by these data,\nin its box {box_words(derived)}"
+    verdict = f"{derived.status} by these data{derived.condition}"
     if not derived.is_most_likely:
         value = number(derived.value, 7)
         return f" = {value} {derived.unit} by Algorithm 2\n{verdict}"

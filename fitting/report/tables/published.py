@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.inference.error_bars import EVEN, ErrorBars
-from fitting.inference.values import OffsetResult
 from fitting.report.summary import by_line
 from fitting.report.table import Cell, Column, csv_text, tabulate
 from fitting.report.tables.values import Value, values_of
@@ -117,7 +116,7 @@ def rows_of(result: Result) -> list[Row]:
     rows = []
     for value in values_of(result):
         rows.append(_row(value))
-        if isinstance(value.found, OffsetResult):
+        if value.offset:
             continue
         better = by_line(value.name, value.found, result.line)
         if better is not None and result.line is not None:
@@ -135,7 +134,7 @@ def _row(value: Value) -> Row:
         std=math.nan if value.open else found.std,
         low=low,
         high=high,
-        verdict=f"{found.identifiable}{found.condition}",
+        verdict=f"{found.status}{found.condition}",
         source="fit" if found.is_most_likely else "Algorithm 2, std and interval of the likelihood",
         bars=found.bars if found.is_most_likely and not value.open else EVEN,
         whole=period_words(found) if found.is_all_round else "",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.inference.verdicts import WAS_CUT
 from fitting.report.shown import ShownCampaign
@@ -38,8 +38,8 @@ BESIDE = (
     "Values are the paper's estimate, the end of Algorithm 2, as asked for. Std, interval and "
     "verdict are the likelihood's, about its most likely values."
 )
-Parameter = tuple[str, ParameterResult]
-Output = tuple[str, DerivedResult]
+Parameter = tuple[str, Estimate]
+Output = tuple[str, Estimate]
 Found = TypeVar("Found", Parameter, Output)
 #: Said once of all values whose search was cut.
 MORE_TELLS = "Where the search was cut for its cost, a larger --budget would tell."
@@ -63,20 +63,20 @@ class Value:
     low: float
     high: float
     reference: float
-    found: ParameterResult | DerivedResult | OffsetResult
+    found: Estimate
     same: str = ""
 
     @property
     def open(self) -> bool:
         """Whether the data leave it open: then no value is shown but the range."""
         if self.offset:  # its prior gives it one, where the model describes the data
-            return self.found.identifiable is Verdict.WITHDRAWN
-        return not self.found.identifiable.has_value
+            return self.found.status is Verdict.WITHDRAWN
+        return not self.found.status.has_value
 
     @property
     def offset(self) -> bool:
         """Whether it belongs to single experiments."""
-        return isinstance(self.found, OffsetResult)
+        return self.found.role == "offset"
 
     @property
     def value(self) -> Cell:
@@ -105,17 +105,17 @@ MARKS = {
 }
 
 
-def verdict(identifiable: Verdict, condition: str = "") -> Cell:
+def verdict(status: Verdict, condition: str = "") -> Cell:
     """A verdict with its colour, and what it holds under.
 
     Args:
-        identifiable: how far the data determine it.
+        status: how far the data determine it.
         condition: " in the box of d1"; mostly empty.
     """
-    return Cell(f"{identifiable}{condition}", mark=MARKS.get(identifiable, "no"))
+    return Cell(f"{status}{condition}", mark=MARKS.get(status, "no"))
 
 
-def error(found: ParameterResult | DerivedResult | OffsetResult) -> float | Cell:
+def error(found: Estimate) -> float | Cell:
     """The error of a value, with two digits; from side to side "+128 −89", half of both behind it.
 
     Args:
@@ -130,9 +130,7 @@ def error(found: ParameterResult | DerivedResult | OffsetResult) -> float | Cell
     return Cell(f"+{above}\u00a0−{below}", value=found.std)
 
 
-def rounded(
-    value: float, found: ParameterResult | DerivedResult | OffsetResult, digits: int = 6
-) -> Cell:
+def rounded(value: float, found: Estimate, digits: int = 6) -> Cell:
     """A value as exact as the smaller of its errors.
 
     Args:
@@ -169,8 +167,8 @@ def values_of(result: Valued) -> list[Value]:
         Value(
             name=name,
             digits=9,
-            low=d.box[0],
-            high=d.box[1],
+            low=d.lower,
+            high=d.upper,
             reference=d.reference,
             found=d,
             same=twice.get(name, ""),
@@ -260,7 +258,7 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("start", lambda row: row[1].start),
     Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),
     Column(PAPERS, lambda row: _if_rounded(row[1], row[1].algorithm2, 8)),
-    Column("by the data", lambda row: verdict(row[1].identifiable, row[1].condition)),
+    Column("by the data", lambda row: verdict(row[1].status, row[1].condition)),
 )
 
 
@@ -306,36 +304,36 @@ def _at(rows: tuple[tuple[float, ...], ...], column: int) -> Callable[[int], flo
     return lambda row: rows[row][column]
 
 
-def _is_withdrawn(found: ParameterResult | DerivedResult | OffsetResult) -> bool:
+def _is_withdrawn(found: Estimate) -> bool:
     """Whether the fit gives no value at all, not even where it stopped."""
-    return found.identifiable is Verdict.WITHDRAWN
+    return found.status is Verdict.WITHDRAWN
 
 
-def _if_known(d: ParameterResult | DerivedResult, shown: float | Cell) -> float | Cell:
+def _if_known(d: Estimate, shown: float | Cell) -> float | Cell:
     """A value or an error, where the data determine the value: elsewhere it would be a lie."""
-    return shown if d.identifiable.has_value else Cell("–")
+    return shown if d.status.has_value else Cell("–")
 
 
-def _if_rounded(d: ParameterResult | DerivedResult, value: float, digits: int = 9) -> Cell:
+def _if_rounded(d: Estimate, value: float, digits: int = 9) -> Cell:
     """A value by either estimator, rounded as its error; a few digits where there is none."""
     if _is_withdrawn(d):
         return Cell("–")
-    if d.identifiable.has_value or not math.isfinite(value):
+    if d.status.has_value or not math.isfinite(value):
         return rounded(value, d, digits)
     return Cell(number(value, FEW_DIGITS), value=value)
 
 
 DERIVED: tuple[Column[Output], ...] = (
     Column("output", lambda row: symbol(row[0]), role="name"),
-    Column("mean", lambda row: _if_known(row[1], _if_rounded(row[1], row[1].mean))),
+    Column("mean", lambda row: _if_known(row[1], _if_rounded(row[1], row[1].value))),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("spread", lambda row: row[1].spread, digits=2),
     Column("std", lambda row: _if_known(row[1], error(row[1])), digits=2),
     Column("95 % interval", lambda row: _if_known(row[1], interval(row[1].ci95))),
     Column("at the reference", lambda row: row[1].reference, digits=9),
-    Column("range over the box", lambda row: interval(row[1].box)),
+    Column("range over the box", lambda row: interval(row[1].bounds)),
     Column(PAPERS, lambda row: _if_rounded(row[1], row[1].algorithm2)),
-    Column("by the data", lambda row: verdict(row[1].identifiable, row[1].condition)),
+    Column("by the data", lambda row: verdict(row[1].status, row[1].condition)),
 )
 
 
@@ -383,7 +381,7 @@ def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
         (label, 10, {n: d.values[i] for n, d in outputs.items()})
         for i, label in enumerate(data.labels)
     ]
-    records.append(("mean", 10, {n: d.mean for n, d in outputs.items()}))
+    records.append(("mean", 10, {n: d.value for n, d in outputs.items()}))
     records.append(("spread", 3, {n: d.spread for n, d in outputs.items()}))
     columns: list[Column[tuple[str, int, dict[str, float]]]] = [
         Column("experiment", lambda record: record[0], role="name")
@@ -393,7 +391,7 @@ def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
         f"All at one point, {point_words(result)}: digits let the experiments be compared, and do "
         "not tell how well a value is known."
     )
-    if left := [name for name, d in outputs.items() if not d.identifiable.has_value]:
+    if left := [name for name, d in outputs.items() if not d.status.has_value]:
         note += f" Of {listed(left)} no value is reported: these are that point's alone."
     return tabulate("Derived outputs per experiment", columns, records, note)
 
@@ -416,14 +414,14 @@ def per_place_table(result: Result) -> Table | None:
     return tabulate("Derived outputs with errors at every place", columns, range(len(labels)), note)
 
 
-def _shown(d: DerivedResult, i: int) -> Cell:
+def _shown(d: Estimate, i: int) -> Cell:
     """A value with its error; none where the data leave it open."""
     if not math.isfinite(d.stds[i]):
         return Cell("–")
     return Cell(with_error(d.values[i], d.stds[i], ""), value=d.values[i])
 
 
-def _shown_interval(d: DerivedResult, i: int) -> Cell:
+def _shown_interval(d: Estimate, i: int) -> Cell:
     half = d.halves95[i]
     return interval((d.values[i] - half, d.values[i] + half))
 
@@ -438,7 +436,7 @@ def _rounded(name: str) -> Callable[[tuple[str, int, dict[str, float]]], Cell]:
     return cell
 
 
-OFFSETS: tuple[Column[OffsetResult], ...] = (
+OFFSETS: tuple[Column[Estimate], ...] = (
     Column("experiment", lambda o: ", ".join(o.experiments), role="name"),
     Column(
         "added to",
@@ -450,7 +448,7 @@ OFFSETS: tuple[Column[OffsetResult], ...] = (
     Column("95 % interval", lambda o: interval(o.ci95)),
     Column("prior", lambda o: "–" if math.isnan(o.prior) else f"0 ± {number(o.prior, 3)}"),
     Column("shrinkage", lambda o: o.shrinkage, digits=3),
-    Column("by the data", lambda o: o.identifiable),
+    Column("by the data", lambda o: o.status),
 )
 
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Protocol
 
-from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.inference.verdicts import ON_BOTH_SIDES, WAS_CUT
 from fitting.result.result import STATUSES, Result
@@ -36,15 +36,15 @@ class Valued(Protocol):
     """What has values: a result, or what was inferred of a fit."""
 
     @property
-    def parameters(self) -> Mapping[str, ParameterResult]:
+    def parameters(self) -> Mapping[str, Estimate]:
         """Fitted parameters by name."""
 
     @property
-    def derived(self) -> Mapping[str, DerivedResult]:
+    def derived(self) -> Mapping[str, Estimate]:
         """Derived outputs by name."""
 
     @property
-    def offsets(self) -> tuple[OffsetResult, ...]:
+    def offsets(self) -> tuple[Estimate, ...]:
         """Values of single experiments."""
 
 
@@ -58,7 +58,7 @@ def same_values(result: Valued) -> dict[str, str]:
         result: of a reconstruction, or what was inferred of a fit.
     """
     found: dict[str, str] = {}
-    first: dict[str, ParameterResult | DerivedResult] = dict(result.parameters)
+    first: dict[str, Estimate] = dict(result.parameters)
     for name, d in result.derived.items():
         same = [other for other, p in first.items() if d.unit == p.unit and _same(d, p)]
         if same:
@@ -68,18 +68,21 @@ def same_values(result: Valued) -> dict[str, str]:
     return found
 
 
-def _same(one: DerivedResult, other: ParameterResult | DerivedResult) -> bool:
+def _same(one: Estimate, other: Estimate) -> bool:
     """Whether two values are one number, in all that was found of them."""
-    if one.identifiable is not other.identifiable or one.spread > SAME * abs(one.value):
+    if one.status is not other.status or one.spread > SAME * abs(one.value):
         return False
-    if not math.isclose(one.value, other.value, rel_tol=SAME) or one.boxes != other.boxes:
+    if (
+        not math.isclose(one.value, other.value, rel_tol=SAME)
+        or one.active_bounds != other.active_bounds
+    ):
         return False
     width = other.ci95[1] - other.ci95[0]
     ends = zip(one.ci95, other.ci95, strict=True)
     return width > 0.0 and all(abs(here - there) < SAME_END * width for here, there in ends)
 
 
-def offset_name(offset: OffsetResult) -> str:
+def offset_name(offset: Estimate) -> str:
     """A value of single experiments: "eta_plus and eta_minus: offset in pair1".
 
     Args:
@@ -88,20 +91,20 @@ def offset_name(offset: OffsetResult) -> str:
     return f"{listed(offset.variables)}: offset in {listed(offset.experiments)}"
 
 
-def box_words(derived: DerivedResult) -> str:
+def box_words(derived: Estimate) -> str:
     """What a derived output could be without data: "63 to 781 kHz".
 
     Args:
         derived: a derived output.
     """
-    low, high = derived.box
+    low, high = derived.bounds
     if not (math.isfinite(low) and math.isfinite(high)):
         return "any value to any other"
     factor, unit = prefixed(max(abs(low), abs(high)), derived.unit)
     return span(low / factor, high / factor, unit)
 
 
-def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
+def reported_words(found: Estimate) -> str:
     """A value with its error; where they are not of one estimator, each by its own name.
 
     Args:
@@ -114,7 +117,7 @@ def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str
     return f"{_with_prefix(found.value, found.unit)} by Algorithm 2{outside} (most likely {best})"
 
 
-def period_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
+def period_words(found: Estimate) -> str:
     """The whole period of a value that goes round: "its whole period of 3.14 rad".
 
     Args:
@@ -125,14 +128,14 @@ def period_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     return f"its whole period of {number(found.period / factor, 3)}\u00a0{unit}".rstrip()
 
 
-def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
+def verdict_words(found: Estimate) -> str:
     """What the data say of a value, in the cell of a table.
 
     Args:
         found: value with its verdict.
     """
-    verdict = found.identifiable
-    if isinstance(found, OffsetResult):
+    verdict = found.status
+    if found.role == "offset":
         return str(verdict)
     low, high = found.ci95
     reason = found.reason.replace(f"{ON_BOTH_SIDES}{WAS_CUT}", WAS_CUT).replace(WAS_CUT, IN_A_CELL)
@@ -149,17 +152,15 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     }
     words = said.get(verdict, f"{verdict}{where}: {reason}")
     withdrawn = verdict is Verdict.WITHDRAWN
-    if isinstance(found, ParameterResult) and not (withdrawn or math.isnan(found.box_end)):
-        words += (
-            f", beyond its box (ends at {number(found.box_end)} {unit_text(found.unit)}".rstrip()
-            + ")"
-        )
+    if not (withdrawn or math.isnan(found.bound_passed)):
+        end = f"{number(found.bound_passed)} {unit_text(found.unit)}".rstrip()
+        words += f", beyond its box (ends at {end})"
     if verdict.has_value and found.is_outside:
         words += "; the value lies outside its 95 % interval"
     return words
 
 
-def _open_range(found: ParameterResult | DerivedResult) -> str:
+def _open_range(found: Estimate) -> str:
     return period_words(found) if found.is_all_round else span(*found.ci95)
 
 

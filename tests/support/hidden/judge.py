@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fitting.inference.error_bars import UNEQUAL
 from tests.support.hidden.laboratory import Laboratory, Values
 from tests.support.in_process import told
 
@@ -181,14 +182,15 @@ def _said(laboratory: Laboratory, result: Mapping[str, Any]) -> Iterator[Said]:
         if name not in wanted:
             continue
         value, std = _number(found["value"]), _number(found["std"])
-        bars = found["bars"]
-        side = std if bars["is_even"] else _number(bars["below"])
-        if not bars["is_even"] and wanted[name] > value:
-            side = _number(bars["above"])
+        # ± is printed for both sides where they differ little, else each
+        below, above = (abs(_number(end) - value) for end in found["ci68"])
+        side = above if wanted[name] > value else below
+        if not max(below, above) >= UNEQUAL * min(below, above):
+            side = std
         low, high = map(_number, found["ci95"])
         yield Said(
             name=name,
-            verdict=found["identifiable"],
+            verdict=found["status"],
             value=value,
             std=std,
             low=low,

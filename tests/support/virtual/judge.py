@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 import fitting as ff
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.values import Estimate
 from fitting.report.summary import by_line
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
@@ -256,7 +256,7 @@ def _of_lines(inference: ff.Inference, truth: Mapping[str, float]) -> list[State
     said = []
     record = inference.record
     for line in record.sweeps.lines.values():
-        every: dict[str, ParameterResult | DerivedResult]
+        every: dict[str, Estimate]
         every = {**record.parameters, **record.derived}
         for name, found in every.items():
             better = by_line(name, found, line)

@@ -1,0 +1,79 @@
+"""Schemas of `result.json`: one of schema 1 is read as one of schema 2, which has a JSON Schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+#: Version of the keys of `result.json`; schema 1 is that of 0.2.0.
+SCHEMA = 2
+#: Keys of a value in schema 1 that are computed from others now.
+COMPUTED = ("identifiable", "bars", "boxes", "box", "mean", "precision", "parameter")
+
+
+def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
+    """A result of schema 1 with the keys of schema 2; one of schema 2 as it is.
+
+    Schema 1 had three records for values: `identifiable` is `status` now, `boxes` are
+    `active_bounds`, the range `box` of an output is `lower` and `upper`, and the sides `bars` of a
+    68 % interval are the interval `ci68`.
+
+    Args:
+        data: as it was read from the file.
+    """
+    if data.get("schema", 1) != 1:
+        return dict(data)
+    knowledge = data.get("knowledge") or {}
+    profiles = {**knowledge.get("parameters", {}), **knowledge.get("derived", {})}
+    made = {**data, "schema": SCHEMA}
+    for key, role in (("parameters", "parameter"), ("derived", "derived")):
+        made[key] = {
+            name: _estimate(name, role, value, profiles.get(name))
+            for name, value in data.get(key, {}).items()
+        }
+    made["offsets"] = [
+        _estimate(value.get("parameter", ""), "offset", value, None)
+        for value in data.get("offsets", ())
+    ]
+    return made
+
+
+def _estimate(
+    name: str, role: str, value: Mapping[str, Any], profile: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    made = {key: item for key, item in value.items() if key not in COMPUTED}
+    made |= {"name": name, "role": role, "status": value.get("identifiable")}
+    made["active_bounds"] = value.get("boxes", [])
+    if "box" in value:
+        made["lower"], made["upper"] = value["box"]
+    sides = value.get("bars") or {}
+    best = value.get("most_likely")
+    best = value.get("value") if best is None else best
+    if None not in (best, sides.get("below"), sides.get("above")):
+        made["ci68"] = [best - sides["below"], best + sides["above"]]
+    if profile is not None:
+        made |= {"method": "profile", "closed_by": profile["ends"]}
+    return made
+
+
+def json_schema(kind: type) -> dict[str, Any]:
+    """The JSON Schema of a record's file: a number that there is not is null, infinity a text.
+
+    Args:
+        kind: class of the record.
+    """
+    from pydantic import TypeAdapter  # a library of campaigns: most commands need no schema
+
+    made: dict[str, Any] = _with_missing(TypeAdapter(kind).json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made}
+
+
+def _with_missing(node: Any) -> Any:
+    if isinstance(node, list):
+        return [_with_missing(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    made = {key: _with_missing(item) for key, item in node.items() if key != "default"}
+    if made.get("type") == "number":
+        return {"anyOf": [{"type": ["number", "null"]}, {"enum": ["inf", "-inf"]}]}
+    return made
