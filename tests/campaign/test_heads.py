@@ -15,6 +15,7 @@ from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
 from fitting.campaign.instruments import Selection, read_recording
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex.table import ReadComplexSweeps
+from fitting.resonance.reading import Columns, read_trace_of
 from fitting.text.errors import BadInput
 from tests.support.in_process import told
 
@@ -91,7 +92,7 @@ FILES: dict[str, tuple[str, Sequence[str]]] = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_the_line_below_any_head_is_found(name: str, tmp_path: Path) -> None:
+def test_the_table_below_any_head_is_found(name: str, tmp_path: Path) -> None:
     text, roles = FILES[name]
     path = tmp_path / "sweep.csv"
     path.write_text(text + "\n", "utf-8")
@@ -99,9 +100,10 @@ def test_the_line_below_any_head_is_found(name: str, tmp_path: Path) -> None:
     assert tuple(column.role for column in found.columns) == tuple(roles)
     assert found.points == F.size
     assert not {"frequency", "phase"} & set(found.without_unit)
-    line = ff.line(path)
-    assert line.frequency_hz == pytest.approx(F0, abs=0.1)
-    assert line.width_hz == pytest.approx(WIDTH, rel=1e-3)
+    trace = read_trace_of(path, Columns())
+    np.testing.assert_allclose(trace.frequency_hz, F, rtol=1e-9)
+    seen = Z if np.iscomplexobj(trace.values) else R  # in whichever unit
+    np.testing.assert_allclose(trace.values / trace.values[50], seen / seen[50], rtol=1e-6)
 
 
 def test_lock_in_columns_are_no_impedance(tmp_path: Path) -> None:

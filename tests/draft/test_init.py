@@ -89,7 +89,9 @@ def fitted(folder: Path, words: Sequence[str]) -> Result:
     return read_result(results / "result.json")
 
 
-@pytest.mark.parametrize("phases", [True, False], ids=["phases", "amplitudes"])
+@pytest.mark.parametrize(
+    "phases", [True, pytest.param(False, marks=pytest.mark.nightly)], ids=["phases", "amplitudes"]
+)
 def test_a_lock_in_file_alone_becomes_a_campaign_that_finds_the_truth(
     phases: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -247,7 +249,7 @@ def test_no_fit_is_promised_of_what_the_fmu_does_not_describe(
     assert main(["init", str(file), "--out", str(tmp_path / "o"), "--yes"]) == 0
     assert "next: " not in capsys.readouterr().out
     campaign = str(tmp_path / "o" / "campaign.toml")
-    quick = ["--no-report", "--no-profiles", "--out", str(tmp_path / "r")]
+    quick = ["--quick", "--no-report", "--no-profiles", "--out", str(tmp_path / "r")]
     assert main(["reconstruct", campaign, *quick]) == 4
 
 
@@ -272,7 +274,8 @@ def test_a_fit_that_leaves_a_constant_does_not_describe_its_sweep(
     rough = seen + noise(F.size, 2e-3, 1).real
     made, _ = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough), out=tmp_path / "o")
     assert tomllib.loads(made.read_text("utf-8"))["sweep"]["background"] == constant
-    campaign, quick = str(tmp_path / "o" / "campaign.toml"), ["--no-report", "--no-profiles"]
+    campaign = str(tmp_path / "o" / "campaign.toml")
+    quick = ["--quick", "--no-report", "--no-profiles"]
     text = Path(campaign).read_text("utf-8")
     Path(campaign).write_text(re.sub(r"(?m)^background = .*$", "", text), "utf-8")
     assert main(["reconstruct", campaign, "--out", str(tmp_path / "r"), *quick]) == 4

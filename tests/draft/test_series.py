@@ -20,6 +20,7 @@ from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput
 from tests.support.in_process import told
 from tests.support.lines import mode, noise, write_csv
+from tests.support.samples import cases
 
 pytestmark = pytest.mark.usefixtures("swift_models")
 
@@ -77,7 +78,9 @@ WAYS: dict[str, tuple[Callable[[float], str], str, list[str]]] = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "way", cases(WAYS, "file names", "file names, a unit alone", "heads", "option")
+)
 def test_five_sweeps_are_one_map_over_their_control(way: str, tmp_path: Path) -> None:
     name, head, options = WAYS[way]
     paths = written(tmp_path, name, head)

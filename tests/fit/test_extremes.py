@@ -19,6 +19,7 @@ from fitting.fmu import FmuWorkers
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from tests.support.extreme_scenes import Fitted, Scene, fit, no_false_success
+from tests.support.samples import cases
 
 EPS = 2.0**-52
 Fit = Callable[[Scene], Result]
@@ -59,8 +60,8 @@ def nightly(*values: float | str | bool) -> Any:
 @pytest.mark.parametrize(
     ("q", "eta"),
     [
-        *((5.0, 1.0), (1e4, 7e6), (1e8, 1e10)),
-        *(nightly(q, eta) for q, eta in ((5.0, 7e6), (5.0, 1e10), (1e4, 1.0))),
+        *((5.0, 1.0), (1e8, 1e10)),
+        *(nightly(q, eta) for q, eta in ((1e4, 7e6), (5.0, 7e6), (5.0, 1e10), (1e4, 1.0))),
         *(nightly(q, eta) for q, eta in ((1e4, 1e10), (1e8, 1.0), (1e8, 7e6))),
     ],
 )
@@ -110,8 +111,19 @@ def test_the_scale_of_the_amplitudes_changes_no_bit(misfit: str, fitted: Fit) ->
         assert other.warnings == one.warnings
 
 
-@pytest.mark.parametrize("scene", [Scene(), replace(WHOLE, use="fit")], ids=["maximum", "fit"])
-@pytest.mark.parametrize("crest", [1e-300, 1e290])
+FITTED = replace(WHOLE, use="fit")
+
+
+@pytest.mark.parametrize(
+    ("scene", "crest"),
+    [
+        *((Scene(), 1e290), (FITTED, 1e-300)),
+        *(
+            pytest.param(*each, marks=pytest.mark.nightly)
+            for each in ((Scene(), 1e-300), (FITTED, 1e290))
+        ),
+    ],
+)
 def test_amplitudes_from_1e_300_to_1e290(scene: Scene, crest: float, fitted: Fit) -> None:
     scene = replace(scene, crest=crest)
     assert width_error(fitted(scene), scene) < 1e-8
@@ -139,25 +151,25 @@ def test_amplitudes_beyond_the_range_of_numbers_are_told(
         fitted(scene)
 
 
-def test_the_unit_of_a_frequency_changes_no_bit(fitted: Fit) -> None:
+@pytest.mark.parametrize("unit", ["GHz", nightly("kHz")])
+def test_the_unit_of_a_frequency_changes_no_bit(unit: str, fitted: Fit) -> None:
     scene = Scene(noise=1e-3, peaks=False, drift=3.0, points=15, nu=(1e-3, 1e-3, 1))
-    one, *others = (fitted(replace(scene, unit=unit)) for unit in ("Hz", "kHz", "GHz"))
-    for other in others:
-        assert other.parameters == one.parameters
-        assert other.derived == one.derived
-        assert other.peaks == one.peaks
-        assert other.warnings == one.warnings
+    one, other = (fitted(replace(scene, unit=each)) for each in ("Hz", unit))
+    assert other.parameters == one.parameters
+    assert other.derived == one.derived
+    assert other.peaks == one.peaks
+    assert other.warnings == one.warnings
 
 
-def test_a_scene_scales_with_its_frequencies(fitted: Fit) -> None:
+@pytest.mark.parametrize("factor", [1e-6, nightly(100.0)])
+def test_a_scene_scales_with_its_frequencies(factor: float, fitted: Fit) -> None:
     """A hundred times and a millionth: the same Q, the same noise, the same relative width."""
     scene = Scene(noise=1e-3, eta_plus=6.4e6, d1=64.0, d2=96.0, eta_minus=6.5e6, theta=1.75)
     one = fitted(scene).derived["width_plus"].value / scene.width
-    for factor in (1e-6, 100.0):
-        names = ("d1", "d2", "eta_plus", "eta_minus")
-        other = replace(scene, **{name: factor * getattr(scene, name) for name in names})
-        found = fitted(other).derived["width_plus"].value / other.width
-        assert found == pytest.approx(one, rel=1e-7)
+    names = ("d1", "d2", "eta_plus", "eta_minus")
+    other = replace(scene, **{name: factor * getattr(scene, name) for name in names})
+    found = fitted(other).derived["width_plus"].value / other.width
+    assert found == pytest.approx(one, rel=1e-7)
 
 
 POINT = replace(WHOLE, theta=3.0 * math.pi / 4.0, d1=150.0, d2=50.0)
@@ -171,9 +183,16 @@ DEGENERATE = {
 }
 
 
-@pytest.mark.parametrize("scene", DEGENERATE.values(), ids=DEGENERATE.keys())
-def test_degenerate_modes_and_the_exceptional_point(scene: Scene, fitted: Fit) -> None:
+#: Cases that others are harder than, for the night: equal dampings too, and the point itself.
+EASIER = ("equal eigenfrequencies", "1 mHz beside it")
+
+
+@pytest.mark.parametrize(
+    "name", cases(DEGENERATE, *(name for name in DEGENERATE if name not in EASIER))
+)
+def test_degenerate_modes_and_the_exceptional_point(name: str, fitted: Fit) -> None:
     """Eigenfrequencies apart by half the difference of the dampings, at 45 degrees: one mode."""
+    scene = DEGENERATE[name]
     assert width_error(fitted(scene), scene) < 1e-7
 
 
@@ -213,7 +232,7 @@ def test_a_start_at_a_symmetric_angle_invents_no_angle(workers: FmuWorkers, tmp_
     assert angle.ci95[0] < scene.theta < angle.ci95[1]
 
 
-@pytest.mark.parametrize("nu", [1.0, nightly(1e-6), 1e-16])
+@pytest.mark.parametrize("nu", [nightly(1.0), nightly(1e-6), 1e-16])
 def test_a_small_prior_moves_nothing(nu: float, fitted: Fit) -> None:
     scene = Scene(nu=(nu, 0.1, 2))
     assert width_error(fitted(scene), scene) < 1e-8
@@ -245,7 +264,7 @@ def on_bound(result: Result, end: str) -> bool:
     "box", [pytest.param((50.0, 100.0), marks=pytest.mark.nightly), (100.0, 200.0)]
 )
 def test_a_solution_on_a_bound_is_reached_and_told(box: tuple[float, float], fitted: Fit) -> None:
-    for start in (sum(box) / 2.0, *box):
+    for start in box:
         scene = Scene(fitted={"d1": Fitted(*box, start, 100.0)})
         result = fitted(scene)
         assert width_error(result, scene) < 1e-8

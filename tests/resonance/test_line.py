@@ -47,20 +47,21 @@ def behind_cable(f: FloatArray) -> ComplexArray:
 
 
 @pytest.mark.parametrize(
-    ("seen", "wiring"),
+    ("seen", "wiring", "count"),
     [
-        (line_alone, "transmission"),
-        pytest.param(on_crosstalk, "fano", marks=pytest.mark.nightly),
-        pytest.param(on_slope, "sloped", marks=pytest.mark.nightly),
-        (behind_cable, "transmission"),
+        (line_alone, "transmission", 6),
+        pytest.param(line_alone, "transmission", 12, marks=pytest.mark.nightly),
+        pytest.param(on_crosstalk, "fano", 12, marks=pytest.mark.nightly),
+        pytest.param(on_slope, "sloped", 12, marks=pytest.mark.nightly),
+        (behind_cable, "transmission", 12),
     ],
-    ids=["line", "constant", "slope", "cable"],
+    ids=["line", "line at night", "constant", "slope", "cable"],
 )
 def test_errors_are_those_of_the_scatter_and_the_form_is_the_true_one(
-    seen: Seen, wiring: str
+    seen: Seen, wiring: str, count: int
 ) -> None:
     """Pulls of 12 laboratories with known truth: a standard normal's mean square is 1 +- 0.41."""
-    found = [ff.line(F, seen(F) + noise(F.size, 0.02, seed)) for seed in range(12)]
+    found = [ff.line(F, seen(F) + noise(F.size, 0.02, seed)) for seed in range(count)]
     for value, std, truth in (
         ("frequency_hz", "frequency_std_hz", ETA),
         ("width_hz", "width_std_hz", WIDTH),
@@ -70,7 +71,7 @@ def test_errors_are_those_of_the_scatter_and_the_form_is_the_true_one(
         assert 0.2 < float(np.mean(pulls**2)) < 2.6
     # too many terms are chosen in a sixth of all cases (P(chi2_2 > 4) = 0.135), too few never
     chosen = [each.wiring for each in found]
-    assert chosen.count(wiring) >= 7
+    assert chosen.count(wiring) >= 7 * count / 12
     order = ("transmission", "fano", "sloped")
     assert all(order.index(each) >= order.index(wiring) for each in chosen)
     delays = [each.delay_s for each in found]
@@ -78,7 +79,7 @@ def test_errors_are_those_of_the_scatter_and_the_form_is_the_true_one(
         assert np.mean(delays) == pytest.approx(3e-3, abs=1e-4)
 
 
-@sampled(8, 24)
+@sampled(5, 24)
 def test_noise_invents_no_cable(count: int) -> None:
     """The criterion alone gives a sixth of all lines without one a delay (P(chi2_1 > 2) = 0.16)."""
     found = [
@@ -98,8 +99,8 @@ def test_errors_have_the_size_of_the_closed_form() -> None:
     not tied to eta but takes, with int (1 - x^2)/(1 + x^2)^3 = pi/4 of it, a half: var eta =
     2 sigma^2 w df/(pi |a|^2); the width, with the size of the gain, likewise a factor 4 more.
     """
-    step, sigma = 0.25, 0.01
-    f = ETA + np.arange(-2000.0, 2001.0) * step
+    step, sigma = 1.0, 0.01
+    f = ETA + np.arange(-500.0, 501.0) * step
     found = ff.line(f, 2.0 * mode(f, ETA, WIDTH) + noise(f.size, sigma, 1), wiring="transmission")
     bound = sigma / 2.0 * math.sqrt(2.0 * WIDTH * step / math.pi)
     assert found.frequency_std_hz == pytest.approx(bound, rel=0.05)
@@ -156,7 +157,7 @@ def test_a_notch_is_found_and_its_qualities_follow(phases: bool) -> None:
         assert reflection.q_coupling == pytest.approx(800.0, rel=0.02)
 
 
-@pytest.mark.parametrize("wiring", ["notch", "reflection"])
+@pytest.mark.parametrize("wiring", ["notch", pytest.param("reflection", marks=pytest.mark.nightly)])
 def test_the_wiring_that_was_asked_for_stands_in_the_table_of_forms(wiring: str) -> None:
     values = 1.0 - 0.6j * mode(F, ETA, WIDTH) + noise(F.size, 0.005, 3)
     [*_, head, first, _, _, _, _, _] = repr(ff.line(F, values, wiring=wiring)).splitlines()
@@ -289,7 +290,7 @@ def test_two_lines_with_one_top_are_told_with_their_places() -> None:
     assert width == pytest.approx(2.0 * lower.imag, rel=0.1)
 
 
-@sampled(3, 12)
+@sampled(2, 12)
 @pytest.mark.parametrize("kind", ["phases", "amplitudes", "single"])
 def test_one_line_is_not_told_to_be_two_that_overlap(kind: str, count: int) -> None:
     """On a constant, of 0.1 to 10 % noise."""
@@ -487,17 +488,18 @@ def with_power(line: ComplexArray) -> FloatArray:
     [(with_zero, {"offset"}), (with_power, {"floor", "fano"})],
     ids=["offset", "floor"],
 )
+@sampled(3, 6)
 def test_what_is_added_to_an_amplitude_is_found_and_told(
-    seen: Callable[[ComplexArray], FloatArray], forms: set[str]
+    count: int, seen: Callable[[ComplexArray], FloatArray], forms: set[str]
 ) -> None:
     """A constant in quadrature adds its power, too, but for its slope: either of them is true."""
     chosen, pulls = [], []
-    for seed in range(6):
+    for seed in range(count):
         found = ff.line(F, seen(line_alone(F)) + noise(F.size, 0.01, seed).real, unit="V")
         chosen.append(found.wiring)
         pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
     assert set(chosen) <= forms
-    assert chosen.count(min(forms, key=lambda form: form == "fano")) >= 4
+    assert chosen.count(min(forms, key=lambda form: form == "fano")) >= 2 * count / 3
     assert float(np.mean(np.square(pulls))) < 3.0
     by_name = ff.line(F, seen(line_alone(F)) + noise(F.size, 0.01, 0).real, wiring=chosen[0])
     assert by_name.beside == pytest.approx(0.6, rel=0.05) or by_name.wiring == "fano"
@@ -555,7 +557,7 @@ def test_readings_that_nobody_averaged_are_told_from_averaged_ones(
         assert np.mean(sizes) == pytest.approx(math.sqrt(2.0) * quadrature, rel=0.05)
 
 
-@sampled(3, 10)
+@sampled(2, 10)
 def test_small_noise_of_a_high_line_is_called_nothing_beside_it(count: int) -> None:
     """Where the line is everywhere ten times its noise, Rice's is not seen (s/2 a of s)."""
     f = ETA + np.linspace(-40.0, 40.0, 101)
@@ -575,7 +577,7 @@ def test_noise_added_to_complex_values_is_no_wiring() -> None:
         ff.line(F, line_alone(F), wiring="offset")
 
 
-@sampled(12, 40)
+@sampled(8, 40)
 def test_errors_hold_where_another_form_may_be_the_true_one(count: int) -> None:
     """A constant of a tenth in a sweep of three widths: a phase or noise describes it as well.
 

@@ -136,7 +136,7 @@ def test_a_single_point_is_left_out_and_named_by_its_row(tmp_path: Path) -> None
     assert f"row 42, 50 mV at {F[40] / 1e3:.6g}" in told("line", file).out
 
 
-@pytest.mark.parametrize("width", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("width", [0.5, pytest.param(1.0, marks=pytest.mark.nightly), 3.0])
 def test_a_line_that_two_points_show_is_no_single_point(width: float) -> None:
     """Widths in distances of the points, tops on a point and between two of them."""
     f = 1e5 + np.arange(101.0)
