@@ -104,7 +104,8 @@ def cause_sentence(finding: Finding) -> str:
         finding: of `causes_of`.
     """
     of, n = finding.subject or "The data", finding.numbers
-    removed = f"removes {number(100.0 * n.get('removed', math.nan), 2)} % of the misfit"
+    share = f"{number(100.0 * n.get('removed', math.nan), 2)} % of the misfit"
+    removed = f"removes {share}"
     several = n.get("curves", 1.0) > 1.0
     alike = ", of each curve its own, at most" if several else ""
     factor = number(1.0 + n.get("size", math.nan), 3)
@@ -112,13 +113,19 @@ def cause_sentence(finding: Finding) -> str:
     place = (
         hertz(n["frequency_hz"]) if "frequency_hz" in n else f"{n.get('time_s', math.nan):.6g} s"
     )
+    moved = (
+        f"shifts of the axis that differ from curve to curve, by {place} at most, remove {share}. "
+        "Wanted the frequency, or the time, of each, or a drift between them."
+        if several
+        else f"a shift of its axis by {place} {removed}. Wanted the frequency, or the time, of "
+        "the measurement."
+    )
     said = {
         Kind.gain: f"{of}: a factor of {factor} on the model's output{alike} {removed}. Wanted the "
         "unit and the gain of the read-out, or a gain that is fitted.",
         Kind.offset: f"{of}: an offset of {size}{alike} {removed}. Wanted an offset or a "
         "background that is fitted.",
-        Kind.shift: f"{of}: a shift of its axis by {place}{alike} {removed}. Wanted the frequency, "
-        "or the time, of the measurement.",
+        Kind.shift: f"{of}: {moved}",
         Kind.noise_level: f"{of}: {factor} times the level of the noise{alike} {removed}. Wanted "
         "the temperature, the mass and the read-out.",
         Kind.drift_exchanged: f"{of}: fits with the values before and after the series exchanged. "
