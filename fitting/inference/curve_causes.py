@@ -5,13 +5,17 @@
 r are the rows of all measurements, whitened, with the mistake put right in one curve, or in every
 curve by a number of its own: what one curve shows may be the fault of another one that it shares
 parameters with. A cause is named where it removes most of what chi square has beyond its degrees of
-freedom, and no other kind removes nearly as much. A shift may be of many line widths: its search
-sets out from the best one of a scan, and moves all that belongs to the curve.
+freedom, no other kind removes nearly as much, and what it leaves is noise by the rule that says
+what a misfit does (`fitting.signal.misfit`): a number that takes a part of a misfit away is not its
+cause. A shift may be of many line widths: its search sets out from the best one of a scan, and
+moves all that belongs to the curve. Shifts that differ from curve to curve are a mistake of curves
+with the same settings alone, as of sweeps that drift: where settings differ, too, they may as well
+be what the model makes of these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,9 +27,10 @@ from fitting.fit.solution import Solution
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.tones import Tones
-from fitting.signal.misfit import excess_share, scaled_solution
+from fitting.signal.chi_square import tail
+from fitting.signal.misfit import Misfit, correlation, excess_share, misfit_of, scaled_solution
 from fitting.signal.residual_tests import innovations
-from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.finding import Finding, Kind
 
 #: Share of the misfit that a cause may leave, and how many times as much every other kind leaves.
@@ -58,6 +63,12 @@ class _Place:
         """How it is called in a finding."""
         what = "experiments" if isinstance(self.measurement, Tones) else self.curve.name
         return "/".join(filter(None, (self.measurement.series, what))) or "measurement"
+
+    @property
+    def settings(self) -> Mapping[str, Scalar]:
+        """Values of the FMU's variables at which it was measured."""
+        places = self.measurement.places
+        return places[self.order][1] if self.order < len(places) else {}
 
 
 @dataclass(frozen=True)
@@ -140,8 +151,41 @@ def _of_places(solution: Solution, places: Sequence[_Place]) -> Iterator[Finding
         fits = [_mended(end, mistakes, before) for mistakes in promising]
         tried = sorted([*fits, *tried[CANDIDATES:]], key=lambda trial: trial.left)
     shares = [excess_share(trial.left, before, end.sigma.size) for trial in tried]
-    if shares[0] <= MOST_LEFT and min(shares[1:], default=1.0) >= CLEARLY * shares[0]:
+    clear = shares[0] <= MOST_LEFT and min(shares[1:], default=1.0) >= CLEARLY * shares[0]
+    if clear and _leaves_noise(end, tried[0], places):
         yield _finding(tried[0], 1.0 - shares[0])
+
+
+def _leaves_noise(end: _End, found: _Trial, places: Sequence[_Place]) -> bool:
+    """Whether noise explains all curves where a mistake is put right.
+
+    Of a mistake that is put right to first order alone this cannot be asked: it is taken for true.
+
+    Args:
+        end: of a fit.
+        found: the mistake, its sizes and the parameters beside it.
+        places: all curves.
+    """
+    if any(found.mistake.kind in place.curve.first_order for place in found.mistake.places):
+        return True
+    here = _sized(end, found)[1]
+    known = end.solution.objective.data.sigma > 0.0
+    noise, least = np.zeros(known.size, dtype=bool), 1.0
+    for place in places:
+        mine, curve = place.rows, place.curve
+        white = here.rows[mine] - curve.centre / end.sigma[mine]
+        along = correlation(white, white * end.sigma[mine] * curve.share)
+        if not along.misfit.describes:
+            return False
+        if along.misfit is Misfit.NONE:
+            noise[mine] = known[mine]
+            least = min(least, along.p_value)
+    freedom = np.count_nonzero(noise) - found.x.size - here.slopes.shape[1]
+    if freedom < 1:
+        return True
+    square = float(np.sum(here.rows[noise] ** 2))
+    misfit = misfit_of(square, freedom, tail(square, freedom), least)
+    return misfit is Misfit.NONE
 
 
 def _finding(found: _Trial, removed: float) -> Finding:
@@ -182,13 +226,17 @@ def _places(solution: Solution) -> list[_Place]:
 
 
 def _mistakes(places: Sequence[_Place]) -> list[list[_Mistake]]:
-    """By their kind: that of one curve, for each; last that of all, each of its own size."""
+    """By their kind: that of one curve, for each; last that of all, each of its own size.
+
+    Not shifts of curves whose settings differ: a law of the settings that is wrong shifts them so.
+    """
     kinds = dict.fromkeys(kind for place in places for kind in place.curve.columns)
     found = []
     for kind in kinds:
         mine = tuple(place for place in places if kind in place.curve.columns)
         found.append([_Mistake(kind, (place,)) for place in mine])
-        if 1 < len(mine) <= MOST_CURVES:
+        alike = kind is not Kind.shift or all(p.settings == mine[0].settings for p in mine)
+        if 1 < len(mine) <= MOST_CURVES and alike:
             found[-1].append(_Mistake(kind, mine))
     return found
 

@@ -25,6 +25,8 @@ class ResidualCurve:
         name: of the curve; empty: the only one of its measurement.
         columns: derivatives of the rows by one number that nobody fits, (k,), by the kind of
             mistake: a gain, an offset, a shift of the axis, a level of noise.
+        first_order: kinds of mistakes that move the rows so to first order alone, however large
+            they are: what is left where one is put right is no noise then.
     """
 
     rows: IntArray
@@ -33,6 +35,7 @@ class ResidualCurve:
     centre: float = 0.0
     name: str = ""
     columns: Mapping[Kind, FloatArray] = field(default_factory=dict)
+    first_order: frozenset[Kind] = frozenset()
 
     @property
     def course(self) -> FloatArray:

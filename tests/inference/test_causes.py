@@ -14,11 +14,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.constants import Boltzmann
 
+from fitting.inference import curve_causes
+from fitting.measurements.residual_curve import ResidualCurve
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.finding import Kind
@@ -164,6 +168,28 @@ def thrice(shifts_hz: Sequence[float], offset: complex = 0.0) -> Laboratory:
         )
         text += f'[[complex_sweep]]\nfile = "s{k}.csv"\nlabel = "s{k}"\nsigma = "{NOISE} m"\n'
     return Laboratory(text, tables)
+
+
+def tuned(bend_hz: float) -> Laboratory:
+    """Sweeps at five voltages that tune the mode by 20 Hz/V, and by a bend that no law has."""
+    volts = np.linspace(-1.0, 1.0, 5)
+    rows = []
+    for k, volt in enumerate(volts):
+        seen = np.abs(response(U, F_HZ + 20.0 * volt + bend_hz * volt**2)) + drawn(k, U.size)
+        rows.append(np.column_stack([np.full(U.size, volt), U, seen]))
+    parameter = '[[parameters]]\nname = "{}"\nlower = {}\nupper = {}\nstart = {}\n'
+    text = f"""{DRIVE}[control_sweep]
+file = "map.csv"
+controls = ["V"]
+amplitude = "m peak"
+sigma = "{NOISE} m"
+[laws]
+eta_plus = "a0 + a1*V"
+{WIDTH}{parameter.format("a0", 52200.0, 52400.0, 52305.0)}unit = "Hz"
+{parameter.format("a1", 5.0, 60.0, 22.0)}unit = "Hz/V"
+"""
+    names = "V (V),frequency (Hz),amplitude (m)"
+    return Laboratory(text, {"map.csv": (names, np.concatenate(rows))})
 
 
 def warm(
@@ -344,15 +370,17 @@ def test_a_right_model_has_no_cause(name: str, swift_fmu: Path, tmp_path: Path) 
     assert result.findings == ()
 
 
-#: What no single number mends: a second line, an amplifier's slope, a drift that bends.
+#: What no single number mends: a second line, an amplifier's slope, a drift that bends, a law
+#: without its bend.
 OTHERWISE = {
     "second line": swept(np.abs(response(U) + 0.5 * response(U, F_HZ + 60.0, 25.0))),
     "slope": swept(LINE * (1.0 + 0.9 * (U - F_HZ) / 150.0)),
     "bent drift": drifted(bend_hz=40.0),
+    "bent law": tuned(40.0),
 }
 
 
-@pytest.mark.parametrize("name", cases(OTHERWISE, "second line"))
+@pytest.mark.parametrize("name", cases(OTHERWISE, "second line", "bent law"))
 def test_what_no_single_number_mends_has_no_cause(
     name: str, swift_fmu: Path, tmp_path: Path
 ) -> None:
@@ -360,3 +388,32 @@ def test_what_no_single_number_mends_has_no_cause(
     assert code in (1, 4)
     assert Kind.not_described in [f.kind for f in result.findings]
     assert not [f for f in result.findings if f.kind in CAUSES]
+
+
+LEFT = {
+    "noise": (1.0, 0.0, True),
+    "noise and a small structure": (1.0, 0.03, True),
+    "noise and a structure": (1.0, 0.2, False),
+    "noise of three times its size": (3.0, 0.0, False),
+}
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_a_cause_has_to_leave_what_noise_explains(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    size, structure, explained = LEFT[name]
+    sigma, rng = np.full(U.size, 0.01), np.random.default_rng(3)
+    rows = size * rng.standard_normal(U.size) + structure * LINE / TOP / sigma
+    curve = ResidualCurve(rows=np.arange(U.size), share=np.ones(U.size), axis=U)
+    place: Any = SimpleNamespace(rows=curve.rows, curve=curve)
+    data = SimpleNamespace(sigma=sigma)
+    end: Any = SimpleNamespace(
+        sigma=sigma, solution=SimpleNamespace(objective=SimpleNamespace(data=data))
+    )
+    trial: Any = SimpleNamespace(
+        mistake=SimpleNamespace(kind=Kind.shift, places=(place,)), x=np.zeros(2)
+    )
+    left = curve_causes._Rows(rows, np.zeros((U.size, 1)))
+    monkeypatch.setattr(curve_causes, "_sized", lambda *_: (trial, left))
+    assert curve_causes._leaves_noise(end, trial, [place]) is explained

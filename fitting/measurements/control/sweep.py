@@ -54,6 +54,7 @@ from fitting.simulate.drive import Drive
 from fitting.text.arguments import checked
 from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind
 
 
 @checked
@@ -403,6 +404,7 @@ class ControlSweep(MeasurementKind):
                     axis=s.u_hz,
                     name=s.label,
                     columns=mistakes(s.u_hz, values, slope),
+                    first_order=frozenset({Kind.offset} if self.logarithmic else ()),
                 )
             )
         return tuple(found)

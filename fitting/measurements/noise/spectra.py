@@ -289,6 +289,7 @@ class NoiseSpectra(MeasurementKind):
                     centre=each.mean_row,
                     name=each.label,
                     columns=columns,
+                    first_order=frozenset(columns),  # the root of a deviance bends
                 )
             )
         return tuple(found)
