@@ -17,7 +17,8 @@ writes only under `--out`. [Exit codes](exit-codes.md) are the same for all.
 
 With `--json` the result stands on stdout as one document, and nothing else does, so that
 `fmu-fit reconstruct CAMPAIGN.toml --json | jq .parameters` works. Progress and the lines of
-`--verbose` go to stderr."""
+`--verbose` go to stderr. `reconstruct --verbose` also prints the table of values and every
+[finding](findings.md) below its first screen."""
 BELOW_THE_CODES = """\
 Bad input is told on stderr, a line for each complaint: file, row, column or key, what was found,
 what is wanted. Where an FMU failed, its own words and the parameters are told. The traceback of a

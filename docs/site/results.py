@@ -26,8 +26,9 @@ INTRODUCTION = """\
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
 `design.json`, or `ways.json` where kinds are compared, `posterior` writes `posterior.json`: the
 records below, key by key. A number that does not exist is `null`, an infinite one `"inf"`; numbers
-keep all their digits. [Files under `--out`](files.md) tells what else is written, and
-[What the data determine](../explanation/what-data-determine.md) what the words mean."""
+keep all their digits. [Files under `--out`](files.md) lists what else is written,
+[Findings](findings.md) every kind of finding, and
+[What the data determine](../explanation/what-data-determine.md) explains the verdicts."""
 ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("result.json", Result),
     ("identify.json", Identification),
