@@ -13,7 +13,7 @@ import numpy.typing as npt
 import fitting.resonance.line as resonance
 from fitting.api.noise_line import NoiseLine
 from fitting.api.ringdown import Ringdown
-from fitting.report.words import line as words
+from fitting.report.resonance import text
 from fitting.resonance.decay_reading import read_decay_of
 from fitting.resonance.dip_reading import DipReading
 from fitting.resonance.line import WIRINGS, LineForm, LinePoints, line_of
@@ -61,7 +61,7 @@ class Line(resonance.Line):
     """
 
     def __repr__(self) -> str:
-        return words.text(self)
+        return text(self)
 
 
 @checked

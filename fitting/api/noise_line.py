@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy.typing as npt
 
 import fitting.resonance.noise_line as resonance
-from fitting.report.words import noise_line as words
+from fitting.report.resonance import text
 from fitting.resonance.noise_line import noise_line_of, noise_record_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns
@@ -41,7 +41,7 @@ class NoiseLine(resonance.NoiseLine):
     """
 
     def __repr__(self) -> str:
-        return words.text(self)
+        return text(self)
 
 
 @checked

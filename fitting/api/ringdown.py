@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy.typing as npt
 
 import fitting.resonance.ringdown as resonance
-from fitting.report.words import ringdown as words
+from fitting.report.resonance import text
 from fitting.resonance.decay_reading import is_over_time, read_decay_of
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, decay_record_of
 from fitting.resonance.reading import Columns
@@ -45,7 +45,7 @@ class Ringdown(resonance.Ringdown):
     """
 
     def __repr__(self) -> str:
-        return words.text(self)
+        return text(self)
 
 
 @checked

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,6 @@ from fitting.cli.words.values import positive_quantity
 
 if TYPE_CHECKING:
     from fitting.api.line import Columns
-    from fitting.report.table import Table
 
 NAME = "line"
 EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"
@@ -96,43 +94,38 @@ def run(args: argparse.Namespace) -> int:
         over_time = is_over_time(args.file, columns)
         _refuse_bare(args, columns, over_time=over_time)
         if over_time:
-            found, tell = _ringdown(args, columns)
+            found = _ringdown(args, columns)
         elif args.kind == NOISE or (args.kind is None and is_noise_spectrum(args.file, columns)):
-            found, tell = _noise_line(args, columns)
+            found = _noise_line(args, columns)
         else:
-            found, tell = _line(args, columns)
+            found = _line(args, columns)
     hand_over(args, found)
-    tell()
+    _print(found, verbose=args.verbose)
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")
     return 0
 
 
-def _line(args: argparse.Namespace, columns: Columns) -> tuple[ff.Line, Callable[[], None]]:
-    """The line of a sweep, and what tells it."""
-    from fitting.report.words.line import answer, forms_table, sentences
-
+def _line(args: argparse.Namespace, columns: Columns) -> ff.Line:
+    """The line of a sweep."""
     if args.demodulated_at is not None:
         raise ff.BadInput(
             f"--demodulated-at: is of a ringdown, and {args.file} is a sweep; wanted it without"
         )
-    found = ff.line(
+    return ff.line(
         args.file, within_hz=_range(args, "Hz"), wiring=args.wiring or "", columns=columns
     )
-    return found, lambda: _tell(answer(found), sentences(found), forms_table(found))
 
 
-def _ringdown(args: argparse.Namespace, columns: Columns) -> tuple[ff.Ringdown, Callable[[], None]]:
-    """The line of a ringdown, and what tells it."""
-    from fitting.report.words.ringdown import answer, forms_table, sentences
-
+def _ringdown(args: argparse.Namespace, columns: Columns) -> ff.Ringdown:
+    """The line of a ringdown."""
     if args.wiring is not None or args.kind is not None:
         option = "--kind" if args.wiring is None else "--wiring"
         raise ff.BadInput(
             f"{option}: is of a sweep, and {args.file} is a recording over time; wanted it without"
         )
     at = args.demodulated_at
-    found = ff.ringdown(
+    return ff.ringdown(
         args.file,
         within_s=_range(args, "s"),
         demodulated_at_hz=None
@@ -140,33 +133,29 @@ def _ringdown(args: argparse.Namespace, columns: Columns) -> tuple[ff.Ringdown, 
         else positive_quantity(at, "Hz", where="--demodulated-at"),
         columns=columns,
     )
-    return found, lambda: _tell(answer(found), sentences(found), forms_table(found))
 
 
-def _noise_line(
-    args: argparse.Namespace, columns: Columns
-) -> tuple[ff.NoiseLine, Callable[[], None]]:
-    """The line of a noise spectrum, and what tells it."""
-    from fitting.report.words.noise_line import answer, sentences
-
+def _noise_line(args: argparse.Namespace, columns: Columns) -> ff.NoiseLine:
+    """The line of a noise spectrum."""
     for option, told in (("--demodulated-at", args.demodulated_at), ("--wiring", args.wiring)):
         if told is not None:
             raise ff.BadInput(
                 f"{option}: {args.file} is a noise spectrum, which has none; wanted it without, or "
                 "--kind sweep"
             )
-    found = ff.noise_line(args.file, within_hz=_range(args, "Hz"), columns=columns)
-    return found, lambda: _tell(answer(found), sentences(found))
+    return ff.noise_line(args.file, within_hz=_range(args, "Hz"), columns=columns)
 
 
-def _tell(answer: Sequence[str], sentences: Sequence[str], forms: Table | None = None) -> None:
+def _print(found: ff.Line | ff.Ringdown | ff.NoiseLine, *, verbose: bool) -> None:
+    """The numbers and what they rest on; the forms that were compared with ``verbose`` alone."""
+    from fitting.report.resonance import answer, forms_table, sentences
     from fitting.report.table import terminal_text, text_lines, wrapped
 
-    for line in answer:
-        print(terminal_text(line))
-    for line in sentences:
-        print(*wrapped(line), sep="\n")
-    if forms is not None:
+    print(*map(terminal_text, answer(found)), sep="\n")
+    for text in sentences(found):
+        print(*wrapped(text), sep="\n")
+    forms = forms_table(found)
+    if verbose and forms is not None:
         print(*text_lines(forms), sep="\n")
 
 

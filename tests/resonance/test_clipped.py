@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.report.words.line import sentences, text
+from fitting.report.resonance import sentences, text
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.trace import trace_of
 from fitting.text.arrays import FloatArray

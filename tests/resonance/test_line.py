@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.report.words.line import sentences
+from fitting.report.resonance import sentences
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.records import read_json
 from tests.support.lines import mode, noise, write_csv
@@ -593,7 +593,7 @@ def test_errors_hold_where_another_form_may_be_the_true_one(count: int) -> None:
         held += low <= WIDTH <= high
         first = found.forms[0]
         alone += abs(first.width_hz - WIDTH) <= first.width_std_hz * found.ratio95
-        told += any(text.startswith("The errors hold for ") for text in sentences(found))
+        told += any(text.startswith("Errors include ") for text in sentences(found))
     assert held >= 0.875 * count
     assert alone < held
     assert told > count / 8

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.report.words.line import answer, sentences
+from fitting.report.resonance import answer, sentences
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.bench.bench_windows import scene
 from tests.support.lines import mode, noise
@@ -129,7 +129,7 @@ def test_the_form_in_words_is_that_of_the_table() -> None:
     cable = np.exp(-2j * np.pi * (f - 6e9) * 40e-9)
     seen = (1.0 - 0.6j * mode(f, 6e9, 6e5)) * cable + noise(f.size, 3e-3, 1)
     found = ff.line(f, seen)
-    [taken] = [text for text in sentences(found) if text.startswith("Taken: ")]
+    [taken] = [text for text in sentences(found) if text.startswith("Model")]
     assert found.forms[0].delayed
     assert f": {found.forms[0].name}, delay, " in taken
     count = sum(not math.isnan(form.criterion) for form in found.forms)
