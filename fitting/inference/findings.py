@@ -50,6 +50,8 @@ EVERYTHING = "measurements"
 APART = 0.1
 #: Weak peaks that are named one by one.
 MOST_WEAK = 3
+#: Correlation of two errors from which it is strong.
+CORRELATED = 0.95
 #: Shares of a box from its end: within them a value lies on the bound, to the rounding of solvers,
 #: or next to it.
 ON_BOUND, NEAR_BOUND = 1e-6, 1e-3
@@ -113,6 +115,7 @@ def findings_of(
         *_of_scale(tuple(problem.campaigns.values()), solution.final.scale_bias),
         *slipped_findings(problem, sweeps.lines),
         *_of_bounds(solution),
+        *(_of_correlation(solution) if misfit.describes else ()),
         *_of_minima(solution, fit.outcome),
         *_of_drift(problem, offsets, sweeps, misfit.describes or bool(causes)),
         *(() if causes else outlier_findings(problem, _row_by_row(solution, most_likely))),
@@ -319,6 +322,24 @@ def simulation_findings(
         },
         names={"values": tuple(moved), "units": tuple(v.unit for v in moved.values())},
     )
+
+
+def _of_correlation(solution: Solution) -> Iterator[Finding]:
+    """Pairs of parameters of the whole campaign whose errors are strongly correlated."""
+    own = [k for k, p in enumerate(solution.parameters) if not p.experiments]
+    covariance = solution.errors.covariance
+    for k, i in enumerate(own):
+        for j in own[:k]:
+            rho = float(covariance[i, j] / np.sqrt(covariance[i, i] * covariance[j, j]))
+            if abs(rho) >= CORRELATED:
+                pair = (solution.parameters[j].name, solution.parameters[i].name)
+                yield Finding(
+                    kind=Kind.correlated_values,
+                    severity="note",
+                    subject=", ".join(pair),
+                    numbers={"correlation": rho},
+                    names={"pair": pair},
+                )
 
 
 def _of_bounds(solution: Solution) -> Iterator[Finding]:

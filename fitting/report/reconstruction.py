@@ -43,7 +43,6 @@ from fitting.report.words.values import (
     deviation_sentence,
     equal_alternatives_sentence,
     point_words,
-    tied_sentences,
 )
 from fitting.result.result import STATUSES, Result
 from fitting.text.notation import number, scalar_words, settings_words, signs_words
@@ -256,7 +255,6 @@ def _found(result: Result) -> Section:
         id="found",
         title="Parameters in full: start, reference, box, correlations",
         paragraphs=tuple(said),
-        points=tuple(tied_sentences(result)),
         tables=_existing(parameter_table(result), offset_table(result), correlation_table(result)),
     )
 

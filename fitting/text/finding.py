@@ -76,6 +76,7 @@ class Kind(StrEnum):
     assumption = "assumption"
     assumed_value = "assumed_value"
     combination = "combination"
+    correlated_values = "correlated_values"
     at_bound = "at_bound"
     estimator = "estimator"
     outside_interval = "outside_interval"

@@ -28,8 +28,6 @@ from fitting.text.notation import (
 SAME, SAME_END = 1e-9, 0.02
 #: That a search was cut, in the cell of a table, below which the rest is said.
 IN_A_CELL = "cut for its cost"
-#: Correlations from which two errors are named as tied to each other.
-TIED = 0.95
 
 
 class Valued(Protocol):
@@ -167,22 +165,6 @@ def _open_range(found: Estimate) -> str:
 def _with_prefix(value: float, unit: str) -> str:
     factor, shown = prefixed(abs(value), unit)
     return f"{number(value / factor, 7)}\u00a0{shown}".strip()
-
-
-def tied_sentences(result: Result) -> list[str]:
-    """Pairs of parameters whose errors hang together, a sentence each.
-
-    Args:
-        result: of a reconstruction.
-    """
-    names = list(result.parameters)
-    return [
-        f"The errors of {names[j]} and {names[i]} are tied (correlation "
-        f"{number(line[j], 3)}): the data hold a combination of the two, not each."
-        for i, line in enumerate(result.correlation)
-        for j in range(i)
-        if abs(line[j]) >= TIED
-    ]
 
 
 def deviation_sentence(result: Result) -> str:
