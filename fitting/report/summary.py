@@ -61,6 +61,8 @@ REMARKS = {Verdict.SEVERAL: "one of several", Verdict.LINEARISED: "1σ from the 
 APART_SIGMA = 3.0
 #: Times as large a budget is proposed where one cut a search.
 MORE = 10
+#: Rise of χ² from which the data exclude that an assumption does not hold.
+EXCLUDED = 9.0
 #: Share of the upper end of a range below which its lower end is printed as zero.
 NOTHING = 1e-6
 #: Columns before the text of an entry, between values in a line, and values in a line at most.
@@ -117,7 +119,8 @@ def summary_of(result: Result) -> Summary:
         result: of a reconstruction.
     """
     same = same_values(result)
-    every: dict[str, Estimate] = {**result.parameters, **result.derived}
+    # the outputs that the campaign asks for come first
+    every: dict[str, Estimate] = {**result.derived, **result.parameters}
     every = {name: found for name, found in every.items() if name not in same}
     values, limits = [], []
     for name, found in every.items():
@@ -279,7 +282,8 @@ def range_words(low: float, high: float, unit: str) -> str:
     if 0.0 < low < 1e-2 * high and shown:
         return f"{_one(low, unit, up=False)}–{_one(high, unit, up=True)}"
     lower, upper = (bound(end / factor, 3, up=up) for end, up in ((low, False), (high, True)))
-    return f"{lower}–{upper} {shown}".rstrip()
+    between = " to " if low < 0.0 else "–"
+    return f"{lower}{between}{upper} {shown}".rstrip()
 
 
 def _one(value: float, unit: str, *, up: bool = True) -> str:
@@ -295,19 +299,19 @@ def _urgent(result: Result) -> list[Finding]:
 
 
 def _assumption(result: Result) -> str:
-    """Of the assumptions that of the largest shift, in standard errors, and how many others."""
-    every: dict[str, Estimate] = {**result.derived, **result.parameters}
+    """The assumption that shifts the first requested value most, and how many others there are."""
+    # the first of what the campaign asks for: of its outputs, where it has any
+    name, value = next(iter((result.derived or result.parameters).items()), ("", None))
     found = []
     for finding in of_kind(result.findings, Kind.assumption):
-        for name, value in every.items():
-            shift = finding.numbers.get(f"{SHIFT}{name}", math.nan)
-            shift /= in_base(value.unit, name).factor
-            if value.std > 0.0 and math.isfinite(shift):
-                found.append((abs(shift) / value.std, finding.subject, name, shift, value.unit))
+        shift = finding.numbers.get(f"{SHIFT}{name}", math.nan)
+        # not what the data themselves exclude
+        if value is not None and math.isfinite(shift) and finding.numbers["chi_square"] < EXCLUDED:
+            found.append((abs(shift), finding.subject, shift / in_base(value.unit, name).factor))
     if not found:
         return ""
-    _, subject, name, shift, unit = max(found)
-    factor, shown = prefixed(abs(shift), unit)
+    _, subject, shift = max(found)
+    factor, shown = prefixed(abs(shift), "" if value is None else value.unit)
     others = len(of_kind(result.findings, Kind.assumption)) - 1
     more = f"; {others} more in the report" if others else ""
     signed = f"{'+' if shift > 0.0 else '−'}{number(abs(shift) / factor, 2)} {shown}".rstrip()
@@ -438,9 +442,15 @@ def target_of(result: Result, left: Mapping[str, Estimate]) -> str:
     """
     asked = [name for name, p in result.parameters.items() if p.asked]
     wanted = [name for name in (*result.derived, *asked) if name in left]
-    # what nothing is known of comes before what is bounded
+    # what nothing is known of comes before what is bounded; parameters that are bounded will do
+    # where outputs are what the campaign asks for
     open_ = [name for name in wanted if left[name].status in (Verdict.OPEN, Verdict.UNKNOWN)]
-    return next(iter((*open_, *wanted)), "")
+    rest = [
+        name
+        for name in wanted
+        if name in result.derived or not result.derived or left[name].status is not Verdict.BOUNDED
+    ]
+    return next(iter((*open_, *rest)), "")
 
 
 def _design_command(result: Result, target: str) -> str:
