@@ -74,7 +74,10 @@ def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
     return tuple(
         Finding(
             kind=Kind.equivalent_solution,
-            severity="warning" if other.possible else "note",
+            # nothing to act on where it differs in values that are unconstrained anyway
+            severity="warning"
+            if other.possible and _printed(knowledge, other)["values"]
+            else "note",
             subject=other.where or _farthest(knowledge, other),
             numbers={**other.parameters, "delta_chi2": other.delta},
             names=_printed(knowledge, other),

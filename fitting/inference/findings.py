@@ -37,10 +37,11 @@ from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.signal.peaks import DETECTION_SIGMA
+from fitting.signal.residual_tests import TOLD
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.finding import SEVERITIES, Finding, Kind
+from fitting.text.finding import SEVERITIES, Finding, Kind, Severity
 from fitting.text.notation import hertz, settings_words
 from fitting.text.units import convert
 
@@ -171,9 +172,8 @@ def residual_findings(
     found = []
     if adequacy.is_correlated:
         kind, more = Kind.correlated_residuals, {"widening": widening}
-        found.append(
-            Finding(kind=kind, severity="warning", subject=subject, numbers=numbers | more)
-        )
+        urgent: Severity = "warning" if widening > TOLD else "note"
+        found.append(Finding(kind=kind, severity=urgent, subject=subject, numbers=numbers | more))
     if adequacy.noise_factor > 1.0:
         kind, more = Kind.noise_underestimated, {"factor": adequacy.noise_factor}
         subject = _subject(series)
@@ -314,7 +314,7 @@ def simulation_findings(
     doubt = scale_off > 1.0
     yield Finding(
         kind=Kind.scale_doubt if doubt else Kind.simulation_error,
-        severity="warning",
+        severity="warning" if doubt else "note",
         subject="sweep" if doubt else "simulation",
         numbers={
             "error": scale_off - 1.0 if doubt else max(promised),
@@ -465,7 +465,7 @@ def drift_findings(
         shown = wide or moved
         yield Finding(
             kind=Kind.drift_wide if wide else Kind.drift_suspected,
-            severity="note" if wide else "warning",
+            severity="note" if describes else "warning",
             subject=subject,
             numbers={"width_hz": width_hz, **shown},
             names={

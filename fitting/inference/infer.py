@@ -175,6 +175,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     named: dict[str, Estimate]
     named = {**parameters, **derived, **{o.name: o for o in offsets}}
     causes = causes_of(fit, adequacy)
+    equivalents = equivalent_findings(knowledge) if describes else ()
     ending = _ending(fit, status, read, left)
     if is_best and contradictions(joint):
         ending = _contradicted(ending, joint)
@@ -194,11 +195,16 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         dof=math.nan if adequacy is None else adequacy.freedom,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
         findings=in_order(
-            *findings_of(
-                fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
+            *(
+                found
+                for found in findings_of(
+                    fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
+                )
+                # profiles name the alternative with its values
+                if found.kind is not Kind.equal_alternative or not equivalents
             ),
             *pair_findings(joint, is_best=is_best),
-            *(equivalent_findings(knowledge) if describes else ()),
+            *equivalents,
             *(_of_solution(fit, solution, {**parameters, **derived}) if describes else ()),
             *(knowledge.findings if knowledge is not None and describes else ()),
             *estimator_findings(fit.options, named),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fitting.campaign.laws import in_base
@@ -61,6 +62,8 @@ REMARKS = {Verdict.SEVERAL: "one of several", Verdict.LINEARISED: "1σ from the 
 APART_SIGMA = 3.0
 #: Times as large a budget is proposed where one cut a search.
 MORE = 10
+#: Numbers without a prefix from which a power of ten is printed.
+MANY = 1e5
 #: Rise of χ² from which the data exclude that an assumption does not hold.
 EXCLUDED = 9.0
 #: Share of the upper end of a range below which its lower end is printed as zero.
@@ -146,9 +149,11 @@ def summary_of(result: Result) -> Summary:
         unknown=_unknown(left, withdrawn=result.status == "converged"),
         errors=errors,
         external=tuple(test.sentence for test in result.external),
-        warnings=tuple(dict.fromkeys(map(sentence, urgent)))[:MOST_WARNINGS],
+        warnings=tuple(_with_signs(text, every) for text in dict.fromkeys(map(sentence, urgent)))[
+            :MOST_WARNINGS
+        ],
         more=max(len(urgent) - MOST_WARNINGS, 0),
-        assumption=_assumption(result),
+        assumption=_with_signs(_assumption(result), every),
         advice=advice,
         command=command,
         synthetic=result.synthetic and "synthetic" not in result.title.lower(),
@@ -163,6 +168,13 @@ def sign(name: str) -> str:
     """
     parts = symbol(name)
     return name if parts is None else f"{parts[0]}{index(parts[1]) if parts[1] else ''}"
+
+
+def _with_signs(text: str, names: Iterable[str]) -> str:
+    """A sentence with the symbols of values in place of their names."""
+    for name in sorted(names, key=len, reverse=True):
+        text = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w.]*\w)", sign(name), text)
+    return text
 
 
 def status_words(result: Result) -> str:
@@ -236,22 +248,23 @@ def by_line(name: str, found: Estimate, line: SweepLine | None) -> tuple[float, 
 
 
 def _unconstrained(left: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Names of unconstrained values by the range that the data allow."""
-    groups: dict[str, list[str]] = {}
+    """Names of unconstrained values by the range that the data allow, parameters first."""
+    periodic, bounded, derived = [], dict[str, list[str]](), dict[str, list[str]]()
     for name, found in left.items():
         if found.status is not Verdict.OPEN:
             continue
         if found.is_all_round:
-            where = "any value of its period"
-        elif found.role == "parameter":
-            where = f"within its bounds, {range_words(*found.ci95, found.unit)}"
+            periodic.append(sign(name))
         else:
-            where = f"{range_words(*found.ci95, found.unit)}, all that the model allows"
-        groups.setdefault(where, []).append(sign(name))
-    return tuple(
-        f"{listed(names)} ({where.replace('its', 'their') if len(names) > 1 else where})"
-        for where, names in groups.items()
-    )
+            groups = bounded if found.role == "parameter" else derived
+            groups.setdefault(range_words(*found.ci95, found.unit), []).append(sign(name))
+    entries = [f"{listed(periodic)} (any value of the period)"] if periodic else []
+    entries += [
+        f"{listed(names)} (within {'its' if len(names) == 1 else 'their'} bounds, {where})"
+        for where, names in bounded.items()
+    ]
+    allowed = ", ".join(f"{listed(names)} {where}" for where, names in derived.items())
+    return (*entries, f"{allowed} (all that the model allows)") if allowed else tuple(entries)
 
 
 def _unknown(left: Mapping[str, Estimate], *, withdrawn: bool) -> tuple[str, ...]:
@@ -281,7 +294,9 @@ def range_words(low: float, high: float, unit: str) -> str:
         factor, shown = 1.0, unit_text(unit)
     if 0.0 < low < 1e-2 * high and shown:
         return f"{_one(low, unit, up=False)}–{_one(high, unit, up=True)}"
-    lower, upper = (bound(end / factor, 3, up=up) for end, up in ((low, False), (high, True)))
+    ends = ((low / factor, False), (high / factor, True))
+    # of many digits three are enough: 7.03e+06
+    lower, upper = (bound(x, 3, up=up) if abs(x) < MANY else f"{x:.3g}" for x, up in ends)
     between = " to " if low < 0.0 else "–"
     return f"{lower}{between}{upper} {shown}".rstrip()
 
@@ -331,6 +346,8 @@ def next_step(result: Result, left: Mapping[str, Estimate]) -> tuple[str, str]:
     kinds = {finding.kind for finding in result.findings}
     if result.status == "interrupted":
         return "continue with the same command and --resume", ""
+    if result.status != "converged" and kinds & {Kind.drift_wide, Kind.drift_suspected}:
+        return 'fit departures from the linear drift: [drift] model = "offsets" or "walk"', ""
     if Kind.bounds_off_line in kinds:
         return "check the unit of the bounds and of the file's frequencies", ""
     if result.status != "converged" and Kind.sweep_point in kinds:
@@ -507,12 +524,16 @@ def _heading(title: str, status: str) -> str:
 
 
 def _grid(values: Sequence[Printed]) -> list[str]:
-    """Values in columns of one width, as many a line as fit, at most three."""
+    """Values in columns, as many a line as fit, at most three."""
     cells = [terminal_text(printed(value)) for value in values]
-    width = max(map(len, cells), default=0) + GAP
-    per_line = max(1, min(MOST_IN_LINE, (columns() - 2 + GAP) // width))
-    rows = [cells[k : k + per_line] for k in range(0, len(cells), per_line)]
-    return ["".join(cell.ljust(width) for cell in row).rstrip() for row in rows]
+    for count in range(min(MOST_IN_LINE, len(cells)), 0, -1):
+        widths = [max(map(len, cells[k::count])) + GAP for k in range(count)]
+        if sum(widths) - GAP <= columns() - 2 or count == 1:
+            break
+    else:
+        return []
+    rows = [cells[k : k + count] for k in range(0, len(cells), count)]
+    return ["".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def item(head: str, text: str) -> str:

@@ -267,7 +267,7 @@ def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None
     assert cells[5].text_content() == "–"
     assert cells[9].text_content() == "not determined"
     said = words(page).replace("\u00a0", " ")
-    assert "63.3–781 kHz, all that the model allows" in said
+    assert "63.3–781 kHz (all that the model allows)" in said
     assert "D₁₁ 599.1 ± 1.9 1/s" in said
 
 

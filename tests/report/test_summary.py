@@ -80,7 +80,7 @@ def test_values_and_what_is_unconstrained_are_told_apart(result: Result) -> None
     assert set(names(summary)) == {"d1", "D11"}
     text = "; ".join(summary.unconstrained)
     assert "θ" in text
-    assert "λ (63.3–781 kHz, all that the model allows)" in text
+    assert "λ 63.3–781 kHz (all that the model allows)" in text
 
 
 def test_a_screen_has_fifteen_lines_and_no_more_than_three_warnings(result: Result) -> None:
@@ -110,7 +110,7 @@ def test_a_whole_period_is_no_interval(result: Result) -> None:
     """Any π of an angle that goes round at π is all of it; a little less is an interval."""
     theta = replace(result.parameters["theta"], period=math.pi, ci95=(0.31, 0.31 + math.pi))
     for found, answered, row in (
-        (theta, "any value of its period", "whole period"),
+        (theta, "any value of the period", "whole period"),
         (replace(theta, ci95=(0.31, 3.4)), "0.31–3.4 rad", "0.31 to 3.40"),
     ):
         there = replace(result, parameters={**result.parameters, "theta": found})
@@ -190,7 +190,7 @@ def test_what_holds_only_under_an_assumption_is_warned_of(result: Result) -> Non
     profiled = replace(result, findings=(found,), knowledge=plot_records.knowledge())
     lines = summary_lines(summary_of(profiled))
     said = line_of(lines, "warning")
-    assert "theta and d1 hold only if g2 = 0" in said
+    assert "θ and d₁ hold only if g2 = 0" in said
     assert "one standard error higher" in said
     assert "g₂" in line_of(lines, "next")
 

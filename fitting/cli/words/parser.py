@@ -148,7 +148,9 @@ def add_options(parser: argparse.ArgumentParser, command: ModuleType) -> None:
         "--quiet", action="store_true", help="neither progress nor summary, complaints alone"
     )
     loudness.add_argument(
-        "--verbose", action="store_true", help="a line on stderr for every step of the work"
+        "--verbose",
+        action="store_true",
+        help="print all that was found, and a line on stderr for every step of the work",
     )
     told.add_argument(
         "--log", metavar="FILE", help="file to which these lines are added, with their times"
