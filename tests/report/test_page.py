@@ -33,6 +33,7 @@ from fitting.report.figures.style import Drawing
 from fitting.report.page import render, write_page
 from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
+from fitting.report.summary import summary_of
 from fitting.report.tables.values import per_experiment_table
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
@@ -336,7 +337,7 @@ def test_the_sweep_is_compared_with_the_instrument(page: Any) -> None:
 
 def test_warnings_plan_notes_and_provenance_are_told(page: Any, result: Result) -> None:
     box = page.find(".//section[@class='warnings']")
-    assert [item.text_content() for item in box.iter("li")] == list(result.warnings)
+    assert [item.text_content() for item in box.iter("li")] == [*summary_of(result).warnings]
     said = words(page)
     for sentence in (
         *result.provenance.plan,
