@@ -102,7 +102,7 @@ def findings_of(
     problem, solution, causes = fit.problem, fit.solution, misfit.causes
     adequacy, structure = misfit.adequacy, solution.structure
     widening = 1.0 if structure is None else structure.widening
-    series, correlated = problem.data.series, Kind.correlated_residuals
+    series, correlated, misfits = problem.data.series, Kind.correlated_residuals, Kind.not_described
     residuals = () if adequacy is None else residual_findings(adequacy, series, widening)
     lines = () if problem.is_joint else tuple(sweeps.lines.values())
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
@@ -111,7 +111,11 @@ def findings_of(
         *residuals,
         *causes,
         *(_of_excess(fit.status, misfit) if not residuals else ()),
-        *(_of_structure(solution) if correlated not in {f.kind for f in residuals} else ()),
+        *(
+            _of_structure(solution)
+            if not {correlated, misfits} & {f.kind for f in residuals}
+            else ()
+        ),
         *_of_weak_peaks(problem.experiments),
         *_of_scale(tuple(problem.campaigns.values()), solution.final.scale_bias),
         *slipped_findings(problem, sweeps.lines),

@@ -109,7 +109,7 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
 
 def _left_out(subject: str, text: str) -> Finding:
     names = {"text": (text,)}
-    return Finding(kind=Kind.points_left_out, severity="note", subject=subject, names=names)
+    return Finding(kind=Kind.points_left_out, severity="warning", subject=subject, names=names)
 
 
 def _explained(problem: Problem, solution: Solution) -> dict[str, float]:

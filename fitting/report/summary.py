@@ -50,6 +50,8 @@ CAUSES = (
     Kind.assumed_value,
     Kind.equivalent_solution,
 )
+#: Kinds that say that the model lacks something, though its values may be right.
+STRUCTURED = (Kind.correlated_residuals, Kind.line_background, Kind.line_residuals)
 #: Value and standard deviation of a line, by what it is of the line.
 PARTS = {
     "frequency": lambda line: (line.frequency_hz, line.frequency_std_hz),
@@ -397,6 +399,8 @@ def _measurement(result: Result, left: Mapping[str, Estimate], kinds: set[Kind])
         return f"measure {names}, or drive or observe the same sample elsewhere", ""
     target = target_of(result, left)
     if not target or knowledge is None:
+        if any(f.kind in STRUCTURED and f.severity != "note" for f in result.findings):
+            return "fit a background, or use another model: what the residuals show is no noise", ""
         return "none needed: every requested value is determined", ""
     if "cost" in knowledge.profiles[target].ends:
         return _larger_budget(result)
@@ -537,7 +541,22 @@ def _grid(values: Sequence[Printed]) -> list[str]:
 
 
 def item(head: str, text: str) -> str:
-    """An entry with its head in the first column, its further lines below its text."""
+    """An entry with its head in the first column, its further lines below its text.
+
+    Args:
+        head: one or two words.
+        text: of the entry.
+    """
     return (
         "\n".join(wrapped(f"  {head:{LEAD - 2}}{text}", LEAD)) if text else f"  {head:{LEAD - 2}}"
     )
+
+
+def line_item(head: str, text: str) -> str:
+    """The same in one line, whatever its length: a command or a path that is to be copied.
+
+    Args:
+        head: one or two words.
+        text: of the entry.
+    """
+    return f"  {head:{LEAD - 2}}{text}"

@@ -172,9 +172,9 @@ def test_the_command_says_what_was_cut_and_which_budget_tells(
     said = " ".join(capsys.readouterr().out.split())
     assert little.derived["width_plus"].status is Verdict.UNKNOWN
     assert WAS_CUT in said
-    assert said.count("--budget") == 1
+    assert " --budget " in said
     assert "not determined" not in said.lower()
-    next_words = shlex.split(said.partition("next: ")[2].partition("fmu-fit ")[2])
+    next_words = shlex.split(said.partition(" next ")[2].partition("fmu-fit ")[2])
     assert next_words[: len(words)] == words
     assert next_words[len(words) :][:1] != ["--budget"]
     more = reconstructed(words, out, capsys)
@@ -192,4 +192,6 @@ def test_a_budget_that_ends_before_any_profile_leaves_the_fit(
     result = reconstructed([*words, "--budget", "3"], out, capsys)
     assert any("--budget" in said for said in result.warnings)
     assert result.derived["width_plus"].status is Verdict.LINEARISED
-    assert "--budget" not in capsys.readouterr().out.partition("next: ")[2].partition("\n\n")[0]
+    assert (
+        "--budget" not in capsys.readouterr().out.partition("  next ")[2].partition("  results")[0]
+    )

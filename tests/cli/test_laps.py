@@ -27,7 +27,7 @@ def test_a_reconstruction_ends_with_the_time_that_it_took(
 ) -> None:
     path = small_campaign(tmp_path / "q1", swift_fmu)
     words = ["reconstruct", str(path), "--out", str(tmp_path / "out"), "--workers", "1"]
-    assert main([*words, "--no-profiles", "--no-report"]) == 0
+    assert main([*words, "--no-profiles", "--no-report", "--verbose"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     found = re.fullmatch(r"took ([\d.]+) s: ([\d.]+) to begin, ([\d.]+) to fit", last)
     assert found is not None, last

@@ -18,6 +18,8 @@ import pytest
 from fitting.fmu import FmuWorkers
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind, of_kind
+from fitting.text.sentences import sentence
 from tests.support.extreme_scenes import Fitted, Scene, fit, no_false_success
 from tests.support.samples import cases
 
@@ -209,7 +211,7 @@ def test_angles_of_symmetry(eighths: int, reflection: bool, fitted: Fit) -> None
     assert width_error(result, scene) < 1e-8
     real = math.sin(2.0 * scene.theta) <= 0.0
     assert math.isnan(result.derived["lambda"].value) != real
-    assert any("says: lambda" in said for said in result.warnings) != real
+    assert bool(of_kind(result.findings, Kind.fmu_warning)) != real
 
 
 def test_at_a_right_angle_the_other_damping_is_seen(fitted: Fit) -> None:
@@ -255,9 +257,8 @@ def test_nu_through_22_decades(fitted: Fit) -> None:
 
 def on_bound(result: Result, end: str) -> bool:
     """Whether Algorithm 2 is said to have ended with d1 on or next to such an end of its box."""
-    return any(
-        "Algorithm 2" in said and " d1 " in said and f"({end})" in said for said in result.warnings
-    )
+    found = of_kind(result.findings, Kind.at_bound)
+    return any("d1 " in sentence(each) and f"({end})" in sentence(each) for each in found)
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def warned_of(kind: str, seed: int, folder: Path, method: ff.Tikhonov = SHORT) -
         pytest.param(2, Kind.sweep_power, r"1\.9\d+", marks=pytest.mark.nightly),
         (3, Kind.sweep_clipped, ""),
         (4, Kind.sweep_background, ""),
-        (5, Kind.sweep_outlier, r"1\.32761414 kHz"),
+        (5, Kind.sweep_point, r"1\.32761414 kHz"),
         (6, Kind.peaks_exchanged, "pair3"),
         (7, Kind.unknown_line, ""),
     ],

@@ -269,7 +269,7 @@ def said(**changed: object) -> list[dict[str, object]]:
         ("short of minimum", {"chi2_end": 23.0}),
         ("short of optimum", {"chi2_best": 23.0}),
         ("contradicts", {"warnings": ["q1 and q2 contradict each other: ..."]}),
-        ("false alarm", {"warnings": ["The sweep stands on a background of 12 % of its top."]}),
+        ("false alarm", {"kinds": [Kind.sweep_background]}),
         ("not named", {"fault": "rms", "honest": False}),
         ("failed", {"error": "IndexError: ..."}),
     ],

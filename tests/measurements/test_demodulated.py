@@ -12,6 +12,7 @@ import pytest
 import fitting as ff
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind, of_kind
 from tests.support.demodulated import demodulated
 from tests.support.linear_traces import string
 
@@ -135,7 +136,8 @@ def test_frequencies_that_the_samples_do_not_tell_apart_are_named(fmu: ff.Fmu) -
     said = [float(each) for each in re.findall(r"\d{6,}\.\d+", reason)]
     assert said[:2] == pytest.approx(values, abs=0.1, rel=0.0)
     assert said[2] < values[1] < values[0] < said[3]
-    assert any(f"{rate:g} Hz" in sentence for sentence in found.knowledge.sentences)
+    [ambiguous] = of_kind(found.findings, Kind.sampling_ambiguity)
+    assert ambiguous.numbers["rate_hz"] == pytest.approx(rate)
 
 
 def test_amplitudes_drown_in_noise_and_are_still_told(fmu: ff.Fmu) -> None:

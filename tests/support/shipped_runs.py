@@ -42,7 +42,7 @@ def shipped_run(name: str, factory: pytest.TempPathFactory) -> ShippedRun:
     with filelock.FileLock(shared / f"{name}.lock"):  # of a process that ends, however, it is free
         if not printed.exists():
             words = ["reconstruct", str(DATA / name / "campaign.toml"), "--out", str(out)]
-            ended = told(*words, "--no-report", "--workers", "2", QUICK)
+            ended = told(*words, "--no-report", "--verbose", "--workers", "2", QUICK)
             assert ended.code == 0, ended.err
             printed.write_text(ended.out, "utf-8")
     return ShippedRun(out, printed.read_text("utf-8"))

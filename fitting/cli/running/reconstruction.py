@@ -24,7 +24,7 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import flag
-from fitting.report.summary import item
+from fitting.report.summary import line_item
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import detail_lines, result_lines
 from fitting.result.assembly import without_profiles
@@ -92,10 +92,10 @@ def _reconstructed(
         print("", *detail_lines(result), "", sep="\n")
     if not ended.done:
         remove_earlier(out, PASSING)
-        print(item("continue", command_again(args)))
+        print(line_item("continue", command_again(args)))
         return 1
     if args.no_report:
-        print(item("results", str(files[0])))
+        print(line_item("results", str(files[0])))
     else:
         with status_line(NAME, remaining.left) as tell:
             tell(remaining.report())
@@ -108,7 +108,7 @@ def _reconstructed(
                 course.drawing,
             )
         hint = "" if args.verbose else "   (--verbose prints all that was found)"
-        print(item("report", f"{page}{hint}"))
+        print(line_item("report", f"{page}{hint}"))
         course.laps.end("for the report")
     remove_earlier(out, PASSING)
     memory.remove()  # when all is done that may be killed

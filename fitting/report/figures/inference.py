@@ -97,7 +97,10 @@ def _left_out(knowledge: Knowledge) -> str:
     groups = (
         (_flat(knowledge), "flat: Δχ² is below 1 at every value that was tried"),
         (list(_bent(knowledge))[MOST_PROFILES:], f"{MOST_PROFILES} profiles are drawn at most"),
-        ([name for name, p in knowledge.profiles.items() if not p.values], "no profile was walked"),
+        (
+            [name for name, p in knowledge.profiles.items() if not p.values],
+            "no profile was scanned",
+        ),
     )
     said = [f"{listed(names)} ({why})" for names, why in groups if names]
     return f" Not drawn: {'; '.join(said)}." if said else ""
