@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from fitting.campaign.parameters import SLACK
 from fitting.inference.error_bars import ErrorBars, error_bars
@@ -16,6 +17,15 @@ Interval = tuple[float, float]
 NOWHERE: Interval = (math.nan, math.nan)
 #: Share of a period from which an interval is all of it: ends are counted in other units.
 ALL_ROUND = 1.0 - 1e-9
+#: Names of 0.2.0, which work with a warning until 0.4, and those of now.
+RENAMED = {
+    "identifiable": "status",
+    "boxes": "active_bounds",
+    "box": "bounds",
+    "mean": "value",
+    "parameter": "name",
+    "box_end": "bound_passed",
+}
 #: How errors and intervals were determined.
 Method = Literal["covariance", "profile"]
 
@@ -85,6 +95,15 @@ class Estimate:
     places: tuple[str, ...] = ()
     stds: Floats = ()
     halves95: Floats = ()
+
+    if not TYPE_CHECKING:  # a type checker knows the names of now alone
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in RENAMED:
+                raise AttributeError(f"an estimate has no '{name}'")
+            text = f"'{name}' of a value is '{RENAMED[name]}' now; the old name goes with 0.4"
+            warnings.warn(text, DeprecationWarning, stacklevel=2)
+            return getattr(self, RENAMED[name])
 
     @property
     def bounds(self) -> Interval:

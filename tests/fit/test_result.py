@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import pickle
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 
 from fitting.fit import checkpoint
 from fitting.fit.solver.continuation import ContinuationStep
-from fitting.inference.values import Estimate
+from fitting.inference.values import RENAMED, Estimate
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
@@ -202,3 +203,13 @@ def test_a_result_obeys_the_published_schema() -> None:
     jsonschema.validate(new, published)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({**new, "title": 3}, published)
+
+
+def test_names_of_0_2_work_with_a_warning_until_they_go() -> None:
+    d1 = read_result(Path(__file__).with_name("result_schema1.json")).parameters["d1"]
+    for old, now in RENAMED.items():
+        with pytest.warns(DeprecationWarning, match=f"'{now}'"):
+            assert repr(getattr(d1, old)) == repr(getattr(d1, now))
+    with pytest.raises(AttributeError, match="colour"):
+        d1.colour  # noqa: B018
+    assert repr(pickle.loads(pickle.dumps(d1))) == repr(d1)
