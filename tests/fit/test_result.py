@@ -211,5 +211,5 @@ def test_names_of_0_2_work_with_a_warning_until_they_go() -> None:
         with pytest.warns(DeprecationWarning, match=f"'{now}'"):
             assert repr(getattr(d1, old)) == repr(getattr(d1, now))
     with pytest.raises(AttributeError, match="colour"):
-        d1.colour  # noqa: B018
+        d1.colour  # type: ignore[attr-defined]  # noqa: B018
     assert repr(pickle.loads(pickle.dumps(d1))) == repr(d1)
