@@ -148,12 +148,10 @@ def _noise_line(args: argparse.Namespace, columns: Columns) -> ff.NoiseLine:
 
 def _print(found: ff.Line | ff.Ringdown | ff.NoiseLine, *, verbose: bool) -> None:
     """The numbers and what they rest on; the forms that were compared with ``verbose`` alone."""
-    from fitting.report.resonance import answer, forms_table, sentences
-    from fitting.report.table import terminal_text, text_lines, wrapped
+    from fitting.report.resonance import forms_table, text
+    from fitting.report.table import text_lines
 
-    print(*map(terminal_text, answer(found)), sep="\n")
-    for text in sentences(found):
-        print(*wrapped(text), sep="\n")
+    print(text(found))
     forms = forms_table(found)
     if verbose and forms is not None:
         print(*text_lines(forms), sep="\n")

@@ -17,7 +17,6 @@ from fitting.report.table import (
     environment,
     tabulate,
     terminal_text,
-    text_lines,
     wrapped,
 )
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS
@@ -104,7 +103,7 @@ def forms_table(found: Resonance) -> Table | None:
 
 
 def text(found: Resonance) -> str:
-    """All of it for a terminal: numbers, sentences, and the forms that were compared.
+    """What the command prints: numbers and sentences; `forms_table` has the forms compared.
 
     Args:
         found: as it was fitted.
@@ -112,8 +111,7 @@ def text(found: Resonance) -> str:
     lines = [*map(terminal_text, answer(found))]
     for entry in sentences(found):
         lines += wrapped(entry)
-    forms = forms_table(found)
-    return "\n".join([*lines, *(text_lines(forms) if forms is not None else ())])
+    return "\n".join(lines)
 
 
 def _rendered(found: Resonance, part: str) -> list[str]:
