@@ -116,7 +116,7 @@ def test_a_weak_second_line_is_told_and_fitted_beside_the_first(
         heights = [found.second.share, found.second.mirrored]
         assert min(abs(height - 0.1) for height in heights if height == height) < 0.03
         held += holds(found.frequency_ci95_hz, 9000.0) + holds(found.width_ci95_hz, 6.0)
-        assert re.search(r"another .* 9\.0\d+ kHz", repr(found))
+        assert re.search(r"Another line .* 9\.0\d+ kHz", repr(found))
     ff.write_line(found, tmp_path)
     written = json.loads((tmp_path / "line.json").read_text("utf-8"))
     assert written["second"]["frequency_hz"] == pytest.approx(9060.0, abs=2.0)

@@ -94,7 +94,7 @@ def test_a_file_whose_unit_is_a_density_is_one(
     path = write_csv(tmp_path / "noise.csv", head, F, seen**power)
     assert main(["line", str(path), "--out", str(tmp_path / "o")]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"\b1[45] % ", told)
+    assert re.search(r"\b1[45] %", told)
     assert "rms " in told
     written = json.loads((tmp_path / "o" / "line.json").read_text("utf-8"))
     assert abs(written["frequency_hz"] - F0) < 4.0 * written["frequency_std_hz"]

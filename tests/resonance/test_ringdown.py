@@ -118,7 +118,7 @@ def test_the_frequency_of_small_amplitudes_is_told_of_a_duffing_oscillator() -> 
     assert found.width_hz == pytest.approx(width, abs=4.0 * found.width_std_hz)
     left = math.exp(-2.0 * np.pi * width * found.begin_s)
     assert found.shift_hz == pytest.approx(moved * left, rel=0.05)
-    assert f"{found.shift_hz:.1f}" in repr(found)
+    assert f"{found.shift_hz:.3f}" in repr(found)
 
 
 def test_two_lines_that_beat_are_both_told() -> None:
