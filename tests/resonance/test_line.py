@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.report.resonance import sentences
+from fitting.report.resonance import forms_table, sentences
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.records import read_json
 from tests.support.lines import mode, noise, write_csv
@@ -160,10 +160,11 @@ def test_a_notch_is_found_and_its_qualities_follow(phases: bool) -> None:
 @pytest.mark.parametrize("wiring", ["notch", pytest.param("reflection", marks=pytest.mark.nightly)])
 def test_the_wiring_that_was_asked_for_stands_in_the_table_of_forms(wiring: str) -> None:
     values = 1.0 - 0.6j * mode(F, ETA, WIDTH) + noise(F.size, 0.005, 3)
-    [*_, head, first, _, _, _, _, _] = repr(ff.line(F, values, wiring=wiring)).splitlines()
-    assert head.split()[0] == "form"
-    assert first.startswith(f"{wiring} (fano)")
-    assert "notch" not in repr(ff.line(F, values)).partition("\nform ")[2]
+    asked, free = (forms_table(ff.line(F, values, wiring=each)) for each in (wiring, ""))
+    assert asked is not None
+    assert free is not None
+    assert asked.rows[0][0].text.startswith(f"{wiring} (fano)")
+    assert not [row for row in free.rows if "notch" in row[0].text]
 
 
 def test_qualities_have_the_errors_of_least_squares_in_the_losses_themselves() -> None:
