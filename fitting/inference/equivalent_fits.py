@@ -7,8 +7,6 @@ import math
 from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
 from fitting.text.finding import Finding, Kind
 
-#: What reasons say, by which they are found again.
-EXCHANGE = "up to an exchange"
 #: Beyond an interval by less than this share of its width a value is still the same: two fits of
 #: one minimum differ so, because the misfit that is minimised is not the likelihood.
 SLACK = 0.5
@@ -57,7 +55,7 @@ def exchange_words(here: str, there: str, where: str, *, determined: bool) -> st
         determined: whether it is determined at either.
     """
     how = "determined" if determined else "bounded"
-    return f"{how} {EXCHANGE}: {here} here, {there} at {where}, which fits as well"
+    return f"{how} up to an exchange: {here} here, {there} at {where}, which fits as well"
 
 
 def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
@@ -71,19 +69,20 @@ def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
     """
     if knowledge is None:
         return ()
-    return tuple(
-        Finding(
-            kind=Kind.equivalent_solution,
-            # nothing to act on where it differs in values that are unconstrained anyway
-            severity="warning"
-            if other.possible and _printed(knowledge, other)["values"]
-            else "note",
-            subject=other.where or _farthest(knowledge, other),
-            numbers={**other.parameters, "delta_chi2": other.delta},
-            names=_printed(knowledge, other),
+    found = []
+    for other in knowledge.equivalents:
+        names = _printed(knowledge, other)
+        found.append(
+            Finding(
+                kind=Kind.equivalent_solution,
+                # nothing to act on where it differs in values that are unconstrained anyway
+                severity="warning" if other.possible and names["values"] else "note",
+                subject=other.where or _farthest(knowledge, other),
+                numbers={**other.parameters, "delta_chi2": other.delta},
+                names=names,
+            )
         )
-        for other in knowledge.equivalents
-    )
+    return tuple(found)
 
 
 def _printed(knowledge: Knowledge, other: Equivalent) -> dict[str, tuple[str, ...]]:

@@ -24,10 +24,6 @@ OUTPUT_STEP = 1e-4
 #: Share of the variance that the data answer for from which a linearised error is one of the data.
 SEEN = 0.1
 LINEARISED = "no profile was scanned"
-#: What stands behind a reason why none was, where they were asked for.
-UNPROFILED = (
-    "errors are those of the linearised problem, and which values the data determine is not known"
-)
 
 
 @dataclass(frozen=True)

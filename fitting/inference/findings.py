@@ -127,7 +127,6 @@ def findings_of(
         *(() if causes else exchanged_findings(problem, solution)),
         *phase_findings(solution),
         *unknown_line_findings(problem.experiments),
-        *_of_alternatives(fit.alternatives),
         *(found for line in lines for found in line_findings(line, fitted=fitted)),
         *sweeps.faults,
         *sweeps.left_out,
@@ -411,7 +410,12 @@ def search_findings(outcome: Outcome) -> Iterator[Finding]:
     yield Finding(kind=kind, severity="warning", subject="search", numbers=numbers)
 
 
-def _of_alternatives(alternatives: tuple[AlternativeResult, ...]) -> Iterator[Finding]:
+def alternative_findings(alternatives: Sequence[AlternativeResult]) -> Iterator[Finding]:
+    """Alternatives that reach the objective of the reported one.
+
+    Args:
+        alternatives: of a fit, the reported one among them.
+    """
     for a in alternatives:
         if a.equal_to_best and not a.reported:
             words = settings_words(a.settings)

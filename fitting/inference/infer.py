@@ -38,6 +38,7 @@ from fitting.inference.estimates import (
 )
 from fitting.inference.findings import (
     Misfitting,
+    alternative_findings,
     estimator_findings,
     findings_of,
     in_order,
@@ -195,16 +196,12 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         dof=math.nan if adequacy is None else adequacy.freedom,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
         findings=in_order(
-            *(
-                found
-                for found in findings_of(
-                    fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
-                )
-                # profiles name the alternative with its values
-                if found.kind is not Kind.equal_alternative or not equivalents
+            *findings_of(
+                fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
             ),
             *pair_findings(joint, is_best=is_best),
-            *equivalents,
+            # profiles name an alternative with its values
+            *(equivalents or alternative_findings(fit.alternatives)),
             *(_of_solution(fit, solution, {**parameters, **derived}) if describes else ()),
             *(knowledge.findings if knowledge is not None and describes else ()),
             *estimator_findings(fit.options, named),

@@ -127,21 +127,8 @@ def _explained(problem: Problem, solution: Solution) -> dict[str, float]:
     }
 
 
-def fault_findings(
-    problem: Problem, explained: Collection[str] = (), solution: Solution | None = None
-) -> tuple[Finding, ...]:
-    """What makes the sweeps of a problem no damped lines: each by its campaign's name.
-
-    Args:
-        problem: whose sweeps are looked at.
-        explained: series whose sweep the fitted model explains.
-        solution: end of the fit, if there is one: its model may have what one line lacks.
-    """
-    return tuple(_of_faults(problem, _faults(problem, explained, solution)))
-
-
 def _faults(
-    problem: Problem, explained: Collection[str], solution: Solution | None
+    problem: Problem, explained: Collection[str], solution: Solution
 ) -> dict[str, tuple[SweepFault, ...]]:
     """What is wrong with the sweep of each campaign, by its name."""
     found = {}
@@ -150,7 +137,7 @@ def _faults(
             continue
         faults = sweep_faults(*bound.sweep.of_line)
         lines = [f for f in faults if _is_like_lines(f)]
-        if lines and solution is not None and explained_by_model(solution, name):
+        if lines and explained_by_model(solution, name):
             faults = tuple(f for f in faults if f not in lines)
         found[name] = faults
     return found

@@ -37,6 +37,7 @@ from fitting.signal.peaks import TAIL
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.signal.residual_tests import TOLD, found_words
 from fitting.text.notation import hertz, listed, number, percent, prefixed, quantity, with_error
+from fitting.text.once import made_once
 from fitting.text.sentences import sentence
 
 Resonance = Line | Ringdown | NoiseLine
@@ -121,11 +122,17 @@ def _rendered(found: Resonance, part: str) -> list[str]:
         kind, decided = "ringdown", _of_ringdown(found)
     elif isinstance(found, NoiseLine):
         kind, decided = "noise", {"moved": MOVED.get(found.kind, "")}
+    block = getattr(_blocks(), f"{kind}_{part}")
+    return [line for line in str(block(found, decided)).splitlines() if line]
+
+
+@made_once
+def _blocks() -> Any:
+    """The template's blocks, compiled once."""
     templates = environment(escaped=False)
     templates.tests["finite"] = math.isfinite
     templates.globals.update(told=TOLD, **{f.__name__: f for f in FILTERS})
-    block = getattr(templates.get_template("resonance.txt.j2").module, f"{kind}_{part}")
-    return [line for line in str(block(found, decided)).splitlines() if line]
+    return templates.get_template("resonance.txt.j2").module
 
 
 # --- what sentences need -------------------------------------------------------------------------

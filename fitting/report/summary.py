@@ -6,7 +6,7 @@ import math
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from fitting.campaign.laws import in_base
 from fitting.inference.assumptions import SHIFT
@@ -15,17 +15,17 @@ from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import Estimate
 from fitting.inference.verdict import Verdict
 from fitting.report.table import columns, environment, terminal_text, wrapped
+from fitting.report.words.assumptions import shift_words
 from fitting.report.words.values import reported_words, same_values
 from fitting.result.result import Result
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import (
     bound,
-    index,
     listed,
     number,
     prefixed,
     quantity,
-    symbol,
+    sign,
     unit_text,
 )
 from fitting.text.sentences import sentence
@@ -114,7 +114,7 @@ class Summary:
     assumption: str = ""
     advice: str = ""
     command: str = ""
-    synthetic: bool = field(default=False)
+    synthetic: bool = False
 
 
 def summary_of(result: Result) -> Summary:
@@ -160,16 +160,6 @@ def summary_of(result: Result) -> Summary:
         command=command,
         synthetic=result.synthetic and "synthetic" not in result.title.lower(),
     )
-
-
-def sign(name: str) -> str:
-    """The symbol of a quantity in plain text: "λ₁₂", "f₁"; its name where it has none.
-
-    Args:
-        name: of a parameter or an output.
-    """
-    parts = symbol(name)
-    return name if parts is None else f"{parts[0]}{index(parts[1]) if parts[1] else ''}"
 
 
 def _with_signs(text: str, names: Iterable[str]) -> str:
@@ -328,11 +318,10 @@ def _assumption(result: Result) -> str:
     if not found:
         return ""
     _, subject, shift = max(found)
-    factor, shown = prefixed(abs(shift), "" if value is None else value.unit)
     others = len(of_kind(result.findings, Kind.assumption)) - 1
     more = f"; {others} more in the report" if others else ""
-    signed = f"{'+' if shift > 0.0 else '−'}{number(abs(shift) / factor, 2)} {shown}".rstrip()
-    return f"{subject} would shift {sign(name)} by {signed}{more}"
+    moved = shift_words(shift, "" if value is None else value.unit)
+    return f"{subject} would shift {sign(name)} by {moved}{more}"
 
 
 # --- what to do next -----------------------------------------------------------------------------
@@ -547,9 +536,7 @@ def item(head: str, text: str) -> str:
         head: one or two words.
         text: of the entry.
     """
-    return (
-        "\n".join(wrapped(f"  {head:{LEAD - 2}}{text}", LEAD)) if text else f"  {head:{LEAD - 2}}"
-    )
+    return "\n".join(wrapped(line_item(head, text), LEAD))
 
 
 def line_item(head: str, text: str) -> str:

@@ -116,6 +116,16 @@ def markup(name: str) -> str:
     return f"<code>{html.escape(name)}</code>"
 
 
+def sign(name: str) -> str:
+    """The symbol of a quantity in plain text: "λ₁₂", "f₁"; its name where it has none.
+
+    Args:
+        name: of a parameter or an output.
+    """
+    parts = symbol(name)
+    return name if parts is None else f"{parts[0]}{index(parts[1])}"
+
+
 def signs_words(names: Iterable[str]) -> str:
     """What the signs in figures stand for: "In figures η₊ is eta_plus."; empty where all are plain.
 
@@ -126,7 +136,7 @@ def signs_words(names: Iterable[str]) -> str:
     for name in names:
         parts = symbol(name)
         if parts is not None and not name.startswith(parts[0] + parts[1]):
-            told.append(f"{parts[0]}{index(parts[1])} is {name}")
+            told.append(f"{sign(name)} is {name}")
     return f"In figures {listed(told)}." if told else ""
 
 
@@ -306,6 +316,16 @@ def number(value: float, digits: int = 6) -> str:
         return mantissa
     power = power_of_ten(int(exponent))
     return power if mantissa == "1" else f"{mantissa}\u00a0×\u00a0{power}"
+
+
+def signed_number(value: float, digits: int) -> str:
+    """A number with its sign: "+5.2".
+
+    Args:
+        value: any number.
+        digits: significant ones.
+    """
+    return f"{'+' if value >= 0.0 else '−'}{number(abs(value), digits)}"
 
 
 def with_error(value: float, error: float, unit: str = "") -> str:

@@ -54,16 +54,6 @@ def sized(value: float, unit: str, digits: int) -> str:
     return f"{notation.number(value, digits)} {notation.unit_text(unit)}".rstrip()
 
 
-def signed_number(value: float, digits: int) -> str:
-    """A number with its sign: "+5.2".
-
-    Args:
-        value: any number.
-        digits: significant ones.
-    """
-    return f"{'+' if value >= 0.0 else '−'}{notation.number(abs(value), digits)}"
-
-
 @made_once
 def _blocks() -> Any:
     """The template's blocks by kind. Imported late: most commands print no finding."""
@@ -77,9 +67,9 @@ def _blocks() -> Any:
         notation.listed,
         notation.number,
         notation.probability,
+        notation.signed_number,
         notation.span,
         notation.with_error,
-        signed_number,
         sized,
     ):
         environment.globals[function.__name__] = function

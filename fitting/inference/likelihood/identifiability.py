@@ -21,7 +21,7 @@ from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import as_known, listed, number, unit_text
+from fitting.text.notation import as_known, listed, number, signed_number, unit_text
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
 UNSEEN = 1.0
@@ -177,7 +177,7 @@ def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: 
         others.append(f"{len(own)} values of single experiments {_all_by(own, unit_text(unit))}")
     with_ = f" with {', '.join(others)}" if others else ""
     most_sigma = max(math.ceil(largest * 1000.0) / 1000.0, 0.001)
-    head = f"from the most likely values, a change of {first} by {_signed(value)} "
+    head = f"from the most likely values, a change of {first} by {signed_number(value, 4)} "
     head = f"{head}{unit_text(told[first].unit)}".rstrip()
     return f"{head}{with_} changes no measured value by more than {most_sigma:.2g} sigma"
 
@@ -186,16 +186,12 @@ def _all_by(changes: Sequence[float], unit: str) -> str:
     """By how much several values change: all about alike, or the most of them."""
     low, high = min(changes), max(changes)
     if high - low <= ALIKE * max(abs(low), abs(high)):
-        return f"by about {_signed(0.5 * (low + high), 3)} {unit} each".replace("  ", " ")
+        return f"by about {signed_number(0.5 * (low + high), 3)} {unit} each".replace("  ", " ")
     return f"by {number(max(abs(low), abs(high)), 3)} {unit}".rstrip() + " at most"
 
 
 def _moved(parameter: Parameter, by: float) -> str:
-    return f"{parameter.name} {_signed(by)} {unit_text(parameter.unit)}".rstrip()
-
-
-def _signed(value: float, digits: int = 4) -> str:
-    return f"{'+' if value >= 0.0 else '−'}{number(abs(value), digits)}"
+    return f"{parameter.name} {signed_number(by, 4)} {unit_text(parameter.unit)}".rstrip()
 
 
 def _rounded(value: float, digits: int) -> float:

@@ -9,7 +9,7 @@ from fitting.inference.assumptions import SHIFT
 from fitting.inference.combinations import ALONE
 from fitting.result.result import Result
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import listed, number, prefixed
+from fitting.text.notation import listed, number, prefixed, signed_number
 
 #: Share of a standard error from which a shift is worth a word.
 LEAST = 0.1
@@ -41,7 +41,7 @@ def _together(result: Result, finding: Finding) -> str:
         alone = finding.numbers.get(f"{ALONE}{name}")
         if alone is not None:
             alone /= in_base(value.unit, name).factor
-            said.append(f"{name} to {_shown(alone, value.unit).removeprefix('+')}")
+            said.append(f"{name} to {shift_words(alone, value.unit).removeprefix('+')}")
     rho = number(finding.numbers["correlation"], 5)
     return (
         f"{finding.subject}: the data determine one combination (ρ = {rho}); with the other one "
@@ -56,7 +56,7 @@ def _sentence(result: Result, finding: Finding) -> str:
         shift = finding.numbers.get(f"{SHIFT}{name}", math.nan)
         shift /= in_base(value.unit, name).factor
         if abs(shift) >= LEAST * value.std:
-            moved.append(f"{name} by {_shown(shift, value.unit)}")
+            moved.append(f"{name} by {shift_words(shift, value.unit)}")
     said = f"shift {listed(moved)}" if moved else "shift no value by a tenth of its standard error"
     rise = finding.numbers["chi_square"]
     return (
@@ -64,8 +64,13 @@ def _sentence(result: Result, finding: Finding) -> str:
     )
 
 
-def _shown(shift: float, unit: str) -> str:
+def shift_words(shift: float, unit: str) -> str:
+    """By how much a value would shift: "+32 kHz".
+
+    Args:
+        shift: in the unit.
+        unit: of the value.
+    """
     factor, shown = prefixed(abs(shift), unit)
-    sign = "+" if shift > 0.0 else "−"
     power = "× " if shown.startswith("10") else ""
-    return f"{sign}{number(abs(shift) / factor, 2)} {power}{shown}".rstrip()
+    return f"{signed_number(shift / factor, 2)} {power}{shown}".rstrip()
