@@ -15,9 +15,9 @@ from fitting.design.result import Design
 from fitting.design.ways import Ways
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.inference.posterior.summary import PosteriorSummary
-from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
+from fitting.text.estimate import Verdict
 from fitting.text.schema import words_below_fields
 
 INTRODUCTION = """\

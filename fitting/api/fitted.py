@@ -27,12 +27,9 @@ from fitting.fit.path import HistoryRow
 from fitting.fit.problem import Problem as Record
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
-from fitting.inference.error_bars import EVEN, error_bars
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.report.table import Table, html_table, terminal_text, text_lines, wrapped
 from fitting.report.tables.values import interval_table
 from fitting.result.provenance import Identity, job_of
@@ -41,7 +38,9 @@ from fitting.result.result import Result
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
+from fitting.text.error_bars import EVEN, error_bars
 from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed, number, span, unit_text
 from fitting.text.sentences import warning_sentences

@@ -13,11 +13,11 @@ from fitting.api.problem import Problem
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.summary import Interval
-from fitting.inference.values import Estimate
 from fitting.result.result import Result
 from fitting.result.same_data import require_same_data
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 from fitting.text.notation import listed, settings_words
 
 __all__ = ["KnownFit"]

@@ -10,11 +10,10 @@ import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.estimate import SLACK
 
 #: Width of a uniform distribution in its standard deviations: its variance is (u - l)^2/12.
 UNIFORM_WIDTH = math.sqrt(12.0)
-#: Share of a box by which a value beyond its end counts as outside of it.
-SLACK = 1e-6
 #: Ratio of the bounds of a positive parameter from which its box spans decades.
 DECADE = 10.0
 #: Numbers of a parameter that are differences of its values: 1 degC of them is 1 K.

@@ -11,8 +11,8 @@ from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.fit.outputs import output_means
 from fitting.inference.likelihood.knowledge import Equivalent
-from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.error_bars import ROOT_95
 from fitting.text.notation import settings_words
 
 

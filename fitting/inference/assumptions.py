@@ -30,10 +30,10 @@ from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.inference.conditions import left_of
 from fitting.inference.equivalent_fits import turned_to
-from fitting.inference.values import Estimate
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, OutOfBudget
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 
 #: Steps at most by the derivatives at the solution, and share of a standard error that ends them.

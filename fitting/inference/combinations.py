@@ -19,9 +19,9 @@ from fitting.campaign.laws import in_base
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.inference.estimates import SEEN
-from fitting.inference.values import Estimate
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed
 

@@ -25,10 +25,10 @@ from fitting.campaign.parameters import prior_sigmas
 from fitting.fit.fit import Fit
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.solution import Solution
-from fitting.inference.values import Estimate
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 
 #: How much wider an error is with the condition free, from which the value rests on it: a wrong

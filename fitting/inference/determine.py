@@ -72,8 +72,8 @@ from fitting.inference.stages import Stage
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
-from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
 from fitting.text.errors import OutOfBudget
 from fitting.text.notation import span
 

@@ -13,11 +13,11 @@ from fitting.fit.options import ALGORITHM2, LIKELIHOOD
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.ranges import output_ranges
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.measurements.dataset import places_of_outputs
-from fitting.signal.student import ROOT_68, ROOT_95, reach
+from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import Estimate, Verdict
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the box.
 OUTPUT_STEP = 1e-4

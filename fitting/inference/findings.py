@@ -32,7 +32,6 @@ from fitting.inference.mistakes import (
 )
 from fitting.inference.phase_readings import phase_findings
 from fitting.inference.sweep_line import line_findings
-from fitting.inference.values import Estimate
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
@@ -41,6 +40,7 @@ from fitting.signal.residual_tests import TOLD
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 from fitting.text.finding import SEVERITIES, Finding, Kind, Severity
 from fitting.text.notation import hertz, settings_words
 from fitting.text.units import convert

@@ -60,9 +60,9 @@ from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
 from fitting.inference.presence import unseen
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
-from fitting.inference.values import Estimate
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed, number, settings_words
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 from fitting.inference.contradictions import without_verdicts
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
-from fitting.inference.values import NOWHERE, Estimate
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import NOWHERE, Estimate, Verdict
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.inference.values import Estimate
 from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
 from fitting.signal.peaks import fit_resonance
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale
+from fitting.text.estimate import Estimate
 from fitting.text.units import convert
 
 #: A value is the line's where both agree to this share: of the width, or of the quality.

@@ -27,9 +27,10 @@ from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches
 from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interval
-from fitting.inference.verdict import Verdict
-from fitting.signal.student import ROOT_68, ROOT_95
+from fitting.signal.student import ROOT_68
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import Verdict
 from fitting.text.notation import as_known, listed, number, span
 
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined

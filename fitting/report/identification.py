@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.inference.verdict import Verdict
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.numbers import of_identification
 from fitting.report.figures.style import save, style
@@ -15,6 +14,7 @@ from fitting.report.table import pairs_table
 from fitting.report.tables.inference import part_table
 from fitting.report.words.identification import part_sentences
 from fitting.report.words.inference import open_values_sentence
+from fitting.text.estimate import Verdict
 
 FIGURES = "figures"
 

@@ -12,12 +12,11 @@ from fitting.campaign.laws import in_base
 from fitting.inference.assumptions import SHIFT
 from fitting.inference.budget import BUDGET
 from fitting.inference.sweep_line import SweepLine, depends_on_background
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.report.table import columns, environment, terminal_text, wrapped
 from fitting.report.words.assumptions import shift_words
 from fitting.report.words.values import reported_words, same_values
 from fitting.result.result import Result
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import (
     bound,

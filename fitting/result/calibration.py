@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.parameter_set import SetValue
-from fitting.inference.error_bars import EVEN, ErrorBars
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_text
+from fitting.text.error_bars import EVEN, ErrorBars
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.units import convert
 
 

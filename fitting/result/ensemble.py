@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from scipy.special import betaincinv
 
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 
 #: Part of the binomial intervals that is left out.
 ALPHA = 0.05

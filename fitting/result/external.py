@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fitting.inference.joint_result import ExternalTest
-from fitting.inference.values import Estimate
 from fitting.result.result import Result
 from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.estimate import Estimate
 from fitting.text.notation import quantity, span
 from fitting.text.units import convert, parse_quantity
 

@@ -18,11 +18,11 @@ from fitting.inference.joint_result import ExternalTest, JointResult
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.quadratures import Quadratures
 from fitting.inference.sweep_line import SweepLine
-from fitting.inference.values import Estimate, Floats
 from fitting.result.schema import SCHEMA, upgraded
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_text
+from fitting.text.estimate import Estimate, Floats
 from fitting.text.files import write_whole
 from fitting.text.finding import Finding
 from fitting.text.records import read_json, write_json

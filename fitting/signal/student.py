@@ -15,8 +15,10 @@ import math
 
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
-#: Normal deviates within which 68 % and 95 % lie.
-ROOT_68, ROOT_95 = 1.0, 1.959964
+from fitting.text.error_bars import ROOT_95
+
+#: Normal deviate within which 68 % lie.
+ROOT_68 = 1.0
 #: Tails below which the inverse of the normal distribution rounds to infinity.
 SMALLEST_TAIL = 1e-290
 

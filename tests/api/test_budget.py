@@ -17,13 +17,13 @@ from fitting.campaign.parameters import to_search
 from fitting.cli.main import main
 from fitting.fit.objective import Objective
 from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.inference.verdict import Verdict
 from fitting.inference.verdicts import WAS_CUT
 from fitting.measurements.measurement import Evaluation, Response
 from fitting.report.words.inference import open_values_sentence
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import OutOfBudget
+from fitting.text.estimate import Verdict
 from tests.support.small_campaign import STRING, small_campaign
 from tests.support.whitened import Z95, learnt, parameter, whitened
 

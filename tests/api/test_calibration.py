@@ -17,10 +17,10 @@ from fmpy.ssp.ssd import read_ssd, read_ssv
 import fitting as ff
 from fitting.cli.main import main
 from fitting.fmu import read_description
-from fitting.inference.verdict import Verdict
 from fitting.result.calibration import calibration, calibration_csv
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Verdict
 from tests.models.test_hosts_masters import rows
 from tests.support.c_hosts import Pythonless
 from tests.support.fmus import unpack

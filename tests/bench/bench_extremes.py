@@ -24,8 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import build_fmu
 from fitting.fmu import FmuWorkers
-from fitting.inference.verdict import Verdict
 from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.estimate import Verdict
 from tests.support.extreme_scenes import Fitted, Scene, fit
 
 WHOLE = Scene(scale="fit", points=15)

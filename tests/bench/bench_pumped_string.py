@@ -35,13 +35,12 @@ from scipy.stats import binomtest
 
 import build_fmu
 import fitting as ff
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.lab.pumped import STRING
 from fitting.lab.subharmonic import PumpedSweep, SubharmonicBench, closest_peaks_hz
 from fitting.lab.synthesis import synthesize
 from fitting.lab.true_values import true_values
 from fitting.lab.writer import written_mhz
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Kind
 from tests.bench.records import Records
 

@@ -30,10 +30,10 @@ import numpy as np
 import fitting as ff
 from fitting.cli.main import main as fmu_fit
 from fitting.fmu.findings import Severity
-from fitting.inference.values import Estimate
 from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 from tests.support.cfmu_build import (
     build_c_fmu,
     build_lag_fmu,

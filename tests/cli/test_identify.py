@@ -19,7 +19,7 @@ from fitting.fit.noise import RowNoise
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.bootstrap import _displaced, bootstrap
 from fitting.inference.likelihood.knowledge import Identification, Knowledge
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 from fitting.text.records import read_json
 from tests.support import single_line
 from tests.support.string_part import string_part

@@ -18,10 +18,10 @@ from fitting.cli.main import main
 from fitting.draft.ringdown import ringdown_of
 from fitting.draft.two_modes import two_modes_of
 from fitting.fit.fit import Status
-from fitting.inference.verdict import Verdict
 from fitting.resonance.trace import trace_of
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.estimate import Verdict
 from tests.support.cfmu_build import (
     build_c_fmu,
     build_lag_fmu,

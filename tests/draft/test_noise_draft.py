@@ -14,11 +14,11 @@ from fitting.api.init import init
 from fitting.cli.main import main
 from fitting.draft.files import files_of, settled
 from fitting.draft.questions import Answers
-from fitting.inference.values import Estimate
 from fitting.resonance.reading import Columns
 from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 from tests.support.lines import mode, noise, write_csv
 
 pytestmark = pytest.mark.usefixtures("swift_models")

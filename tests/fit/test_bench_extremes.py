@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from fitting.fmu import FmuWorkers
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 from tests.bench.bench_extremes import WHOLE, Bench, Outcome, _split
 
 

@@ -25,9 +25,9 @@ from fitting.fit.likelihood.lockstep import run_in_lockstep
 from fitting.fit.objective import Objective
 from fitting.inference.adequacy import outside_sentences
 from fitting.inference.likelihood.outside import widened
-from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoScale
+from fitting.text.estimate import Verdict
 from tests.support.whitened import SIGMA, Z95, WhitenedResponse, learnt, parameter, whitened
 
 #: What a descent leaves undone, in standard deviations of a value.

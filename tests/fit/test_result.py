@@ -16,10 +16,9 @@ from hypothesis import strategies as st
 
 from fitting.fit import checkpoint
 from fitting.fit.solver.continuation import ContinuationStep
-from fitting.inference.values import RENAMED, Estimate
-from fitting.inference.verdict import Verdict
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
+from fitting.text.estimate import RENAMED, Estimate, Verdict
 from fitting.text.records import from_plain, read_json, to_plain, write_json
 
 ROOT = Path(__file__).resolve().parents[2]

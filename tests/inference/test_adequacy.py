@@ -26,9 +26,8 @@ from fitting.inference.ending import MISFIT
 from fitting.inference.findings import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.outside import held_sentences
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Estimate, Verdict
 from tests.faults import scene
 from tests.support.whitened import learnt, parameter, whitened
 

@@ -9,9 +9,9 @@ import numpy as np
 
 import fitting as ff
 from fitting.inference.ending import CONTRADICTED
-from fitting.inference.verdict import Verdict
 from fitting.report.summary import Summary, summary_of
 from fitting.result.result import Result
+from fitting.text.estimate import Verdict
 
 F_HZ, WIDTH_HZ = 1000.0, 10.0
 #: The second mode is neither driven nor seen.

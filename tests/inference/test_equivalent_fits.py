@@ -17,7 +17,7 @@ from fitting.fit.solver.continuation import Chain, ContinuationStep
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.equivalent_fits import contradicts
 from fitting.inference.likelihood.knowledge import Equivalent
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form
 from tests.support.whitened import Z95, learnt, parameter, whitened

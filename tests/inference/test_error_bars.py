@@ -17,11 +17,8 @@ from fitting.fit.fit import solve_problem
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
-from fitting.inference.error_bars import EVEN, ErrorBars, error_bars
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
 from fitting.report.tables.published import write_values
@@ -30,6 +27,8 @@ from fitting.report.words.calibration import calibration_lines
 from fitting.report.words.values import reported_words
 from fitting.result.calibration import Calibration, Handed
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import EVEN, ErrorBars, error_bars
+from fitting.text.estimate import Estimate, Verdict
 from tests.support import report_records as records
 from tests.support.whitened import Z95, parameter, whitened
 

@@ -20,11 +20,11 @@ from fitting.fit.options import ALGORITHM2, LIKELIHOOD, Options
 from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import Inference, infer
-from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
 from fitting.report.tables.values import interval_table, values_table
 from fitting.report.words.values import reported_words
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from fitting.text.finding import Kind, of_kind
 from tests.support.whitened import Z95, learnt, parameter, whitened
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 from tests.support import closed_posteriors as closed
 
 

@@ -24,8 +24,9 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.measurements.measurement import Evaluation
-from fitting.signal.student import ROOT_68, ROOT_95, freedom_of_share, normal_square, reach
+from fitting.signal.student import ROOT_68, freedom_of_share, normal_square, reach
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
 from tests.support.datasets import answer, dataset, sweep_measurement
 from tests.support.whitened import parameter
 

@@ -14,10 +14,10 @@ from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.inference.verdict import Verdict
 from fitting.measurements.measurement import Evaluation
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from fitting.text.records import to_plain
 from tests.support import closed_form
 from tests.support.datasets import answer, dataset

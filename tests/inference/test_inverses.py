@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 Rows = Callable[[FloatArray], FloatArray]

@@ -9,7 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.inference.line_values import values_of_line
-from fitting.inference.values import Estimate
+from fitting.text.estimate import Estimate
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.judge import by_closed_form
 from tests.support.virtual.kinds import KINDS

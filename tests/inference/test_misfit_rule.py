@@ -14,8 +14,6 @@ from fitting.inference.contradictions import contradicted
 from fitting.inference.findings import pair_findings
 from fitting.inference.infer import Inference
 from fitting.inference.joint_result import JointResult, PairTest, SeriesPart, ValueAlone
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra
@@ -24,6 +22,7 @@ from fitting.measurements.tones import Tones
 from fitting.report.tables.published import rows_of
 from fitting.result.assembly import result_of
 from fitting.result.result import Provenance
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Kind
 from tests.support.curve_fits import (
     CENTRE_HZ,

@@ -21,7 +21,7 @@ from fitting.fit.fit import Status
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.mistakes import SweepFindings, slipped_findings
 from fitting.inference.sweep_line import line_of_sweep
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.sentences import sentence
 from tests.support.lines import mode, noise

@@ -18,8 +18,8 @@ from fitting.inference.likelihood.knowledge import (
 )
 from fitting.inference.posterior.minima import Target
 from fitting.inference.posterior.reach import Accepted, accepted_by, missed_by
-from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from tests.support.closed_posteriors import parameter
 
 

@@ -21,8 +21,8 @@ from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from tests.support.datasets import dataset
 from tests.support.rows import RowsResponse
 from tests.support.whitened import SIGMA, learnt, parameter, whitened

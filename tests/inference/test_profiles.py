@@ -20,8 +20,8 @@ from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.likelihood.profiles import Quantity, trace_branch
 from fitting.inference.likelihood.ranges import output_ranges
-from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from tests.support import closed_form, single_line
 from tests.support.datasets import dataset
 from tests.support.whitened import SIGMA, Z95, WhitenedResponse, learnt, parameter, whitened

@@ -14,10 +14,10 @@ import pytest
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.inference.verdict import Verdict
 from fitting.lab.subharmonic import SubharmonicBench
 from fitting.lab.true_values import true_values
 from fitting.result.result import Result, read_result
+from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.toml import read_toml
 from tests.bench.bench_pumped_string import FISHER, fisher

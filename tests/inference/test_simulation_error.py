@@ -23,10 +23,10 @@ from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity, interval
-from fitting.inference.verdict import Verdict
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.scale import Maximum
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from fitting.text.finding import Kind, of_kind
 from tests.support.datasets import answer, dataset, sweep_measurement
 from tests.support.single_line import ETA_HZ, TOP, WIDTH_HZ, LineResponse, line_parameters

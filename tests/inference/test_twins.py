@@ -19,7 +19,7 @@ from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 from tests.inference.test_identifiability import both_modes
 from tests.support import closed_form
 from tests.support.crossing import laboratory

@@ -12,9 +12,9 @@ import pytest
 from fitting.campaign.parameters import Parameter
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.likelihood.outside import CUT
-from fitting.inference.verdict import Verdict
 from fitting.report.words.inference import knowledge_lines
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 Rows = Callable[[FloatArray], FloatArray]

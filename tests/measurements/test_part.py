@@ -12,13 +12,13 @@ import fitting as ff
 from fitting.campaign import bind
 from fitting.fit.problem import problem_of
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
-from fitting.inference.verdict import Verdict
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.report.plot import measurement
 from fitting.report.words.identification import identification_lines
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Verdict
 from tests.support.pumped_line import SidebandLine
 
 pytestmark = pytest.mark.usefixtures("swift_models")

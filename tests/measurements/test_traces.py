@@ -14,7 +14,6 @@ from scipy.stats import chi2
 
 import fitting as ff
 from fitting.fmu import HeldSignal, Run
-from fitting.inference.verdict import Verdict
 from fitting.measurements.traces.step_plan import first_steps
 from fitting.measurements.traces.waveform import Recorded, Waveform
 from fitting.report.shown import shown_fit
@@ -22,6 +21,7 @@ from fitting.report.summary import summary_of
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Verdict
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
 from tests.support.linear_traces import held_response, oscillator, string
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 
-from fitting.inference.verdict import Verdict
 from fitting.report.figures.ensemble import draw
 from fitting.report.figures.style import style
 from fitting.report.tables.ensemble import csv_of, markdown, terminal
 from fitting.result.ensemble import FAILED, Ensemble, EnsembleRow, EnsembleValue, Share
+from fitting.text.estimate import Verdict
 
 
 def tail(k: int, n: int, p: float) -> float:

@@ -22,7 +22,6 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from fitting.inference.verdict import Verdict
 from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
 from fitting.report import plot
 from fitting.report.figures import reconstruction
@@ -47,6 +46,7 @@ from fitting.report.figures.tones import (
 from fitting.report.plot.axes import AFTER, BLACK, MEASURED, SIMULATED
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
+from fitting.text.estimate import Verdict
 from tests.support import report_records as records
 from tests.support.plot_records import knowledge
 

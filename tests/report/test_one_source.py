@@ -8,13 +8,12 @@ from dataclasses import replace
 import pytest
 
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.report.tables.published import rows_of
 from fitting.report.words.inference import profile_words
 from fitting.report.words.values import same_values, verdict_words
 from fitting.result.assembly import result_of
 from fitting.result.result import Result
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.records import to_plain
 from tests.inference.test_misfit_rule import ORIGIN
 from tests.support.curve_fits import U as PLACES

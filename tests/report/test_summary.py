@@ -11,7 +11,6 @@ import pytest
 
 import fitting as ff
 from fitting.inference.sweep_line import LineFit
-from fitting.inference.verdict import Verdict
 from fitting.report.summary import Summary, printed, summary_lines, summary_of
 from fitting.report.table import text_lines
 from fitting.report.tables.published import latex, rows_of
@@ -19,6 +18,7 @@ from fitting.report.tables.values import interval_table, parameter_table, values
 from fitting.report.words.result import detail_lines, result_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.result import Result
+from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
 from tests.support import plot_records
 from tests.support import report_records as records

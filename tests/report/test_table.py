@@ -14,7 +14,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import html
 
-from fitting.inference.verdict import Verdict
 from fitting.report.table import (
     Cell,
     Column,
@@ -31,6 +30,7 @@ from fitting.report.table import (
 from fitting.report.tables.inference import nu_table, profile_table
 from fitting.report.tables.tones import deviation_table, mean_deviation_table
 from fitting.report.tables.values import derived_table, parameter_table, values_table
+from fitting.text.estimate import Verdict
 from fitting.text.notation import number
 from tests.support import plot_records
 from tests.support import report_records as records

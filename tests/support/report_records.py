@@ -11,8 +11,6 @@ import numpy as np
 from fitting.campaign import Drive, Setup, Spectrum
 from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.inference.sweep_line import SweepLine
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.measurements.figure import Figure
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import ShownSpectrum, spectra_figure
@@ -28,6 +26,7 @@ from fitting.result.result import (
     SweepCurves,
 )
 from fitting.signal.peaks import fit_resonance
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Finding, Kind
 
 #: Drive pairs of the paper's first series, Hz, and peak amplitudes of the size it reports.

@@ -36,8 +36,9 @@ from fitting.inference.likelihood.profiles import (
 )
 from fitting.inference.likelihood.ranges import OutputRange
 from fitting.inference.likelihood.ways import turned, walked_to_ends
-from fitting.signal.student import ROOT_68, ROOT_95, reach
+from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.error_bars import ROOT_95
 
 #: Where a search for a fit at the end of a range begins, and the axes that are to stay there.
 Beginning = tuple[FloatArray, tuple[int, ...]]

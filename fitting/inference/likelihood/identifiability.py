@@ -19,8 +19,8 @@ from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
-from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Verdict
 from fitting.text.notation import as_known, listed, number, signed_number, unit_text
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.

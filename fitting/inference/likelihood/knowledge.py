@@ -9,9 +9,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitting.inference.verdict import Verdict, in_boxes
 from fitting.signal.misfit import CORRELATED
 from fitting.text.arrays import Scalar
+from fitting.text.estimate import Verdict, in_boxes
 from fitting.text.finding import Finding
 
 Floats = tuple[float, ...]

@@ -23,8 +23,8 @@ from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
 from fitting.inference.likelihood.inverses import Branches
 from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity
-from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
 
 #: How far a parameter is taken beyond a limit that holds it: by a factor of 2^10.
 DOUBLINGS = 10

@@ -24,8 +24,8 @@ from fitting.inference.likelihood.exploration import (
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
-from fitting.inference.verdict import Verdict
-from fitting.signal.student import ROOT_95
+from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import Verdict
 from fitting.text.notation import as_known, listed, number
 
 #: Digits of the ends of a box: as somebody has written them.

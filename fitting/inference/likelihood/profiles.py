@@ -31,8 +31,9 @@ from fitting.fit.likelihood.descent import (
     held_at,
 )
 from fitting.fit.likelihood.lockstep import Exhausted, Task
-from fitting.signal.student import ROOT_68, ROOT_95, reach
+from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
 
 #: Steps across the range, at least, points of a branch, and refinements of a crossing, at most.
 STEPS, POINTS, REFINEMENTS = 10, 40, 20

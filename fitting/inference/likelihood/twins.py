@@ -20,8 +20,8 @@ from fitting.fit.search.minima import SAME
 from fitting.fit.search.twins import Twin
 from fitting.inference.likelihood.exploration import Exploration, data_covariance
 from fitting.inference.likelihood.knowledge import Equivalent
-from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
 
 
 def with_values_nearby(

@@ -18,8 +18,8 @@ from fitting.fit.likelihood.few_places import FewPlaces, of_few_places, own_gain
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, fit_at_end
-from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
 
 #: Turns of an angle to either side, in periods.
 TURNS = (3e-4, 6e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 6e-3, 1e-2)

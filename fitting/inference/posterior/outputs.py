@@ -9,8 +9,8 @@ import numpy as np
 
 from fitting.fit.outputs import answered_apart, mean
 from fitting.inference.posterior.summary import NONE, PosteriorOutput, numbers_of
-from fitting.inference.values import Estimate
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Estimate
 
 #: Draws that are read in one batch.
 BATCH = 500

@@ -17,12 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.parameters import SLACK, Parameter
+from fitting.campaign.parameters import Parameter
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.posterior.minima import Target
 from fitting.inference.posterior.turns import told_value
-from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
+from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import SLACK
 from fitting.text.notation import number, unit_text
 
 #: Share of the profile's interval within which a draw has to be.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.report import plot
 from fitting.report.figures.numbers import CONVERGENCE, DERIVED
 from fitting.report.figures.style import Drawing, new_figure, panels
@@ -14,6 +12,7 @@ from fitting.report.plot.fit import ends_elsewhere
 from fitting.report.shown import ShownCampaign
 from fitting.report.words.values import box_words, point_words, reported_words
 from fitting.result.result import Result
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import listed, number, unit_text
 
 PER_ROW = 3

@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 
 from fitting.inference.findings import WORTH_SAYING
 from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
-from fitting.inference.verdict import Verdict
 from fitting.report import plot
 from fitting.report.figures.numbers import NU, OUTPUTS, PROFILES, TOGETHER
 from fitting.report.figures.style import (
@@ -24,6 +23,7 @@ from fitting.report.figures.style import (
 )
 from fitting.report.plot.axes import BLUE, GREY
 from fitting.report.plot.inference import VERDICT_COLOURS
+from fitting.text.estimate import Verdict
 from fitting.text.notation import listed
 
 PER_ROW = 3

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 
-from fitting.inference.values import Estimate
 from fitting.report.plot.axes import (
     AFTER,
     BAND,
@@ -24,6 +23,7 @@ from fitting.report.plot.axes import (
 )
 from fitting.report.words.values import box_words
 from fitting.result.result import Result
+from fitting.text.estimate import Estimate
 from fitting.text.notation import (
     mathtext,
     mean_of,

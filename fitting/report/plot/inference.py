@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
-from fitting.inference.verdict import Verdict
 from fitting.report.plot.axes import (
     BLUE,
     GREEN,
@@ -22,6 +21,7 @@ from fitting.report.plot.axes import (
     say_empty,
     series_look,
 )
+from fitting.text.estimate import Verdict
 from fitting.text.notation import mathtext, on_log_axis, scaling_for
 
 #: Dchi^2 at the ends of the 68 % and 95 % intervals, and the highest that is drawn.

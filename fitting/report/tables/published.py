@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitting.inference.error_bars import EVEN, ErrorBars
 from fitting.report.summary import by_line
 from fitting.report.table import Cell, Column, csv_text, tabulate
 from fitting.report.tables.values import Value, values_of
 from fitting.report.words.values import period_words
 from fitting.result.result import Result
 from fitting.signal.student import ratio95
+from fitting.text.error_bars import EVEN, ErrorBars
 from fitting.text.files import write_whole
 from fitting.text.notation import rounded_alike, span, symbol, unit_text, with_error
 

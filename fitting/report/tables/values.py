@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.inference.verdicts import WAS_CUT
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
@@ -21,6 +19,7 @@ from fitting.report.words.values import (
     verdict_words,
 )
 from fitting.result.result import Result
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import (
     as_its_error,
     error_number,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from fitting.inference.verdict import Verdict
 from fitting.result.calibration import Calibration, Handed
+from fitting.text.estimate import Verdict
 from fitting.text.notation import listed, number, settings_words, span
 
 

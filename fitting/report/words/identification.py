@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from fitting.inference.likelihood.knowledge import Identification, Knowledge, PartAlone, Profile
-from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table, part_table
 from fitting.report.words.inference import knowledge_lines
+from fitting.text.estimate import Verdict
 from fitting.text.notation import listed, settings_words
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from fitting.inference.likelihood.knowledge import Bootstrap, Knowledge, Profile
-from fitting.inference.verdict import Verdict
+from fitting.text.estimate import Verdict
 from fitting.text.notation import bound, how_many, number, prefixed, span
 
 ENDS = {

@@ -9,10 +9,9 @@ import math
 from collections.abc import Mapping
 from typing import Protocol
 
-from fitting.inference.values import Estimate
-from fitting.inference.verdict import Verdict
 from fitting.inference.verdicts import ON_BOTH_SIDES, WAS_CUT
 from fitting.result.result import STATUSES, Result
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import (
     bound,
     how_many,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fitting.inference.error_bars import UNEQUAL
+from fitting.text.error_bars import UNEQUAL
 from tests.support.hidden.laboratory import Laboratory, Values
 from tests.support.in_process import told
 

@@ -21,10 +21,10 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 import fitting as ff
-from fitting.inference.values import Estimate
 from fitting.report.summary import by_line
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Kind
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.laboratory import Laboratory, Series, amplitude_v

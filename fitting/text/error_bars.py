@@ -10,10 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from fitting.signal.student import ROOT_95
 from fitting.text.notation import joint_prefix, quantity, span, uneven_quantity
 
 Interval = tuple[float, float]
+
+#: Normal deviate within which 95 % lie.
+ROOT_95 = 1.959964
 
 #: Ratio of the sides from which each has a number of its own: either is 11 % off their mean.
 UNEQUAL = 1.25

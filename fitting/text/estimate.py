@@ -1,22 +1,28 @@
-"""A value with its uncertainty: one record for parameters, outputs and values of experiments."""
+"""A value with its uncertainty: one record for parameters, outputs, lines and posteriors.
+
+A status measures the data. It follows from where chi square closes the 95 % interval of a value,
+not from the bounds within which the fit was made.
+"""
 
 from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
-from fitting.campaign.parameters import SLACK
-from fitting.inference.error_bars import ErrorBars, error_bars
-from fitting.inference.verdict import Verdict, in_boxes
-from fitting.text.notation import span
+from fitting.text.error_bars import ErrorBars, error_bars
+from fitting.text.notation import listed, span
 
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
 NOWHERE: Interval = (math.nan, math.nan)
 #: Share of a period from which an interval is all of it: ends are counted in other units.
 ALL_ROUND = 1.0 - 1e-9
+#: Share of the distance between two bounds by which a value at one of them may lie beyond it.
+SLACK = 1e-6
 #: Names of 0.2.0, which work with a warning until 0.4, and those of now.
 RENAMED = {
     "identifiable": "status",
@@ -28,6 +34,50 @@ RENAMED = {
 }
 #: How errors and intervals were determined.
 Method = Literal["covariance", "profile"]
+
+
+class Verdict(StrEnum):
+    """What data say of one value."""
+
+    #: Both ends of the interval are cut by the data, and it is narrow for such a value.
+    DETERMINED = "determined"
+    #: Both ends are cut by the data, but they are far apart.
+    BOUNDED = "bounded on both sides"
+    #: The data cut the upper end alone.
+    ABOVE = "bounded above"
+    #: The data cut the lower end alone.
+    BELOW = "bounded below"
+    #: Separate values fit as well: an exchange, another minimum.
+    SEVERAL = "one of several values"
+    #: The data cut neither end.
+    OPEN = "not determined"
+    #: The search was cut or lost, or there is nothing to check the model by.
+    UNKNOWN = "not known"
+    #: The model does not describe the data.
+    WITHDRAWN = "no verdict"
+    #: No profile was walked: the errors are those of the problem linearised at its solution.
+    LINEARISED = "linearised only"
+
+    @property
+    def has_value(self) -> bool:
+        """Whether there is a value to report; else there is a range at most."""
+        return self in (Verdict.DETERMINED, Verdict.BOUNDED, Verdict.SEVERAL, Verdict.LINEARISED)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the data leave a value open on at least one side, or nothing is known of it."""
+        return not self.has_value
+
+
+def in_boxes(names: Sequence[str]) -> str:
+    """What a verdict holds under: " in the boxes of d1 and d2"; empty where it rests on no box.
+
+    Args:
+        names: of the parameters beyond whose boxes the data may say otherwise.
+    """
+    if not names:
+        return ""
+    return f" in the {'box' if len(names) == 1 else 'boxes'} of {listed(names)}"
 
 
 @dataclass(frozen=True, kw_only=True)
