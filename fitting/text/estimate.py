@@ -33,7 +33,7 @@ RENAMED = {
     "box_end": "bound_passed",
 }
 #: How errors and intervals were determined.
-Method = Literal["covariance", "profile"]
+Method = Literal["covariance", "linearised, verified", "profile", "posterior"]
 
 
 class Verdict(StrEnum):
@@ -86,7 +86,8 @@ class Estimate:
 
     Args:
         name: of the parameter or the output.
-        role: "parameter" of the campaign, "derived" output, or "offset" of single experiments.
+        role: "parameter" of the campaign, "derived" output, "offset" of single experiments, or
+            "value" of a line, a chain or another fit.
         value: the most likely one, or the end of Algorithm 2 where the campaign asks for that;
             canonical: periodic ones lie in [0, period). Of an output its mean over the experiments;
             of an offset all steps of a random walk together.
@@ -115,13 +116,13 @@ class Estimate:
     """
 
     name: str
-    role: Literal["parameter", "derived", "offset"]
     value: float
     unit: str
-    std: float
-    ci95: Interval
-    status: Verdict
-    shrinkage: float
+    std: float = math.nan
+    ci95: Interval = NOWHERE
+    status: Verdict = Verdict.LINEARISED
+    role: Literal["parameter", "derived", "offset", "value"] = "value"
+    shrinkage: float = math.nan
     ci68: Interval = NOWHERE
     method: Method = "covariance"
     closed_by: tuple[str, str] = ("", "")
