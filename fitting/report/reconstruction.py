@@ -14,13 +14,14 @@ from fitting.report.figures.file import FigureFile
 from fitting.report.figures.inference import flat_sentence
 from fitting.report.figures.reconstruction import write_figures
 from fitting.report.page import Line, Page, Section, Status, write_page
+from fitting.report.screen import Printed, phrase, phrases
 from fitting.report.shown import ShownCampaign
-from fitting.report.summary import Printed, Summary, summary_of
+from fitting.report.summary import Summary, status_words, summary_of
 from fitting.report.table import Table, pairs_table
 from fitting.report.tables.fit import alternative_table, ending_table, history_table, start_table
 from fitting.report.tables.inference import knowledge_tables
 from fitting.report.tables.joint import joint_tables
-from fitting.report.tables.plan import plan_table
+from fitting.report.tables.plan import plan_table, remarks
 from fitting.report.tables.published import write_values
 from fitting.report.tables.sweep import line_table
 from fitting.report.tables.tones import deviation_table, mean_deviation_table
@@ -33,20 +34,8 @@ from fitting.report.tables.values import (
     per_experiment_table,
     per_place_table,
 )
-from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.assumptions import assumption_sentences, combination_sentences
-from fitting.report.words.inference import knowledge_heading, knowledge_words, typeset
-from fitting.report.words.plan import remarks
-from fitting.report.words.result import OWN_WORDS, ending_words, headline, spent_words
-from fitting.report.words.sweep import scale_sentence
-from fitting.report.words.values import (
-    deviation_sentence,
-    equal_alternatives_sentence,
-    point_words,
-)
 from fitting.result.result import STATUSES, Result
 from fitting.text.notation import number, scalar_words, settings_words, signs_words
-from fitting.text.sentences import sentence
 
 Figures = tuple[FigureFile, ...]
 #: Figures by the section that they belong to; what is in none gets one of its own.
@@ -169,13 +158,15 @@ def status_of(result: Result) -> Status:
     Args:
         result: of a reconstruction.
     """
-    words, message = ending_words(result)
-    if result.status != STATUSES[0]:
-        return Status(words, typeset(message), good=False)
+    good = result.status == STATUSES[0]
     ground = result.ending.ground
-    first = ground[:1].upper() if ground[:1].isascii() else ground[:1]
-    said = f"{first}{ground[1:]}." if ground else ""
-    return Status(words, said, good=True, doubtful=not result.ending.whole)
+    said = f"{ground[:1].upper()}{ground[1:]}." if ground[:1].isascii() else f"{ground}."
+    return Status(
+        status_words(result),
+        said if ground else "" if good else result.message,
+        good=good,
+        doubtful=good and not result.ending.whole,
+    )
 
 
 def sections_of(
@@ -236,8 +227,8 @@ def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section 
     flat = "" if drawn else flat_sentence(knowledge)
     return Section(
         id="knowledge",
-        title=knowledge_heading(knowledge),
-        paragraphs=tuple(filter(None, (*knowledge_words(knowledge), flat))),
+        title=phrase("knowledge", "heading", knowledge),
+        paragraphs=tuple(filter(None, (*phrases("knowledge", "about", knowledge), flat))),
         tables=knowledge_tables(knowledge),
         figures=figures,
     )
@@ -248,12 +239,12 @@ def _existing(*tables: Table | None) -> tuple[Table, ...]:
 
 
 def _found(result: Result) -> Section:
-    said = [deviation_sentence(result)]
+    said = [phrase("values", "deviation", result)]
     if result.alternative:
         said.append(f"Reported alternative: {settings_words(result.alternative)}.")
     return Section(
         id="found",
-        title="Parameters in full: start, reference, box, correlations",
+        title="Parameters in full: start, prior, bounds, correlations",
         paragraphs=tuple(said),
         tables=_existing(parameter_table(result), offset_table(result), correlation_table(result)),
     )
@@ -261,7 +252,7 @@ def _found(result: Result) -> Section:
 
 def _agreement(result: Result) -> Section | None:
     """Campaigns that were fitted together, and values from elsewhere."""
-    said, shown = agreement_sentences(result), joint_tables(result)
+    said, shown = phrases("result", "agreement", result), joint_tables(result)
     if not said and not shown:
         return None
     return Section("agreement", "Do the measurements agree?", points=said, tables=shown)
@@ -269,21 +260,22 @@ def _agreement(result: Result) -> Section | None:
 
 def _findings(result: Result) -> Section | None:
     """Every finding, and what values rest on."""
-    said = [f"{f.severity}: {sentence(f)}" for f in result.findings if f.kind not in OWN_WORDS]
-    said += (*combination_sentences(result), *assumption_sentences(result))
-    return Section("findings", "Findings and assumptions", points=tuple(said)) if said else None
+    said = (*phrases("result", "findings", result), *phrases("result", "resting", result))
+    return Section("findings", "Findings and assumptions", points=said) if said else None
 
 
 def _quadratures(result: Result) -> Section | None:
     """What phases gained, and which qualities follow from gains and backgrounds."""
     said = quadrature_sentences(result.quadratures)
-    return Section("quadratures", "What the phases tell", points=said) if said else None
+    return Section("quadratures", "What the phases determine", points=said) if said else None
 
 
 def _derived(result: Result, data: ShownCampaign, figures: Figures) -> Section | None:
     if not result.derived:
         return None
-    said = [f"Outputs of the FMU at {point_words(result)}, read after initialisation."]
+    said = [
+        f"Outputs of the FMU at {phrase('values', 'point', result)}, read after initialisation."
+    ]
     if not figures and result.peaks:
         said.append(
             "None that the data give differs between the experiments by a tenth of its error: "
@@ -323,7 +315,7 @@ def _response(result: Result, figures: Figures) -> Section | None:
             paragraphs.append(f"No resonance could be fitted to the sweep: {result.line.message}.")
         else:
             paragraphs += line_sentences(result.line)[1:]  # the table holds the first
-    paragraphs.append(scale_sentence(result.scale))
+    paragraphs.append(phrase("result", "scale", result.scale))
     return Section(
         "response", title, paragraphs=tuple(paragraphs), tables=_existing(table), figures=figures
     )
@@ -345,30 +337,25 @@ def _deviations(result: Result, data: ShownCampaign, figures: Figures) -> Sectio
 
 def _convergence(result: Result, figures: Figures) -> Section:
     tables = (history_table(result), ending_table(result))
-    said = () if result.status != STATUSES[0] else (typeset(_search_end(result)),)
+    said = (result.message,)
     return Section("convergence", "Convergence", paragraphs=said, tables=tables, figures=figures)
-
-
-def _search_end(result: Result) -> str:
-    """How the optimiser ended, as far as the headline has not told it."""
-    return result.message.removeprefix(headline(result)).strip()
 
 
 def _search(result: Result) -> Section | None:
     if not result.alternatives:
         return None
-    said = equal_alternatives_sentence(result)
     return Section(
         id="search",
         title="Alternatives and starts",
-        paragraphs=(said,) if said else (),
         tables=(alternative_table(result), start_table(result)),
     )
 
 
 def _settings(result: Result, data: ShownCampaign) -> Section:
     timed = "fit, profiles" if result.knowledge is not None else "fit"
-    spent = f"{spent_words(result)} for {timed} and the plan, whose runs are not counted"
+    spent = (
+        f"{phrase('result', 'spent', result)} for {timed} and the plan, whose runs are not counted"
+    )
     chosen = {name: scalar_words(v) for name, v in result.provenance.settings.items()}
     heads = ("setting", "value")
     tables = (

@@ -36,8 +36,9 @@ from fitting.signal.noise_lines import COUPLED, TOGETHER
 from fitting.signal.peaks import TAIL
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.signal.residual_tests import TOLD, found_words
-from fitting.text.notation import hertz, listed, number, percent, prefixed, quantity, with_error
+from fitting.text.notation import hertz, number, percent, prefixed, with_error
 from fitting.text.once import made_once
+from fitting.text.rendering import with_prefix
 from fitting.text.sentences import sentence
 
 Resonance = Line | Ringdown | NoiseLine
@@ -130,7 +131,6 @@ def _rendered(found: Resonance, part: str) -> list[str]:
 def _blocks() -> Any:
     """The template's blocks, compiled once."""
     templates = environment(escaped=False)
-    templates.tests["finite"] = math.isfinite
     templates.globals.update(told=TOLD, **{f.__name__: f for f in FILTERS})
     return templates.get_template("resonance.txt.j2").module
 
@@ -272,35 +272,12 @@ def size_of(value: float, error: float, unit: str) -> str:
         unit: of both; "1": none.
     """
     if error == 0.0:
-        return sized_unit(value, unit)
+        return with_prefix(value, unit)
     factor, shown = prefixed(max(abs(value), error), "" if unit == "1" else unit)
     return with_error(value / factor, error / factor, shown)
 
 
-def sized_unit(value: float, unit: str, digits: int = 3) -> str:
-    """A value without error under the prefix that suits it, or a power of ten times its unit.
-
-    Args:
-        value: in the unit.
-        unit: of the value; "1": none.
-        digits: significant ones.
-    """
-    factor, shown = (1.0, "") if unit == "1" else prefixed(abs(value), unit)
-    times = "× " if shown.startswith("10") else ""
-    return f"{number(value / factor, digits)} {times}{shown}".rstrip()
-
-
-FILTERS: tuple[Callable[..., str], ...] = (
-    found_words,
-    hertz,
-    listed,
-    number,
-    quantity,
-    scaled,
-    size_of,
-    sized_unit,
-    with_error,
-)
+FILTERS: tuple[Callable[..., str], ...] = (found_words, scaled, size_of)
 
 
 def _value(value: float, error: float) -> str:

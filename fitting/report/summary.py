@@ -12,21 +12,18 @@ from fitting.campaign.laws import in_base
 from fitting.inference.assumptions import SHIFT
 from fitting.inference.budget import BUDGET
 from fitting.inference.sweep_line import SweepLine, depends_on_background
-from fitting.report.table import columns, environment, terminal_text, wrapped
-from fitting.report.words.assumptions import shift_words
-from fitting.report.words.values import reported_words, same_values
+from fitting.report.same_values import same_values
+from fitting.report.screen import Printed, phrase, screen
 from fitting.result.result import Result
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import (
-    bound,
     listed,
     number,
-    prefixed,
     quantity,
     sign,
-    unit_text,
 )
+from fitting.text.rendering import limit_words, range_words, with_prefix
 from fitting.text.sentences import sentence
 
 #: Warnings on the first screen, at most.
@@ -63,24 +60,8 @@ REMARKS = {Verdict.SEVERAL: "one of several", Verdict.LINEARISED: "1σ from the 
 APART_SIGMA = 3.0
 #: Times as large a budget is proposed where one cut a search.
 MORE = 10
-#: Numbers without a prefix from which a power of ten is printed.
-MANY = 1e5
 #: Rise of χ² from which the data exclude that an assumption does not hold.
 EXCLUDED = 9.0
-#: Share of the upper end of a range below which its lower end is printed as zero.
-NOTHING = 1e-6
-#: Columns before the text of an entry, between values in a line, and values in a line at most.
-LEAD, GAP, MOST_IN_LINE = 17, 4, 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Printed:
-    """A value as it is printed: its symbol, other symbols of the same number, and a remark."""
-
-    name: str
-    symbols: tuple[str, ...]
-    text: str
-    remark: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,10 +180,10 @@ def _value(
     if not found.status.has_value or found.status is Verdict.BOUNDED:
         return None
     remark = REMARKS.get(found.status, found.condition.strip())
-    text = reported_words(found)
+    text = phrase("values", "reported", found)
     if not math.isnan(found.bound_passed):
         remark, text = (
-            f"beyond its bound, {_one(found.bound_passed, found.unit)}",
+            f"beyond its bound, {limit_words(found.bound_passed, found.unit)}",
             found.likely_words,
         )
     return Printed(name=name, symbols=symbols, text=text, remark=remark)
@@ -213,8 +194,8 @@ def _limit(name: str, found: Estimate, symbols: tuple[str, ...]) -> Printed:
     low, high = found.ci95
     text = {
         Verdict.BOUNDED: range_words(low, high, found.unit),
-        Verdict.ABOVE: f"< {_one(high, found.unit, up=True)}",
-        Verdict.BELOW: f"> {_one(low, found.unit, up=False)}",
+        Verdict.ABOVE: f"< {limit_words(high, found.unit, up=True)}",
+        Verdict.BELOW: f"> {limit_words(low, found.unit, up=False)}",
     }[found.status]
     return Printed(name=name, symbols=symbols, text=text, remark=found.condition.strip())
 
@@ -268,36 +249,6 @@ def _unknown(left: Mapping[str, Estimate], *, withdrawn: bool) -> tuple[str, ...
     return tuple(f"{listed(names)} ({why})" for why, names in groups.items())
 
 
-def range_words(low: float, high: float, unit: str) -> str:
-    """An interval with one unit, or one for each end where they are far apart: "1 Hz–1 kHz".
-
-    Args:
-        low: lower end.
-        high: upper end.
-        unit: of both.
-    """
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return "any value"
-    if 0.0 < low < NOTHING * high:
-        low = 0.0
-    factor, shown = prefixed(max(abs(low), abs(high)), unit)
-    if high - low < 1e-3 * factor or not unit_text(unit):
-        factor, shown = 1.0, unit_text(unit)
-    if 0.0 < low < 1e-2 * high and shown:
-        return f"{_one(low, unit, up=False)}–{_one(high, unit, up=True)}"
-    ends = ((low / factor, False), (high / factor, True))
-    # of many digits three are enough: 7.03e+06
-    lower, upper = (bound(x, 3, up=up) if abs(x) < MANY else f"{x:.3g}" for x, up in ends)
-    between = " to " if low < 0.0 else "–"
-    return f"{lower}{between}{upper} {shown}".rstrip()
-
-
-def _one(value: float, unit: str, *, up: bool = True) -> str:
-    """A bound of three digits, with a prefix that suits it."""
-    factor, shown = prefixed(abs(float(f"{value:.3g}")), unit)
-    return f"{bound(value / factor, 3, up=up)} {shown}".strip()
-
-
 def _urgent(result: Result) -> list[Finding]:
     """Errors and warnings that the screen does not express otherwise, causes first."""
     found = [f for f in result.findings if f.severity != "note" and f.kind not in EXPRESSED]
@@ -318,9 +269,8 @@ def _assumption(result: Result) -> str:
         return ""
     _, subject, shift = max(found)
     others = len(of_kind(result.findings, Kind.assumption)) - 1
-    more = f"; {others} more in the report" if others else ""
-    moved = shift_words(shift, "" if value is None else value.unit)
-    return f"{subject} would shift {sign(name)} by {moved}{more}"
+    moved = with_prefix(shift, "" if value is None else value.unit, 2, signed=True)
+    return phrase("result", "assumed", subject, name, moved, others)
 
 
 # --- what to do next -----------------------------------------------------------------------------
@@ -349,7 +299,7 @@ def next_step(result: Result, left: Mapping[str, Estimate]) -> tuple[str, str]:
     if Kind.contradiction in kinds:
         return "fit each campaign separately and compare them", ""
     beyond = [
-        f"{sign(n)} (to {_one(p.likely, p.unit)} and beyond)"
+        f"{sign(n)} (to {limit_words(p.likely, p.unit)} and beyond)"
         for n, p in result.parameters.items()
         if not math.isnan(p.bound_passed)
     ]
@@ -487,62 +437,13 @@ def summary_lines(summary: Summary) -> list[str]:
     Args:
         summary: of a reconstruction.
     """
-    templates = environment(escaped=False)
-    templates.filters["printed"] = printed
-    text = templates.get_template("summary.txt.j2").render(
-        s=summary, heading=_heading, grid=_grid, item=item, lead=LEAD
-    )
-    return [line.replace("\u00a0", " ").rstrip() for line in text.splitlines()]
+    return screen("summary", s=summary)
 
 
-def printed(value: Printed) -> str:
-    """Symbols, value and remark: "λ = 647.20 ± 0.82 kHz (from the sweep)".
+def result_lines(result: Result) -> list[str]:
+    """The first screen: values, what is unconstrained, warnings, what to do next.
 
     Args:
-        value: of a summary.
+        result: of a reconstruction.
     """
-    remark = f" ({value.remark})" if value.remark else ""
-    return f"{' = '.join(value.symbols)} {value.text}{remark}"
-
-
-def _heading(title: str, status: str) -> str:
-    """Title and status in one line where both fit, the status at its end; else in two."""
-    gap = columns() - len(title) - len(status)
-    return (
-        f"{title}{' ' * gap}{status}"
-        if gap >= 2
-        else "\n".join([*wrapped(title), *wrapped(status)])
-    )
-
-
-def _grid(values: Sequence[Printed]) -> list[str]:
-    """Values in columns, as many a line as fit, at most three."""
-    cells = [terminal_text(printed(value)) for value in values]
-    for count in range(min(MOST_IN_LINE, len(cells)), 0, -1):
-        widths = [max(map(len, cells[k::count])) + GAP for k in range(count)]
-        if sum(widths) - GAP <= columns() - 2 or count == 1:
-            break
-    else:
-        return []
-    rows = [cells[k : k + count] for k in range(0, len(cells), count)]
-    return ["".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-
-
-def item(head: str, text: str) -> str:
-    """An entry with its head in the first column, its further lines below its text.
-
-    Args:
-        head: one or two words.
-        text: of the entry.
-    """
-    return "\n".join(wrapped(line_item(head, text), LEAD))
-
-
-def line_item(head: str, text: str) -> str:
-    """The same in one line, whatever its length: a command or a path that is to be copied.
-
-    Args:
-        head: one or two words.
-        text: of the entry.
-    """
-    return f"  {head:{LEAD - 2}}{text}"
+    return summary_lines(summary_of(result))

@@ -15,12 +15,13 @@ import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-from fitting.text import csv_cells
+from fitting.text import csv_cells, rendering
 from fitting.text.notation import markup, number, prefixed, unit_text
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
 #: What a terminal is shown for signs that print has.
@@ -311,19 +312,12 @@ def html_table(table: Table) -> str:
 
 
 def environment(*, escaped: bool = True) -> Environment:
-    """The templates of this program: nothing may be left undefined.
+    """The templates of the report, with those below it.
 
     Args:
         escaped: whether all text is escaped for HTML; not for a terminal.
     """
-    made = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=escaped,  # noqa: S701 - a terminal renders no HTML
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    made = rendering.environment(TEMPLATES, escaped=escaped)
     made.filters["exact"] = exact_text
     made.filters["symbol"] = markup  # HTML, escaped already: to be marked safe
     return made

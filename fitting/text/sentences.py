@@ -1,17 +1,11 @@
-"""Findings in sentences: a block of one template for each kind, and the filters that it uses."""
+"""Findings in sentences: a macro of one template for each kind."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
 
-from fitting.text import notation
 from fitting.text.finding import Finding
-from fitting.text.once import made_once
-
-TEMPLATES = Path(__file__).parent / "templates"
+from fitting.text.rendering import blocks
 
 
 def sentence(finding: Finding) -> str:
@@ -20,7 +14,7 @@ def sentence(finding: Finding) -> str:
     Args:
         finding: decided where its numbers are.
     """
-    block = getattr(_blocks(), finding.kind.value)
+    block = getattr(blocks("findings"), finding.kind.value)
     text = str(block(finding.subject, finding.numbers, finding.names)).strip()
     first = text.split(" ", 1)[0].rstrip(":,")
     named = {
@@ -41,36 +35,3 @@ def warning_sentences(findings: Iterable[Finding]) -> tuple[str, ...]:
     """
     urgent = (finding for finding in findings if finding.severity != "note")
     return tuple(dict.fromkeys(map(sentence, urgent)))
-
-
-def sized(value: float, unit: str, digits: int) -> str:
-    """A number in its unit, without an error: "5.2 Hz".
-
-    Args:
-        value: in the unit.
-        unit: of the value; empty or "1": none.
-        digits: significant ones.
-    """
-    return f"{notation.number(value, digits)} {notation.unit_text(unit)}".rstrip()
-
-
-@made_once
-def _blocks() -> Any:
-    """The template's blocks by kind. Imported late: most commands print no finding."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(loader=FileSystemLoader(TEMPLATES), undefined=StrictUndefined)  # noqa: S701 - plain text
-    environment.tests["finite"] = math.isfinite
-    for function in (
-        notation.freedom_words,
-        notation.hertz,
-        notation.listed,
-        notation.number,
-        notation.probability,
-        notation.signed_number,
-        notation.span,
-        notation.with_error,
-        sized,
-    ):
-        environment.globals[function.__name__] = function
-    return environment.get_template("findings.txt.j2").module

@@ -10,7 +10,7 @@ import pytest
 
 import fitting as ff
 from fitting.api.problem import Campaign
-from fitting.report.words.assumptions import assumption_sentences
+from fitting.report.screen import phrases
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind
 from fitting.text.formula import Formula
@@ -52,7 +52,7 @@ def campaign(tmp_path: Path, fmu: Path, tables: str) -> Campaign:
 
 def findings(tmp_path: Path, fmu: Path) -> tuple[Finding, ...]:
     fit = ff.fit(ff.Problem.of(campaign(tmp_path, fmu, ASSUMED)))
-    assert len(assumption_sentences(fit.result)) == 4
+    assert len(phrases("result", "resting", fit.result)) == 4
     return tuple(f for f in fit.result.findings if f.kind is Kind.assumption)
 
 

@@ -28,8 +28,8 @@ from fitting.fit.solver.continuation import ContinuationStep, Schedule
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.ending import DESCRIBES
 from fitting.measurements.response_curve import ResponseCurve
-from fitting.report.summary import summary_of
-from fitting.report.words.result import detail_lines, result_lines
+from fitting.report.details import detail_lines
+from fitting.report.summary import result_lines, summary_of
 from fitting.result.provenance import Identity, job_of, provenance_of
 from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result

@@ -19,12 +19,12 @@ from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Profile
+from fitting.report.screen import phrase
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
 from fitting.report.tables.published import write_values
 from fitting.report.tables.values import interval_table
 from fitting.report.words.calibration import calibration_lines
-from fitting.report.words.values import reported_words
 from fitting.result.calibration import Calibration, Handed
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import EVEN, ErrorBars, error_bars
@@ -49,7 +49,7 @@ def found_of(row: Callable[[float], float], start: float, top: float) -> Estimat
 
 
 def words_of(found: Estimate) -> str:
-    return reported_words(found).replace("\u00a0", " ")
+    return phrase("values", "reported", found).replace("\u00a0", " ")
 
 
 def test_a_parabola_has_one_error() -> None:

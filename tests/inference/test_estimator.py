@@ -20,9 +20,9 @@ from fitting.fit.options import ALGORITHM2, LIKELIHOOD, Options
 from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import Inference, infer
+from fitting.report.screen import phrase
 from fitting.report.table import text_lines
 from fitting.report.tables.values import interval_table, values_table
-from fitting.report.words.values import reported_words
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Kind, of_kind
@@ -151,7 +151,7 @@ def test_algorithm_2_is_reported_where_asked_for_and_errors_stay_those_of_least_
         assert result.ci95 == pytest.approx((low, high), abs=0.06 * errors[k])
         outside = not low < result.value < high
         assert (name in beyond) == outside
-        words = reported_words(result)
+        words = phrase("values", "reported", result)
         assert "by Algorithm 2" in words
         assert "most likely" in words
         assert result.is_outside == outside

@@ -8,9 +8,10 @@ from dataclasses import replace
 import pytest
 
 from fitting.inference.likelihood.knowledge import Profile
+from fitting.report.same_values import same_values
+from fitting.report.screen import phrase
 from fitting.report.tables.published import rows_of
 from fitting.report.words.inference import profile_words
-from fitting.report.words.values import same_values, verdict_words
 from fitting.result.assembly import result_of
 from fitting.result.result import Result
 from fitting.text.estimate import Estimate, Verdict
@@ -82,7 +83,7 @@ def test_the_bounds_that_a_verdict_rests_on_are_named_everywhere(
         boxes=("d1", "d2"),
     )
     [row] = rows_of(replace(result, parameters={"theta": found}, derived={}, line=None))
-    for text in (row.verdict, verdict_words(found), profile_words("theta", profile)):
+    for text in (row.verdict, phrase("values", "verdict", found), profile_words("theta", profile)):
         assert "d1" in text
         assert "d2" in text
 

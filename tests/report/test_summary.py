@@ -11,11 +11,12 @@ import pytest
 
 import fitting as ff
 from fitting.inference.sweep_line import LineFit
-from fitting.report.summary import Summary, printed, summary_lines, summary_of
+from fitting.report.details import detail_lines
+from fitting.report.screen import printed
+from fitting.report.summary import Summary, result_lines, summary_lines, summary_of
 from fitting.report.table import text_lines
 from fitting.report.tables.published import latex, rows_of
 from fitting.report.tables.values import interval_table, parameter_table, values_table
-from fitting.report.words.result import detail_lines, result_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.result import Result
 from fitting.text.estimate import Verdict
@@ -164,13 +165,13 @@ def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> Non
             p,
             status=Verdict.UNKNOWN,
             ci95=nowhere,
-            reason="on both sides the search was cut for its cost",
+            closed_by=("cost", "cost"),
         )
         for name, p in result.parameters.items()
     }
     table = interval_table(replace(result, parameters=cut), "")
     verdicts = [row[-1].text for row in table.rows[:2]]
-    assert all(text.startswith(f"{Verdict.UNKNOWN}: cut") for text in verdicts)
+    assert all(text == f"{Verdict.UNKNOWN}: search incomplete" for text in verdicts)
     assert not any("budget" in text for text in verdicts)
     assert table.note.count("--budget") == 1
     assert not interval_table(result, "").note

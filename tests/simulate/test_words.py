@@ -47,7 +47,7 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
                 numbers={"settle_s": 2.5e-6},
                 forced=True,
             ),
-            ("settling: 2.5 µs (as asked for)", "below 3.0e-03", "at most 3.0e-03"),
+            ("settling: 2.5 µs (as requested)", "below 3.0e-03", "at most 3.0e-03"),
         ),
         (
             Decision(
@@ -97,7 +97,7 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
                 settings={"tolerance": 1e-6},
                 forced=True,
             ),
-            ("solver: tolerance = 1e-06 (as asked for)", "2 times", "hundredth", "at most 5.0e-06"),
+            ("solver: tolerance = 1e-06 (as requested)", "2 times", "hundredth", "at most 5.0e-06"),
         ),
         (
             Decision(
@@ -202,12 +202,12 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
         ),
         (
             model(Basis.COMPARED, 4e-4, numbers={"left": 3e-4, "safety": 2.0}, taken=False),
-            ("far mode left out: far = false; not taken", "2 times", "3.0e-04 is left"),
+            ("far mode left out: far = false; not taken", "2 times", "3.0e-04"),
         ),
         (
             model(Basis.COMPARED, 4e-4, numbers={"left": 3e-4, "safety": 2.0}, forced=True),
             (
-                "far mode left out: far = false (as asked for)",
+                "far mode left out: far = false (as requested)",
                 "2 times",
                 "3.0e-04",
                 "at most 4.0e-04",

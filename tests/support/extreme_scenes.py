@@ -24,7 +24,8 @@ from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
-from fitting.report.words.result import detail_lines, result_lines
+from fitting.report.details import detail_lines
+from fitting.report.summary import result_lines
 from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import STATUSES, Result
 from fitting.text.arrays import FloatArray

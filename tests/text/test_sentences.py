@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting.text import sentences
+from fitting.text import rendering
 from fitting.text.finding import SEVERITIES, Finding, Kind
 from fitting.text.sentences import sentence, warning_sentences
 
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_every_kind_has_one_block_and_one_row() -> None:
-    template = (sentences.TEMPLATES / "findings.txt.j2").read_text("utf-8")
+    template = (rendering.TEMPLATES / "findings.txt.j2").read_text("utf-8")
     blocks = re.findall(r"macro (\w+)\(s, n, names\)", template)
     assert sorted(blocks) == sorted(kind.value for kind in Kind)
     page = (ROOT / "docs/reference/findings.md").read_text("utf-8")

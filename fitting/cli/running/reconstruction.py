@@ -24,9 +24,10 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import flag
-from fitting.report.summary import line_item
+from fitting.report.details import detail_lines
+from fitting.report.screen import line_item
+from fitting.report.summary import result_lines
 from fitting.report.words.cost import cost_lines, measured_lines
-from fitting.report.words.result import detail_lines, result_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result

@@ -9,11 +9,12 @@ from fitting.report import plot
 from fitting.report.figures.numbers import CONVERGENCE, DERIVED
 from fitting.report.figures.style import Drawing, new_figure, panels
 from fitting.report.plot.fit import ends_elsewhere
+from fitting.report.screen import phrase
 from fitting.report.shown import ShownCampaign
-from fitting.report.words.values import box_words, point_words, reported_words
 from fitting.result.result import Result
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import listed, number, unit_text
+from fitting.text.rendering import range_words
 
 PER_ROW = 3
 #: Parameters of one unit that share a panel of corrections.
@@ -63,7 +64,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         "Way of the reported chain over the levels of the regularisation ν, from its start point: "
         "fitted parameters (those of one unit as corrections to their reference), means of the "
         "derived outputs over the experiments, misfit and regularisation term. Dashed grey: value "
-        f"at the reference parameters; a start far outside is told in words.{end}{warning}"
+        f"at the reference parameters; a start far outside is printed in words.{end}{warning}"
     )
     alt = f"Values of Algorithm 2 over {levels} levels of ν, ending at {listed(values)}."
     return Drawing(name=CONVERGENCE, title=title, caption=caption, alt=alt, figure=figure)
@@ -118,10 +119,10 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
         plot.output_by_experiment(result, name, data.labels, ax=panel)
     said = [f"{name}: {_in_words(d)}" for name, d in shown.items()]
     caption = (
-        f"Derived outputs of the FMU at {point_words(result)}, for every experiment (marker shapes "
-        "as in the other figures), with mean (dashed) and spread over the experiments (band, one "
-        "standard deviation). The spread is the drift of the experiments, not the uncertainty of "
-        f"the value. {'. '.join(said)}."
+        f"Derived outputs of the FMU at {phrase('values', 'point', result)}, for every experiment "
+        "(marker shapes as in the other figures), with mean (dashed) and spread over the "
+        "experiments (band, one standard deviation). The spread is the drift of the experiments, "
+        f"not the uncertainty of the value. {'. '.join(said)}."
     )
     alt = "Values per experiment. " + ". ".join(said) + "."
     return Drawing(name=DERIVED, title=title, caption=caption, alt=alt, figure=figure)
@@ -129,9 +130,9 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
 
 def _in_words(derived: Estimate) -> str:
     if not derived.status.has_value:
-        words = f"{derived.status} by these data ({box_words(derived)} within"
-        return f"{words} the box of the parameters)"
-    return f"{derived.status}{derived.condition}, {reported_words(derived)}"
+        allowed = range_words(*derived.bounds, derived.unit)
+        return f"{derived.status} by these data ({allowed} within the bounds of the parameters)"
+    return f"{derived.status}{derived.condition}, {phrase('values', 'reported', derived)}"
 
 
 def _warning(verdicts: Mapping[str, Verdict]) -> str:

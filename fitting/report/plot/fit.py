@@ -21,7 +21,6 @@ from fitting.report.plot.axes import (
     say_empty,
     series_look,
 )
-from fitting.report.words.values import box_words
 from fitting.result.result import Result
 from fitting.text.estimate import Estimate
 from fitting.text.notation import (
@@ -32,6 +31,7 @@ from fitting.text.notation import (
     prefixed,
     scaling_for,
 )
+from fitting.text.rendering import range_words
 
 #: A start farther from the levels than this many of their ranges is not drawn.
 FAR_START = 2.0
@@ -251,7 +251,8 @@ def _room_around(axes: Axes, values: Sequence[float]) -> None:
 def _short_words(derived: Estimate) -> str:
     """Two lines: never a value with a small error where the data do not give one."""
     if not derived.status.has_value:
-        return f": {derived.status} by these data,\nin its box {box_words(derived)}"
+        allowed = range_words(*derived.bounds, derived.unit)
+        return f": {derived.status} by these data,\nwithin its bounds {allowed}"
     verdict = f"{derived.status} by these data{derived.condition}"
     if not derived.is_most_likely:
         value = number(derived.value, 7)

@@ -17,7 +17,6 @@ from fitting.inference.likelihood.knowledge import (
 )
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.tables.values import WHOLE, interval, verdict
-from fitting.report.words.inference import end_words, typeset
 from fitting.text.notation import (
     as_its_error,
     error_number,
@@ -28,6 +27,16 @@ from fitting.text.notation import (
 )
 
 Named = tuple[str, Profile]
+#: What closes a side of an interval, by how its profile ended.
+ENDS = {
+    "crossed": "closed by the data",
+    "prior": "closed by the prior of the drift",
+    "held": "another parameter at its bound",
+    "bound": "reaches the bound",
+    "round": "periodic",
+    "lost": "search not converged",
+    "cost": "cut by the budget",
+}
 
 
 def knowledge_tables(knowledge: Knowledge) -> tuple[Table, ...]:
@@ -81,8 +90,8 @@ PROFILES: tuple[Column[Named], ...] = (
     Column("68 %", lambda row: _interval(row[1], row[1].interval68)),
     Column("95 %", lambda row: _interval(row[1], row[1].interval95)),
     Column("without data", lambda row: interval(row[1].box)),
-    Column("ends below", lambda row: end_words(row[1].ends[0])),
-    Column("ends above", lambda row: end_words(row[1].ends[1])),
+    Column("ends below", lambda row: ENDS.get(row[1].ends[0], row[1].ends[0])),
+    Column("ends above", lambda row: ENDS.get(row[1].ends[1], row[1].ends[1])),
     Column("precision", lambda row: _precision(row[1])),
     Column("verdict", lambda row: verdict(row[1].verdict, row[1].condition)),
 )
@@ -148,9 +157,7 @@ def direction_table(knowledge: Knowledge) -> Table | None:
         for name in knowledge.directions[0].vector
     ]
     columns.append(
-        Column(
-            "what was tried", lambda row: typeset(row[1].sentence) or _tried(row[1]), role="words"
-        )
+        Column("what was tried", lambda row: row[1].sentence or _tried(row[1]), role="words")
     )
     return tabulate(
         "Singular values of the sensitivities",

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from fitting.report.table import Cell, Column, Table, tabulate
-from fitting.report.words.plan import choice_words
 from fitting.simulate.budget import Decision, PlanRecord
-from fitting.simulate.words import reason_in_words, subject_in_words
+from fitting.simulate.words import decision_in_words
 from fitting.text.notation import number
+from fitting.text.rendering import blocks
+
+
+def _of(macro: str) -> Callable[[Decision], str]:
+    """What a macro of the plan's template prints of a decision."""
+    return lambda decision: str(getattr(blocks("plan"), macro)(decision))
+
 
 DECISIONS: tuple[Column[Decision], ...] = (
-    Column("what", subject_in_words, role="name"),
-    Column("choice", choice_words, role="words"),
+    Column("what", _of("subject"), role="name"),
+    Column("choice", _of("chosen"), role="words"),
     Column("bound", lambda decision: decision.bound, digits=2),
-    Column("why", reason_in_words, role="words"),
+    Column("why", _of("reason"), role="words"),
 )
 
 
@@ -32,8 +40,25 @@ def plan_table(plan: PlanRecord) -> Table:
     )
     total = (
         Cell("sum", head=True),
-        Cell("kept" if kept else "more than was wanted"),
+        Cell("kept" if kept else "more than requested"),
         Cell(number(plan.promised, 2), value=plan.promised),
-        Cell(f"wanted were {number(plan.wanted, 3)}", mark="words"),
+        Cell(f"requested: {number(plan.wanted, 3)}", mark="words"),
     )
     return Table(caption=made.caption, heads=made.heads, rows=(*made.rows, total), note=made.note)
+
+
+def remarks(plan: PlanRecord | None, sentences: tuple[str, ...]) -> tuple[str, ...]:
+    """Sentences of a plan that its table does not hold.
+
+    Args:
+        plan: settings, settling and windows, with what they promise.
+        sentences: as they are shown.
+    """
+    if plan is None:
+        return sentences
+    held = {decision_in_words(decision).lower() for decision in plan.decisions}
+    return tuple(
+        text
+        for text in sentences
+        if text.lower().removesuffix(".") not in held and not text.startswith("In all: ")
+    )

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from fitting.report.screen import phrase
 from fitting.report.summary import by_line
 from fitting.report.table import Cell, Column, csv_text, tabulate
 from fitting.report.tables.values import Value, values_of
-from fitting.report.words.values import period_words
 from fitting.result.result import Result
 from fitting.signal.student import ratio95
 from fitting.text.error_bars import EVEN, ErrorBars
@@ -137,7 +137,7 @@ def _row(value: Value) -> Row:
         verdict=f"{found.status}{found.condition}",
         source="fit" if found.is_most_likely else "Algorithm 2, std and interval of the likelihood",
         bars=found.bars if found.is_most_likely and not value.open else EVEN,
-        whole=period_words(found) if found.is_all_round else "",
+        whole=phrase("values", "period", found) if found.is_all_round else "",
     )
 
 

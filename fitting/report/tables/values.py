@@ -8,16 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
-from fitting.inference.verdicts import WAS_CUT
+from fitting.report.same_values import Valued, same_values
+from fitting.report.screen import phrase
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
-from fitting.report.words.values import (
-    Valued,
-    offset_name,
-    point_words,
-    same_values,
-    verdict_words,
-)
 from fitting.result.result import Result
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import (
@@ -41,7 +35,7 @@ Parameter = tuple[str, Estimate]
 Output = tuple[str, Estimate]
 Found = TypeVar("Found", Parameter, Output)
 #: Said once of all values whose search was cut.
-MORE_TELLS = "Where the search was cut for its cost, a larger --budget would tell."
+MORE_TELLS = "Where the search is incomplete, use a larger --budget."
 #: An interval that is all of a period: its ends are one value.
 WHOLE = "whole period"
 #: Digits of where a search stopped of a value that the data do not determine.
@@ -176,7 +170,7 @@ def values_of(result: Valued) -> list[Value]:
     ]
     found += [
         Value(
-            name=offset_name(o),
+            name=phrase("values", "offset", o),
             digits=5,
             low=math.nan,
             high=math.nan,
@@ -198,7 +192,7 @@ VALUES: tuple[Column[Value], ...] = (
     Column("reference", lambda v: math.nan if v.same else v.reference, digits=6),
     Column(
         "by the data",
-        lambda v: f"= {v.same}" if v.same else verdict_words(v.found),
+        lambda v: f"= {v.same}" if v.same else phrase("values", "verdict", v.found),
         role="words",
     ),
 )
@@ -231,7 +225,7 @@ def interval_table(result: Valued, title: str) -> Table:
         title: over the table.
     """
     rows = values_of(result)
-    is_cut = any(WAS_CUT in getattr(row.found, "reason", "") for row in rows)
+    is_cut = any("cost" in row.found.closed_by for row in rows)
     return _of_values(title, INTERVALS, rows, MORE_TELLS if is_cut else "")
 
 
@@ -387,8 +381,8 @@ def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
     ]
     columns += [Column(n, _rounded(n), unit=d.unit, symbol=True) for n, d in outputs.items()]
     note = (
-        f"All at one point, {point_words(result)}: digits let the experiments be compared, and do "
-        "not tell how well a value is known."
+        f"All at one point, {phrase('values', 'point', result)}: the digits serve to compare the "
+        "experiments, and are no measure of precision."
     )
     if left := [name for name, d in outputs.items() if not d.status.has_value]:
         note += f" Of {listed(left)} no value is reported: these are that point's alone."

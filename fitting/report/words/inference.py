@@ -11,16 +11,6 @@ from fitting.inference.likelihood.knowledge import Bootstrap, Knowledge, Profile
 from fitting.text.estimate import Verdict
 from fitting.text.notation import bound, how_many, number, prefixed, span
 
-ENDS = {
-    "crossed": "ended by the data",
-    "prior": "priors of the drift",
-    "held": "another parameter at its limit",
-    "bound": "fits to the end",
-    "round": "goes round",
-    "lost": "lost its way",
-    "cost": "cut for its cost",
-}
-
 
 def profile_words(name: str, profile: Profile) -> str:
     """One value: its 95 % interval, or that it is not determined and what it could be.
@@ -118,46 +108,6 @@ def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:
         low, high = found.interval95
         lines.append(f"bootstrap of {name}: {span(low, high)} at 95 %, std {number(found.std, 2)}")
     return lines
-
-
-def knowledge_words(knowledge: Knowledge) -> tuple[str, ...]:
-    """Paragraphs of the report's section.
-
-    Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
-    """
-    first = (
-        "Intervals and verdicts below come from the profile likelihood: every value is moved away "
-        "from the most likely point, all other parameters follow it as well as they can, until the "
-        "data object (Δχ² = 1 for 68 %, 3.84 for 95 %), inside the box of the campaign or outside."
-    )
-    if not knowledge.data:
-        first += (
-            " No data were used: the measurements are taken to be those of the reference "
-            "parameters, so that this is what such a campaign could determine."
-        )
-    extra = () if knowledge.nu is None else knowledge.nu.sentences
-    return (first, *(typeset(said) for said in (*knowledge.sentences, *extra)))
-
-
-def typeset(said: str) -> str:
-    """A sentence of the terminal with the signs of print.
-
-    Args:
-        said: a sentence in plain text.
-    """
-    for plain, printed in ((" sigma", " σ"),):
-        said = said.replace(plain, printed)
-    return said
-
-
-def end_words(end: str) -> str:
-    """What ended a branch of a profile.
-
-    Args:
-        end: how an end of an interval came about.
-    """
-    return ENDS.get(end, end)
 
 
 def open_values_sentence(knowledge: Knowledge) -> str:

@@ -1,0 +1,26 @@
+"""What `fmu-fit reconstruct --verbose` prints after the first screen."""
+
+from __future__ import annotations
+
+from fitting.inference.quadratures import quadrature_sentences
+from fitting.inference.sweep_line import line_sentences
+from fitting.report.screen import screen
+from fitting.report.tables.values import values_table
+from fitting.result.result import Result
+from fitting.text.rendering import blocks
+
+
+def detail_lines(result: Result) -> list[str]:
+    """How the fit ended, the table of values, every finding, and its cost.
+
+    Args:
+        result: of a reconstruction.
+    """
+    return screen(
+        "details",
+        r=result,
+        table=values_table(result, result.title),
+        line="\n".join(() if result.line is None else line_sentences(result.line)),
+        quadratures="\n".join(quadrature_sentences(result.quadratures)),
+        plan="" if result.plan is None else str(blocks("plan").line(result.plan)),
+    )

@@ -1,0 +1,142 @@
+"""The one Jinja environment of all text that is printed, and of all pages.
+
+Templates of this package (`text/templates`) are those of records below the report: findings, and
+decisions of a plan. Every other folder of templates may import them.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fitting.text import notation
+from fitting.text.once import made_once
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+TEMPLATES = Path(__file__).parent / "templates"
+#: Numbers without a prefix from which a power of ten is printed.
+MANY = 1e5
+#: Share of the upper end of a range below which its lower end is printed as zero.
+NOTHING = 1e-6
+#: Functions of `fitting.text.notation` that every template knows by their names.
+FUNCTIONS = (
+    notation.bound,
+    notation.freedom_words,
+    notation.hertz,
+    notation.how_many,
+    notation.in_its_unit,
+    notation.joint_prefix,
+    notation.listed,
+    notation.number,
+    notation.percent,
+    notation.prefixed,
+    notation.probability,
+    notation.quantity,
+    notation.scalar_words,
+    notation.settings_words,
+    notation.sign,
+    notation.signed_number,
+    notation.span,
+    notation.unit_text,
+    notation.with_error,
+    notation.with_unit,
+)
+
+
+def environment(*folders: Path, escaped: bool = False) -> Environment:
+    """Templates of some folders and of this package: nothing may be left undefined.
+
+    Args:
+        folders: that are searched before those of this package.
+        escaped: whether all text is escaped for HTML; not for a terminal.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # most commands print little
+
+    made = Environment(
+        loader=FileSystemLoader([*folders, TEMPLATES]),
+        autoescape=escaped,  # noqa: S701 - a terminal renders no HTML
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.tests["finite"] = math.isfinite
+    made.globals.update({function.__name__: function for function in FUNCTIONS})
+    for function in (limit_words, range_words, sized, with_prefix):
+        made.globals[function.__name__] = function
+    return made
+
+
+@made_once
+def blocks(template: str) -> Any:
+    """The macros of a template of this package, compiled once.
+
+    Args:
+        template: its name without ".txt.j2".
+    """
+    return environment().get_template(f"{template}.txt.j2").module
+
+
+def sized(value: float, unit: str, digits: int) -> str:
+    """A number in its unit, without an error: "5.2 Hz".
+
+    Args:
+        value: in the unit.
+        unit: of the value; empty or "1": none.
+        digits: significant ones.
+    """
+    return f"{notation.number(value, digits)} {notation.unit_text(unit)}".rstrip()
+
+
+def with_prefix(value: float, unit: str, digits: int = 3, *, signed: bool = False) -> str:
+    """A number under the prefix that suits it, or a power of ten times its unit: "66 ms".
+
+    Args:
+        value: in the unit.
+        unit: of the value; empty or "1": none.
+        digits: significant ones.
+        signed: whether a positive one has its sign, as a shift: "+32 kHz".
+    """
+    factor, shown = (1.0, "") if unit == "1" else notation.prefixed(abs(value), unit)
+    times = "× " if shown.startswith("10") else ""
+    text = notation.signed_number if signed else notation.number
+    return f"{text(value / factor, digits)} {times}{shown}".rstrip()
+
+
+def range_words(low: float, high: float, unit: str) -> str:
+    """An interval with one unit, or one for each end where they are far apart: "1 Hz–1 kHz".
+
+    Args:
+        low: lower end.
+        high: upper end.
+        unit: of both.
+    """
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "any value"
+    if 0.0 < low < NOTHING * high:
+        low = 0.0
+    factor, shown = notation.prefixed(max(abs(low), abs(high)), unit)
+    if high - low < 1e-3 * factor or not notation.unit_text(unit):
+        factor, shown = 1.0, notation.unit_text(unit)
+    if 0.0 < low < 1e-2 * high and shown:
+        return f"{limit_words(low, unit, up=False)}–{limit_words(high, unit, up=True)}"
+    ends = ((low / factor, False), (high / factor, True))
+    # of many digits three are enough: 7.03e+06
+    lower, upper = (notation.bound(x, 3, up=up) if abs(x) < MANY else f"{x:.3g}" for x, up in ends)
+    between = " to " if low < 0.0 else "–"
+    return f"{lower}{between}{upper} {shown}".rstrip()
+
+
+def limit_words(value: float, unit: str, *, up: bool = True) -> str:
+    """A bound of three digits, with a prefix that suits it.
+
+    Args:
+        value: in the unit.
+        unit: of the value.
+        up: whether it is an upper one, which is rounded up.
+    """
+    factor, shown = notation.prefixed(abs(float(f"{value:.3g}")), unit)
+    return f"{notation.bound(value / factor, 3, up=up)} {shown}".strip()
