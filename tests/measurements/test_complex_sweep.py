@@ -18,7 +18,8 @@ from fitting.campaign.instruments import read_trace
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import Wiring
-from fitting.report.summary import printed, summary_of
+from fitting.report.screen import printed
+from fitting.report.summary import summary_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from tests.support.coloured import coloured

@@ -21,7 +21,7 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.knowledge import knowledge_of
 from fitting.simulate.planner import plan_drives
-from fitting.simulate.words import plan_in_words, reason_in_words, warnings_in_words
+from fitting.simulate.words import decision_in_words, plan_in_words, warnings_in_words
 from fitting.text.errors import BadInput
 from tests.support import reference
 from tests.support.cfmu_build import build_c_fmu
@@ -115,7 +115,7 @@ def test_a_forbidden_reduction_is_not_taken_and_listed(workers: FmuWorkers) -> N
     listed = {d.subject: d for d in plan.decisions}
     assert "periodic_start" not in plan.settings
     assert (listed["periodic start"].taken, listed["periodic start"].forced) == (False, True)
-    assert "forbidden" in reason_in_words(listed["periodic start"])
+    assert "forbidden" in decision_in_words(listed["periodic start"])
     assert plan.settle_s > 0.0  # and so it has to settle
 
 
@@ -128,7 +128,7 @@ def test_a_reduction_that_saves_is_taken_where_its_bound_fits(workers: FmuWorker
     left_out = listed["far mode left out"]
     assert not left_out.taken
     assert left_out.bound > max(1e-9, float(left_out.numbers["left"]))
-    assert f"{float(left_out.numbers['left']):.1e}" in reason_in_words(left_out)
+    assert f"{float(left_out.numbers['left']):.1e}" in decision_in_words(left_out)
 
 
 def test_a_forced_reduction_is_taken_with_a_warning(workers: FmuWorkers) -> None:
