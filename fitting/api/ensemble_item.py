@@ -183,7 +183,7 @@ def _row(item: Item, folder: Path, files: dict[str, str]) -> EnsembleRow:
     return EnsembleRow(
         index=item.index,
         label=item.label,
-        status=found.inferred.status.value,
+        status=found.inferred.status,
         message=found.inferred.message,
         values=_values(found, truth, how.values),
     )
@@ -194,7 +194,7 @@ def _values(found: Valued, truth: Mapping[str, Any], only: Any) -> tuple[Ensembl
     chosen = found.source.record.alternative
     true = true_values(truth, reflection=bool(chosen.get("reflection", False))) if truth else {}
     shared = [
-        v for v in found.values.values() if v.kind != "offset" and (not only or v.name in only)
+        v for v in found.values.values() if v.role != "offset" and (not only or v.name in only)
     ]
     return tuple(_value(value, true.get(value.name, float("nan"))) for value in shared)
 
@@ -205,7 +205,7 @@ def _value(v: Value, true: float) -> EnsembleValue:
     return EnsembleValue(
         name=v.name,
         unit=v.unit,
-        verdict=v.verdict,
+        verdict=v.status,
         value=float(v.value),
         std=float(v.std),
         low68=float(low68),

@@ -29,7 +29,7 @@ from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
-from fitting.inference.likelihood.knowledge import Knowledge, Profile
+from fitting.inference.likelihood.knowledge import Knowledge, Scan
 from fitting.report.table import Table, html_table, terminal_text, text_lines, wrapped
 from fitting.report.tables.values import interval_table
 from fitting.result.provenance import Identity, job_of
@@ -38,7 +38,6 @@ from fitting.result.result import Result
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
-from fitting.text.error_bars import EVEN, error_bars
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Finding, Kind
@@ -162,31 +161,19 @@ class Tikhonov:
         )
 
 
-@dataclass(frozen=True, repr=False)
-class Value:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Value(Estimate):
     """One parameter or derived output: what the data say of it, all numbers in ``unit``.
 
     ``value`` is the most likely one, or the paper's if that was asked for (`Tikhonov.estimator`);
-    it and ``std`` are nan where the data leave it open on a side. Errors are the likelihood's.
-    ``verdict`` is one of `Verdict`, with a ``reason``; ``range`` is what it could be without any
-    data, ``stopped_at`` the most likely point all the same, ``algorithm2`` the end of Algorithm 2
-    (nan for values of single experiments). ``profile`` is its profile likelihood, None where none
-    was walked.
+    it and ``std`` are nan where the data leave it open on a side, ``likely`` is the most likely one
+    all the same. Errors are the likelihood's. ``status`` is one of `Verdict`, with a ``reason``;
+    ``bounds`` are what it could be without any data, ``algorithm2`` the end of Algorithm 2 (nan for
+    values of single experiments). ``scan`` are the points of its profile likelihood, None where
+    none was scanned. The names that 0.2.0 had work with a warning until 0.4.
     """
 
-    name: str
-    kind: str
-    unit: str
-    value: float
-    std: float
-    verdict: Verdict
-    reason: str
-    range: tuple[float, float]
-    stopped_at: float
-    algorithm2: float
-    reference: float
-    interval95: tuple[float, float]
-    profile: Profile | None = None
+    scan: Scan | None = None
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Lower and upper end of what the data allow, in ``unit``.
@@ -199,52 +186,47 @@ class Value:
         """
         if level not in LEVELS:
             raise BadInput(f"interval: level is {level!r}, wanted 0.68 or 0.95")
-        if self.profile is not None:
-            return self.profile.interval95 if level == LEVELS[1] else self.profile.interval68
-        low, high = self.interval95
+        low, high = self.ci95
+        if self.method == "profile":
+            return self.ci95 if level == LEVELS[1] else self.ci68
         if level == LEVELS[1] or math.isnan(self.std):
             return low, high
-        return max(low, self.stopped_at - self.std), min(high, self.stopped_at + self.std)
+        return max(low, self.likely - self.std), min(high, self.likely + self.std)
 
     def to_dict(self) -> dict[str, str | float]:
         """The value as a flat row."""
         low, high = self.interval()
         return {
             "name": self.name,
-            "kind": self.kind,
+            "kind": self.role,
             "value": self.value,
             "unit": self.unit,
             "std": self.std,
             "low95": low,
             "high95": high,
-            "range_low": self.range[0],
-            "range_high": self.range[1],
+            "range_low": self.bounds[0],
+            "range_high": self.bounds[1],
             "reference": self.reference,
             "algorithm2": self.algorithm2,
-            "verdict": str(self.verdict),
+            "verdict": str(self.status),
         }
 
     def __repr__(self) -> str:
         if math.isnan(self.value):
-            open_ = self.interval95 if math.isfinite(self.interval95[0]) else self.range
-            all_round = self.profile is not None and self.profile.is_all_round
-            fits = self.reason if all_round else span(*open_, self.unit)
-            text = f"{self.name}: {self.verdict}, {fits}"
+            open_ = self.ci95 if math.isfinite(self.ci95[0]) else self.bounds
+            all_round = self.scan is not None and self.is_all_round
+            text = f"{self.name}: {self.status}, "
+            text += self.reason if all_round else span(*open_, self.unit)
         else:
-            where = "" if self.profile is None else self.profile.condition
-            text = f"{self.name} = {self._reported()}, {self.verdict}{where}"
+            text = f"{self.name} = {self._reported()}, {self.status}{self.condition}"
         return text.replace("\u00a0", " ")
 
     def _reported(self) -> str:
         """The value with its error; of two estimators, each by its own name."""
-        bars, p = EVEN, self.profile
-        if p is not None and p.verdict.has_value:
-            bars = error_bars(p.best, p.interval68, p.interval95, p.simulation)
-        best = bars.words(self.stopped_at, self.std, self.unit, self.interval95)
-        if self.value == self.stopped_at:
-            return best
+        if self.is_most_likely:
+            return self.likely_words
         return f"{number(self.value, 7)} {self.unit}".rstrip() + (
-            f" by Algorithm 2 (most likely {best})"
+            f" by Algorithm 2 (most likely {self.likely_words})"
         )
 
 
@@ -270,9 +252,8 @@ class Valued(ABC):
     def values(self) -> dict[str, Value]:
         """Every value by name: parameters, derived outputs, values of single experiments."""
         found = self.inferred
-        profiles = found.knowledge.profiles if found.knowledge is not None else {}
         every = (*found.parameters.values(), *found.derived.values(), *found.offsets)
-        return {e.name: _value(e, profiles.get(e.name)) for e in every}
+        return {e.name: _value(e, found.scans.get(e.name)) for e in every}
 
     def __getitem__(self, name: str) -> Value:
         if name not in self.values:
@@ -379,7 +360,7 @@ class Fit(Valued):
     @property
     def status(self) -> str:
         """How it ended: "converged", or another word of `fitting.fit.fit.Status`."""
-        return self.inferred.status.value
+        return self.inferred.status
 
     @property
     def message(self) -> str:
@@ -636,22 +617,11 @@ def require_values(names: Sequence[str], known: Sequence[str], where: str) -> No
             raise BadInput(f"{where}: no value '{name}'{did_you_mean(name, sorted(known))}")
 
 
-def _value(found: Estimate, profile: Profile | None) -> Value:
+def _value(found: Estimate, scan: Scan | None) -> Value:
     is_open = not found.status.has_value
     if found.role == "offset":  # its prior gives it a value, where the model is right
         is_open = found.status is Verdict.WITHDRAWN
-    return Value(
-        name=found.name,
-        kind=found.role,
-        unit=found.unit,
-        value=math.nan if is_open else found.value,
-        std=math.nan if is_open else found.std,
-        verdict=found.status,
-        reason=found.reason,
-        range=found.bounds,
-        stopped_at=found.value if found.is_most_likely else found.most_likely,
-        algorithm2=found.algorithm2,
-        reference=found.reference,
-        interval95=found.ci95,
-        profile=profile,
-    )
+    shared = vars(found) | {"most_likely": found.likely}
+    if is_open:
+        shared |= {"value": math.nan, "std": math.nan}
+    return Value(**shared, scan=scan)

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from fitting.api.choices import STYLES
@@ -18,7 +18,7 @@ from fitting.engine.local import LocalProcesses
 from fitting.engine.threads import one_thread
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
-from fitting.inference.likelihood.knowledge import Identification, PartAlone
+from fitting.inference.likelihood.knowledge import Determined, Identification, PartAlone
 from fitting.report.artists import Artists, Begun
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
@@ -67,8 +67,9 @@ def identify(
         bootstrap: Synthetic data sets that are fitted anew; 0: none.
 
     Returns:
-        ``knowledge`` holds the profiles and sentences, ``at`` says where it set out from. What a
-        part of the measurements says alone: ``identify(problem.part({"depth": 0.0}))``.
+        ``parameters`` and ``derived`` hold the values, ``knowledge`` what was found besides,
+        ``at`` says where it set out from. What a part of the measurements says alone:
+        ``identify(problem.part({"depth": 0.0}))``.
 
     Raises:
         BadInput: the problem cannot be planned, or the fit is of another one, or of other data.
@@ -106,15 +107,14 @@ def identified(
         description = problem.fmu.description
         units = {name: description.variables[name].unit or "" for name in record.outputs}
         provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
-    knowledge, findings = identify_through(record, problem.respond, units, asked)
+    found = identify_through(record, problem.respond, units, asked)
     provenance["seed"] = str(asked.seed)
     return Identification(
+        **vars(found),
         title=record.title,
         synthetic=record.synthetic,
         at="the campaign's start and reference values" if fitted is None else "a fit",
-        knowledge=knowledge,
         provenance=provenance,
-        findings=findings,
     )
 
 
@@ -139,7 +139,8 @@ def with_part(
     alone = problem.part(settings)
     own = identified(alone, None, replace(asked, expected=not found.knowledge.data, bootstrap=0))
     places, total = len(_places(alone)), len(_places(problem))
-    part = PartAlone(settings=dict(settings), places=places, total=total, knowledge=own.knowledge)
+    shared = {each.name: getattr(own, each.name) for each in fields(Determined)}
+    part = PartAlone(**shared, settings=dict(settings), places=places, total=total)
     return replace(found, part=part)
 
 

@@ -10,14 +10,11 @@ import numpy as np
 
 from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
-from fitting.inference.infer import Inference as InferenceRecord
-from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.inference.posterior.summary import Interval
+from fitting.inference.inferred import Inferred
 from fitting.result.result import Result
 from fitting.result.same_data import require_same_data
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
 from fitting.text.notation import listed, settings_words
 
 __all__ = ["KnownFit"]
@@ -25,17 +22,15 @@ __all__ = ["KnownFit"]
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFit:
-    """What a fit knows: its minima (who, place), values and intervals by name, derived outputs.
+    """What a fit knows: its minima (who, place), and its values.
 
     `result` is the record that it was read from, None of a fit of this process.
     """
 
     places: tuple[tuple[str, FloatArray], ...]
     most_likely: Mapping[str, float]
-    intervals: Mapping[str, Interval]
-    derived: Mapping[str, Estimate]
+    values: Inferred
     alternative: Mapping[str, Scalar]
-    knowledge: Knowledge | None
     sha256: str
     result: Result | None = None
 
@@ -50,7 +45,7 @@ class KnownFit:
         Raises:
             BadInput: something else.
         """
-        inferred: InferenceRecord | Result
+        inferred: Inferred
         if isinstance(at, Valued):
             inferred = at.inferred
             alternatives, chosen = at.source.record.alternatives, at.source.record.alternative
@@ -78,10 +73,8 @@ class KnownFit:
         return cls(
             places=tuple((who, np.array([p[n] for n in names])) for who, p in whole),
             most_likely=likely,
-            intervals={n: r.ci95 for n, r in results.items()},
-            derived=inferred.derived,
+            values=inferred,
             alternative=chosen,
-            knowledge=knowledge,
             sha256=sha256,
             result=at if isinstance(at, Result) else None,
         )

@@ -25,7 +25,6 @@ from __future__ import annotations
 import re
 
 from fitting.api.fitted import Inference, Value, Valued
-from fitting.inference.likelihood.knowledge import Profile
 from fitting.report import plot
 from fitting.report.plot import (
     amplitude_spectrum,
@@ -64,12 +63,11 @@ __all__ = [
 ]
 
 
-def profile(found: Inference | Value | Profile, name: str = "", *, ax: Axes | None = None) -> Axes:
+def profile(found: Inference | Value, name: str = "", *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood: the least Δχ² that fits reach at each value.
 
     Args:
-        found: What `fitting.profile` returns, one of its values, or the profile of one; drawn in
-            its unit.
+        found: What `fitting.profile` returns, or one of its values; drawn in its unit.
         name: Which value; empty: the only one that has a profile.
         ax: Where to draw; None: pyplot's current axes.
 
@@ -78,16 +76,14 @@ def profile(found: Inference | Value | Profile, name: str = "", *, ax: Axes | No
     """
     if isinstance(found, Valued):
         found = _value_of(found, name)
-    record = found.profile if isinstance(found, Value) else found
-    if record is None:
+    if found.scan is None:
         raise BadInput(f"plot: '{found!r}' has no profile, wanted a value of fitting.profile(fit)")
-    own = found.name if isinstance(found, Value) else "value"
-    return plot.profile(record, name or own, ax=ax)
+    return plot.profile(found, found.scan, ax=ax)
 
 
 def _value_of(found: Valued, name: str) -> Value:
     """The value of that name, or the one that has a profile."""
-    walked = [key for key, value in found.values.items() if value.profile is not None]
+    walked = [key for key, value in found.values.items() if value.scan is not None]
     name = walked[0] if not name and len(walked) == 1 else name
     if name not in walked:
         said = f"one of {', '.join(walked)}" if walked else "what fitting.profile(fit) returns"

@@ -34,7 +34,7 @@ from fitting.inference.posterior.kept import Cut, Kept, keep, kept_in
 from fitting.inference.posterior.learnt import TRIED, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.outputs import outputs_of, read_outputs
-from fitting.inference.posterior.reach import Accepted, accepted_by
+from fitting.inference.posterior.reach import accepted_by
 from fitting.inference.posterior.start import Mixture
 from fitting.inference.posterior.summary import (
     CONVERGED,
@@ -457,7 +457,7 @@ class _Job:
             progress("derived outputs at the draws")
             with contextlib.suppress(KeyboardInterrupt):  # the draws are there
                 outputs = self._outputs(found)
-        derived = outputs_of(outputs, self._fit.derived, truth)
+        derived = outputs_of(outputs, self._fit.values.derived, truth)
         return Posterior(
             summary=replace(self._summary(status, walk, found, truth), derived=derived),
             outputs=outputs,
@@ -468,10 +468,8 @@ class _Job:
 
     def _reached(self, walk: Walk) -> Reached:
         """How far a walk is, held against what the fit accepts."""
-        knowledge, parameters = self._fit.knowledge, self.problem.record.parameters
-        known: Mapping[str, Accepted] = {}
-        if knowledge is not None:
-            known = accepted_by(knowledge, parameters)
+        parameters = self.problem.record.parameters
+        known = accepted_by(self._fit.values, parameters)
         shared = [p.name for p in parameters if not p.experiments]
         blind = self.bent and not all(name in known for name in shared)
         accepted = None if blind else known
@@ -480,8 +478,8 @@ class _Job:
     def _outputs(self, found: Reached) -> dict[str, FloatArray]:
         """Derived outputs that the fit has, at draws that are nearly independent, (k,) each."""
         read = self.problem.objective.response.derived_many
-        draws = _thinned(found.draws, float(np.max(found.taus)))
-        return read_outputs(read, draws, tuple(self._fit.derived)) if self._fit.derived else {}
+        draws, names = _thinned(found.draws, float(np.max(found.taus))), self._fit.values.derived
+        return read_outputs(read, draws, tuple(names)) if names else {}
 
     def _parts(self, walk: Walk | None, progress: Callable[[str], None]) -> Iterator[Walk]:
         """The walk as it grows, from what there is."""
@@ -573,7 +571,7 @@ class _Job:
     ) -> PosteriorSummary:
         beside: dict[str, Mapping[str, float | Interval]] = {
             "most_likely": dict(self._fit.most_likely),
-            "profile95": dict(self._fit.intervals),
+            "profile95": {name: p.ci95 for name, p in self._fit.values.parameters.items()},
             "truth": dict(truth),
         }
         record = self.problem.record
@@ -603,7 +601,7 @@ class _Job:
 
     def _notes(self) -> Iterator[str]:
         """What a reader must know of this posterior."""
-        record, knowledge = self.problem.record, self._fit.knowledge
+        record, knowledge = self.problem.record, self._fit.values.knowledge
         held = [p.name for p in record.parameters if p.prior_sigma]
         prior = "The prior is uniform in the box of the parameters"
         told = f"; {listed(held)} have a Gaussian prior inside of it" if len(held) > 1 else ""

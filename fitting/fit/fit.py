@@ -9,7 +9,7 @@ import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import StrEnum
 from typing import Protocol
 
 from fitting.fit.alternative import Outcome, Solved, run_alternative, with_starts
@@ -83,7 +83,7 @@ class Hooks:
     clock: Callable[[], float] = time.perf_counter
 
 
-class Status(Enum):
+class Status(StrEnum):
     """How a fit ended."""
 
     CONVERGED = "converged"

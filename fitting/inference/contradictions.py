@@ -9,12 +9,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from fitting.inference.consistency import contradictions
 from fitting.inference.joint_result import JointResult, ValueAlone
-from fitting.inference.likelihood.knowledge import Knowledge, Profile
-from fitting.inference.verdicts import withdrawn
 from fitting.text.notation import listed, quantity
 
 #: Standard deviations from which the values of two campaigns that contradict each other differ.
@@ -51,22 +48,6 @@ def contradicted(joint: JointResult | None, units: Mapping[str, str]) -> dict[st
             "determines this value by itself"
         )
     return said
-
-
-def without_verdicts(knowledge: Knowledge, reasons: Mapping[str, str]) -> Knowledge:
-    """The same, values without a verdict where there is a reason.
-
-    Args:
-        knowledge: what the data say.
-        reasons: why there is none, by name.
-    """
-
-    def judged(profiles: Mapping[str, Profile]) -> dict[str, Profile]:
-        return {n: withdrawn(p, reasons[n]) if n in reasons else p for n, p in profiles.items()}
-
-    return replace(
-        knowledge, parameters=judged(knowledge.parameters), derived=judged(knowledge.derived)
-    )
 
 
 def _apart(one: ValueAlone, other: ValueAlone) -> bool:

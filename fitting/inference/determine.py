@@ -1,4 +1,4 @@
-"""What the data determine: from an objective and a solution to `Knowledge`.
+"""What the data determine: from an objective and a solution to `Determined`.
 
 Most likely point, other minima, profiles of every parameter and derived output, directions that
 the data do not see, verdicts. Generic: it knows rows, parameters and outputs, no oscillator.
@@ -49,10 +49,10 @@ from fitting.inference.likelihood.exploration import (
 from fitting.inference.likelihood.knowledge import (
     Adequacy,
     Bootstrap,
+    Determined,
     Effort,
     Equivalent,
     Knowledge,
-    Profile,
 )
 from fitting.inference.likelihood.mirrored import Model, mirrored
 from fitting.inference.likelihood.outside import (
@@ -75,6 +75,7 @@ from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
 from fitting.text.errors import OutOfBudget
+from fitting.text.estimate import Estimate
 from fitting.text.notation import span
 
 _log = logging.getLogger(__name__)
@@ -131,7 +132,7 @@ def determine(
     solution: FloatArray,
     noise: RowNoise,
     options: InferenceOptions | None = None,
-) -> Knowledge:
+) -> Determined:
     """Verdict, interval and profile for every parameter and derived output.
 
     Args:
@@ -181,23 +182,23 @@ def determine(
     profiles = with_boxes(optimum.likelihood, outside, profiles_of(found, basis))
     if options.only:  # what nobody asked for was not walked: nothing is said of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
-    _log_of(profiles)
+    values = {name: p.value for name, p in profiles.items()}
+    _log_of(values)
     evaluator.begin(Stage.DIRECTIONS)
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
-    idle = identifiability.without_effect(evaluator, optimum, profiles)
-    resampled = _resampled(evaluator, optimum, profiles, options)
+    idle = identifiability.without_effect(evaluator, optimum, values)
+    resampled = _resampled(evaluator, optimum, values, options)
     rates = [rate for m in objective.data.measurements for rate in m.sampled_hz]
     spent = Effort(evaluator.evaluations, evaluator.derived, evaluator.runs)
     named = [p.name for p in parameters]
-    return Knowledge(
+    knowledge = Knowledge(
         data=options.data,
         chi_square=optimum.chi_square,
         freedom=optimum.degrees_of_freedom,
         adequacy=adequacy,
         most_likely=_most_likely_values(optimum),
         inflation=optimum.likelihood.inflation,
-        parameters={name: p for name, p in profiles.items() if name in named},
-        derived={name: p for name, p in profiles.items() if name not in named},
+        scans={name: p.scan for name, p in profiles.items()},
         directions=directions,
         without_effect=idle,
         equivalents=equivalents,
@@ -206,11 +207,16 @@ def determine(
             *outside_sentences(optimum),
             *beyond_sentences(optimum.likelihood, outside, profiles),
             *held_sentences(profiles),
-            *identifiability.sentences(optimum, profiles, directions, idle, equivalents),
+            *identifiability.sentences(optimum, values, directions, idle, equivalents),
         ),
-        findings=tuple(sampling_findings(rates, profiles, equivalents)),
         effort=spent,
         bootstrap=resampled,
+    )
+    return Determined(
+        parameters={name: value for name, value in values.items() if name in named},
+        derived={name: value for name, value in values.items() if name not in named},
+        findings=tuple(sampling_findings(rates, values, equivalents)),
+        knowledge=knowledge,
     )
 
 
@@ -251,7 +257,7 @@ def _likelihood(
 def _resampled(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
-    profiles: Mapping[str, Profile],
+    values: Mapping[str, Estimate],
     options: InferenceOptions,
 ) -> Bootstrap | None:
     """The bootstrap, where one is asked for."""
@@ -259,13 +265,13 @@ def _resampled(
         return None
     evaluator.begin(Stage.REFITS)
     drawn = (options.bootstrap, options.seed, options.executor)
-    return bootstrap_of(optimum, profiles, *drawn, options.progress)
+    return bootstrap_of(optimum, values, *drawn, options.progress)
 
 
-def _log_of(profiles: Mapping[str, Profile]) -> None:
-    for name, p in profiles.items():
-        interval = span(*p.interval95, p.unit).replace("\u00a0", " ")
-        _log.info("profile of %s: %s, %s", name, interval, p.verdict)
+def _log_of(values: Mapping[str, Estimate]) -> None:
+    for name, p in values.items():
+        interval = span(*p.ci95, p.unit).replace("\u00a0", " ")
+        _log.info("profile of %s: %s, %s", name, interval, p.status)
 
 
 def _outside(

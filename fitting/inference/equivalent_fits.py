@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
+from fitting.inference.likelihood.knowledge import Equivalent, Values
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 
 #: Beyond an interval by less than this share of its width a value is still the same: two fits of
@@ -58,26 +59,26 @@ def exchange_words(here: str, there: str, where: str, *, determined: bool) -> st
     return f"{how} up to an exchange: {here} here, {there} at {where}, which fits as well"
 
 
-def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
+def equivalent_findings(values: Values) -> tuple[Finding, ...]:
     """Other fits that are as good, a finding each: its values in their units, and `delta_chi2`.
 
     The subject is the alternative that leads there, else the parameter that is the most of its
     standard errors away.
 
     Args:
-        knowledge: of the fit; None: no profiles were scanned.
+        values: of the fit; without profiles nothing is known of other fits.
     """
-    if knowledge is None:
+    if values.knowledge is None:
         return ()
     found = []
-    for other in knowledge.equivalents:
-        names = _printed(knowledge, other)
+    for other in values.knowledge.equivalents:
+        names = _printed(values, other)
         found.append(
             Finding(
                 kind=Kind.equivalent_solution,
                 # nothing to act on where it differs in values that are unconstrained anyway
                 severity="warning" if other.possible and names["values"] else "note",
-                subject=other.where or _farthest(knowledge, other),
+                subject=other.where or _farthest(values, other),
                 numbers={**other.parameters, "delta_chi2": other.delta},
                 names=names,
             )
@@ -85,23 +86,28 @@ def equivalent_findings(knowledge: Knowledge | None) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _printed(knowledge: Knowledge, other: Equivalent) -> dict[str, tuple[str, ...]]:
+def _printed(values: Values, other: Equivalent) -> dict[str, tuple[str, ...]]:
     """Names and units of the values that are worth printing: the data constrain them."""
-    profiles = knowledge.parameters
-    names = tuple(n for n in other.parameters if n in profiles and profiles[n].verdict.has_value)
+    known = _profiled(values)
+    names = tuple(n for n in other.parameters if n in known and known[n].status.has_value)
     return {
         "values": names,
-        "units": tuple(profiles[n].unit for n in names),
+        "units": tuple(known[n].unit for n in names),
         "alternative": (other.where,) if other.where else (),
     }
 
 
-def _farthest(knowledge: Knowledge, other: Equivalent) -> str:
+def _farthest(values: Values, other: Equivalent) -> str:
     """The parameter whose value at another fit is the most standard errors away."""
+    known = _profiled(values)
 
     def off(name: str) -> float:
-        profile = knowledge.parameters[name]
-        far = abs(other.parameters[name] - profile.best)
-        return far / profile.sigma if profile.sigma > 0.0 else 0.0
+        sigma = values.scans[name].sigma
+        far = abs(other.parameters[name] - known[name].likely)
+        return far / sigma if sigma > 0.0 else 0.0
 
-    return max((n for n in other.parameters if n in knowledge.parameters), key=off, default="")
+    return max((n for n in other.parameters if n in known), key=off, default="")
+
+
+def _profiled(values: Values) -> dict[str, Estimate]:
+    return {name: value for name, value in values.parameters.items() if name in values.scans}

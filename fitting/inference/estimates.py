@@ -196,8 +196,8 @@ def _within(box: tuple[float, float], value: float, half: float) -> tuple[float,
     return min(low, value), max(high, value)
 
 
-def offset_results(solution: Solution, found: Estimates) -> tuple[Estimate, ...]:
-    """One record per parameter of an experiment: what it adds up to there, with its error.
+def offset_results(solution: Solution, found: Estimates) -> dict[str, Estimate]:
+    """One record per parameter of an experiment, by name: what it adds up to there, with its error.
 
     Steps of a random walk are reported as the offset that they have led to.
 
@@ -207,7 +207,7 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[Estimate, ...]
     """
     parameters = solution.parameters
     own = [p for p in parameters if p.experiments]
-    results = []
+    results = {}
     for i, p in enumerate(parameters):
         if p.experiment is None:
             continue
@@ -219,25 +219,23 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[Estimate, ...]
         (std, half), shrinkage = _halves(solution, gradient)
         shift = solution.errors.shift(gradient)
         later = [q.experiment for q in own if q is not p and _goes_to(q) == _goes_to(p)]
-        results.append(
-            Estimate(
-                name=p.name,
-                role="offset",
-                experiments=tuple(label for label in p.experiments if label not in later),
-                variables=_goes_to(p),
-                value=float(adds @ found.reported),
-                unit=p.unit,
-                std=std + shift,
-                ci95=(best - half - shift, best + half + shift),
-                prior=p.prior_sigma or float("nan"),
-                shrinkage=shrinkage,
-                status=_word(shrinkage),
-                fitted=float(found.reported[i]),
-                most_likely=best,
-                simulation=shift,
-            )
+        results[p.name] = Estimate(
+            name=p.name,
+            role="offset",
+            experiments=tuple(label for label in p.experiments if label not in later),
+            variables=_goes_to(p),
+            value=float(adds @ found.reported),
+            unit=p.unit,
+            std=std + shift,
+            ci95=(best - half - shift, best + half + shift),
+            prior=p.prior_sigma or float("nan"),
+            shrinkage=shrinkage,
+            status=_word(shrinkage),
+            fitted=float(found.reported[i]),
+            most_likely=best,
+            simulation=shift,
         )
-    return tuple(results)
+    return results
 
 
 def _goes_to(parameter: Parameter) -> tuple[str, ...]:

@@ -18,12 +18,11 @@ from fitting.inference.alternatives import equal_fit
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.findings import residual_findings
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.measurements.measurement import Response
 from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.finding import Finding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +48,8 @@ def identify(
     respond: Callable[[Mapping[str, Scalar]], Response],
     units: Mapping[str, str],
     request: IdentificationOptions,
-) -> tuple[Knowledge, tuple[Finding, ...]]:
-    """Knowledge of one problem; alternatives that fit as well are named beside it. And findings.
+) -> Determined:
+    """What the data of one problem determine, with alternatives that fit as well, and findings.
 
     Args:
         problem: parameters and measurements.
@@ -95,18 +94,20 @@ def identify(
         only=_shared(problem) if own > FEW_OWN else (),
         structure=structure,
     )
-    knowledge = determine(objective, begins[0], noise, options)
+    found = determine(objective, begins[0], noise, options)
+    knowledge = found.knowledge
     widening = 1.0 if structure is None else structure.widening
     findings = residual_findings(knowledge.adequacy, problem.data.series, widening)
     if knowledge.adequacy.describes:
-        findings += (*equivalent_findings(knowledge), *knowledge.findings)
+        findings += (*equivalent_findings(found), *found.findings)
     if own <= FEW_OWN:
-        return knowledge, findings
+        return replace(found, findings=findings)
     left_out = (
         f"The {own} values of single experiments have no profile: so many would take most of the "
         f"time, and profiles are walked of {FEW_OWN} at most."
     )
-    return replace(knowledge, sentences=(*knowledge.sentences, left_out)), findings
+    knowledge = replace(knowledge, sentences=(*knowledge.sentences, left_out))
+    return replace(found, findings=findings, knowledge=knowledge)
 
 
 def own_profiled(problem: Problem) -> int:

@@ -45,14 +45,14 @@ from fitting.inference.findings import (
     pair_findings,
     simulation_findings,
 )
+from fitting.inference.inferred import Inferred, judged
 from fitting.inference.joint_result import JointResult
-from fitting.inference.judged_values import JudgedValues
 from fitting.inference.likelihood.knowledge import (
     UNCONVERGED,
     UNDESCRIBED,
     Adequacy,
+    Determined,
     Equivalent,
-    Knowledge,
 )
 from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
@@ -71,36 +71,17 @@ LOWEST = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inference:
+class Inference(Inferred):
     """What the data of a fit determine.
 
-    `parameters` and `derived` hold every value with its interval and verdict, `offsets` what
-    belongs to single experiments; `knowledge` the profiles, None where they were not walked;
-    `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
-    the fit's own unless the model does not describe the data; `ending` the same in words;
-    `findings` what a reader must know;
-    `chi_square` of the rows of known noise at the most likely point, against `dof` degrees of
-    freedom, NaN where nothing was tested;
-    `reported` (n,) are all parameters as they are reported; `sweeps` what the sweeps show;
-    `quadratures` what complex values tell. `fit` is the one that all of it is about: not the one
-    that was given, where a lower J was found on the way.
+    `reported` (n,) are all parameters as they are reported; `sweeps` what the sweeps show. `fit` is
+    the one that all of it is about: not the one that was given, where a lower J was found on the
+    way.
     """
 
     fit: Fit
-    parameters: Mapping[str, Estimate]
-    derived: Mapping[str, Estimate]
-    offsets: tuple[Estimate, ...]
-    knowledge: Knowledge | None
-    joint: JointResult | None
-    status: Status
-    message: str
-    ending: Ending
     reported: FloatArray
     sweeps: SweepFindings
-    chi_square: float = math.nan
-    dof: float = math.nan
-    quadratures: Quadratures = field(default_factory=Quadratures)
-    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,71 +125,73 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     if settled is not fit:
         fit, sweeps = _with_doubts(settled, None)
         read = _read(fit, request, sweeps)
-    solution, problem = fit.solution, fit.problem
-    read = read.ended(fit)
-    best, knowledge, adequacy, inflation = read.best, read.knowledge, read.adequacy, read.inflation
-    # one estimator: its errors are as wide as its own residuals make them
-    errors = solution.errors.widened(inflation / solution.errors.inflation)
-    if inflation > 1.0:  # then they tell the noise of all rows
-        m = errors.rows.size
-        errors = replace(errors, scatter=np.ones(m), freedom=errors.degrees_of_freedom)
-    solution = replace(solution, errors=errors)
+    return _inferred(fit, sweeps, read.ended(fit), request)
+
+
+def _inferred(
+    fit: Fit, sweeps: SweepFindings, read: _Reading, request: InferenceRequest
+) -> Inference:
+    """Values, how the fit ended, and findings, of what it was read as."""
+    best, adequacy, determined = read.best, read.adequacy, read.determined
+    solution = _widened(fit.solution, read.inflation)
     estimates = Estimates(best, solution.final.parameters, fit.options.estimator)
-    values = JudgedValues(
-        parameter_results(solution, estimates),
-        derived_results(solution, estimates, request.units, fit.options.schedule.seed),
-        offset_results(solution, estimates),
-        knowledge,
-    )
-    joint = consistency(problem, solution) if problem.is_joint else None
+    parameters = parameter_results(solution, estimates)
+    derived = derived_results(solution, estimates, request.units, fit.options.schedule.seed)
+    joint = consistency(fit.problem, solution) if fit.problem.is_joint else None
     status = _status(fit, adequacy)
-    is_best = status is Status.CONVERGED and _is_best(fit, knowledge)
+    is_best = status is Status.CONVERGED and _is_best(fit, determined)
     why_not = _why_not(fit, adequacy)
     describes = not why_not
     left = _left_at(fit, best)
-    values = values.judged(
-        contradicted(joint, values.units) if is_best else _unexplained(fit, values.units, left),
-        why_not,
-    )
-    parameters, derived, offsets = values.parameters, values.derived, values.offsets
-    knowledge = values.knowledge
-    sweeps = _with_names(sweeps, fit, {**parameters, **derived})
-    named: dict[str, Estimate]
-    named = {**parameters, **derived, **{o.name: o for o in offsets}}
-    causes = causes_of(fit, adequacy)
-    equivalents = equivalent_findings(knowledge) if describes else ()
+    units = {name: value.unit for name, value in (*parameters.items(), *derived.items())}
+    apart = contradicted(joint, units) if is_best else _unexplained(fit, units, left)
+    profiled = {} if determined is None else determined.profiled
+    parameters = judged(parameters, profiled, apart, why_not)
+    derived = judged(derived, profiled, apart, why_not)
+    offsets = judged(offset_results(solution, estimates), {}, {}, why_not)
+    named = {**parameters, **derived, **offsets}
     ending = _ending(fit, status, read, left)
     if is_best and contradictions(joint):
         ending = _contradicted(ending, joint)
-    return Inference(
+    inference = Inference(
         fit=fit,
         parameters=parameters,
         derived=derived,
-        offsets=offsets,
-        knowledge=knowledge,
+        offsets=tuple(offsets.values()),
+        knowledge=None if determined is None else determined.knowledge,
         joint=joint if describes else without_values(joint),
         status=status,
         message=_message(fit, ending, adequacy),
         ending=ending,
         reported=estimates.reported,
-        sweeps=sweeps,
+        sweeps=_with_names(sweeps, fit, {**parameters, **derived}),
         chi_square=math.nan if adequacy is None else adequacy.chi_square,
         dof=math.nan if adequacy is None else adequacy.freedom,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
-        findings=in_order(
-            *findings_of(
-                fit, offsets, sweeps, best, Misfitting(inflation, describes, adequacy, causes)
-            ),
-            *pair_findings(joint, is_best=is_best),
-            # profiles name an alternative with its values
-            *(equivalents or alternative_findings(fit.alternatives)),
-            *(_of_solution(fit, solution, {**parameters, **derived}) if describes else ()),
-            *(knowledge.findings if knowledge is not None and describes else ()),
-            *estimator_findings(fit.options, named),
-            *simulation_findings(solution.final.promised, sweeps.scale_off, named),
-            *read.missing,
-        ),
     )
+    misfitting = Misfitting(read.inflation, describes, adequacy, causes_of(fit, adequacy))
+    equivalents = equivalent_findings(inference) if describes else ()
+    findings = in_order(
+        *findings_of(fit, inference.offsets, inference.sweeps, best, misfitting),
+        *pair_findings(joint, is_best=is_best),
+        # profiles name an alternative with its values
+        *(equivalents or alternative_findings(fit.alternatives)),
+        *(_of_solution(fit, solution, {**parameters, **derived}) if describes else ()),
+        *(determined.findings if determined is not None and describes else ()),
+        *estimator_findings(fit.options, named),
+        *simulation_findings(solution.final.promised, sweeps.scale_off, named),
+        *read.missing,
+    )
+    return replace(inference, findings=findings)
+
+
+def _widened(solution: Solution, inflation: float) -> Solution:
+    """The solution with one estimator: its errors are as wide as its own residuals make them."""
+    errors = solution.errors.widened(inflation / solution.errors.inflation)
+    if inflation > 1.0:  # then they tell the noise of all rows
+        m = errors.rows.size
+        errors = replace(errors, scatter=np.ones(m), freedom=errors.degrees_of_freedom)
+    return replace(solution, errors=errors)
 
 
 def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFindings]:
@@ -286,14 +269,14 @@ def _minima(fit: Fit) -> tuple[Minimum, ...]:
 class _Reading:
     """The most likely parameters (n,), in their units, and what was found on the way.
 
-    `knowledge` is None where no profiles were walked, `missing` says why; `adequacy` whether the
+    `determined` is None where no profiles were walked, `missing` says why; `adequacy` whether the
     model will do, None where nobody asked; `inflation` that of the stated noise.
     """
 
     best: FloatArray
     adequacy: Adequacy | None
     inflation: float
-    knowledge: Knowledge | None = None
+    determined: Determined | None = None
     missing: tuple[Finding, ...] = ()
 
     def ended(self, fit: Fit) -> _Reading:
@@ -314,20 +297,22 @@ class _Reading:
             said = f"No value is reported: {adequacy.why_not}."
         if adequacy is self.adequacy:
             return self
-        knowledge = self.knowledge
-        if knowledge is not None:
-            sentences = (said, *knowledge.sentences[1:])
-            knowledge = replace(knowledge, adequacy=adequacy, sentences=sentences)
-        return replace(self, adequacy=adequacy, knowledge=knowledge)
+        determined = self.determined
+        if determined is not None:
+            sentences = (said, *determined.knowledge.sentences[1:])
+            knowledge = replace(determined.knowledge, adequacy=adequacy, sentences=sentences)
+            determined = replace(determined, knowledge=knowledge)
+        return replace(self, adequacy=adequacy, determined=determined)
 
 
 def _read(fit: Fit, request: InferenceRequest, sweeps: SweepFindings) -> _Reading:
     """What a fit is read as: by profiles, else at the most likely point alone."""
-    knowledge, missing = _knowledge(fit, request, sweeps)
-    if knowledge is None:
+    determined, missing = _determined(fit, request, sweeps)
+    if determined is None:
         return replace(_best(fit, sweeps), missing=missing)
+    knowledge = determined.knowledge
     best = np.array([knowledge.most_likely[p.name] for p in fit.solution.parameters])
-    return _Reading(best, knowledge.adequacy, knowledge.inflation, knowledge, missing)
+    return _Reading(best, knowledge.adequacy, knowledge.inflation, determined, missing)
 
 
 def _settled(fit: Fit, read: _Reading) -> Fit:
@@ -344,7 +329,7 @@ def _settled(fit: Fit, read: _Reading) -> Fit:
     try:
         [point] = evaluate_many(solution.objective, [x])
         anew = fit
-        if read.knowledge is not None and (
+        if read.determined is not None and (
             point.j_fit <= (1.0 - SAME_SHARE) * fit.fun - SAME_AMOUNT
         ):
             anew = fit_from(fit, [x])
@@ -382,9 +367,9 @@ def _let_out(fit: Fit, read: _Reading) -> Fit:
     return replace(fit, solution=solution.structured(found))
 
 
-def _knowledge(
+def _determined(
     fit: Fit, request: InferenceRequest, sweeps: SweepFindings
-) -> tuple[Knowledge | None, tuple[Finding, ...]]:
+) -> tuple[Determined | None, tuple[Finding, ...]]:
     """The profiles of some values; or none, and why."""
     if not request.profiles or fit.status is Status.INTERRUPTED:
         return None, ()
@@ -408,11 +393,11 @@ def _knowledge(
             models=_other_models(fit),
             progress=request.progress,
         )
-        knowledge = determine(solution.objective, solution.final.x, noise, options)
+        found = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_with(solution.objective, solution.noise)
-        describes = knowledge.adequacy.describes and fit.status is Status.CONVERGED
-        steps = fit.outcome.chains[0].steps
-        return replace(knowledge, nu=choose_nu(plain, steps, fit.path, describes=describes)), ()
+        describes = found.knowledge.adequacy.describes and fit.status is Status.CONVERGED
+        nu = choose_nu(plain, fit.outcome.chains[0].steps, fit.path, describes=describes)
+        return replace(found, knowledge=replace(found.knowledge, nu=nu)), ()
     except KeyboardInterrupt:
         why = "interrupted"
     except FmuFailure as failure:
@@ -438,9 +423,9 @@ def _unexplained(fit: Fit, names: Iterable[str], left: FloatArray) -> dict[str, 
     return dict.fromkeys(names, UNDESCRIBED) if missed else {}
 
 
-def _is_best(fit: Fit, knowledge: Knowledge | None) -> bool:
+def _is_best(fit: Fit, determined: Determined | None) -> bool:
     """Whether a better fit was looked for than the descent from the start."""
-    return knowledge is not None or fit.outcome.search is not None
+    return determined is not None or fit.outcome.search is not None
 
 
 def _contradicted(ending: Ending, joint: JointResult | None) -> Ending:

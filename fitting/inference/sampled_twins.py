@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from fitting.inference.likelihood.knowledge import Equivalent, Profile
+from fitting.inference.likelihood.knowledge import Equivalent
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number
 
@@ -13,18 +14,18 @@ WHOLE = 1e-3
 
 
 def sampling_findings(
-    rates_hz: Iterable[float], profiles: Mapping[str, Profile], equivalents: Sequence[Equivalent]
+    rates_hz: Iterable[float], values: Mapping[str, Estimate], equivalents: Sequence[Equivalent]
 ) -> Iterator[Finding]:
     """Which values in Hz are one of several because the record is sampled so rarely.
 
     Args:
         rates_hz: of the samples of all measurements that show frequencies up to multiples of them.
-        profiles: of parameters and outputs, by name.
+        values: of parameters and outputs, by name.
         equivalents: fits that are as good.
     """
     for rate in dict.fromkeys(rates_hz):
-        for name, profile in profiles.items():
-            found = sorted(_turns(name, profile, rate, equivalents))
+        for name, value in values.items():
+            found = sorted(_turns(name, value, rate, equivalents))
             if found:
                 alike = (name, *(_beside(name, turns, rate) for turns in found))
                 yield Finding(
@@ -36,12 +37,12 @@ def sampling_findings(
                 )
 
 
-def _turns(name: str, profile: Profile, rate: float, equivalents: Sequence[Equivalent]) -> set[int]:
+def _turns(name: str, value: Estimate, rate: float, equivalents: Sequence[Equivalent]) -> set[int]:
     """By how many rates the values of equal fits are off."""
-    if profile.unit != "Hz" or profile.kind != "parameter":
+    if value.unit != "Hz" or value.role != "parameter":
         return set()
-    values = [other.parameters[name] for other in equivalents if name in other.parameters]
-    off = [(value - profile.best) / rate for value in values]
+    there = [other.parameters[name] for other in equivalents if name in other.parameters]
+    off = [(each - value.likely) / rate for each in there]
     return {round(each) for each in off if round(each) and abs(each - round(each)) < WHOLE}
 
 

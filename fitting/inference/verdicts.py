@@ -25,12 +25,12 @@ from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.equivalent_fits import contradicts, exchange_words, turned_to
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches
-from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
+from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile, Scan
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interval
 from fitting.signal.student import ROOT_68
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import NOWHERE, Estimate, Verdict
 from fitting.text.notation import as_known, listed, number, span
 
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
@@ -116,7 +116,7 @@ class _Found:
 
 
 def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
-    """A `Profile` for every quantity, in its own unit, parameters first.
+    """Value and profile of every quantity, in its own unit, parameters first.
 
     Args:
         explored: branches and range ends of all quantities.
@@ -132,26 +132,28 @@ def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
         if name not in made:
             made[name] = _without_value(explored, name, basis)
     why = basis.withdrawn
-    return {n: withdrawn(p, why) for n, p in made.items()} if why else made
+    return {n: p._replace(value=withdrawn(p.value, why)) for n, p in made.items()} if why else made
 
 
-def withdrawn(profile: Profile, why: str) -> Profile:
-    """A profile of a model that does not describe the data: its intervals are those of nothing.
+def withdrawn(value: Estimate, why: str) -> Estimate:
+    """A value of a model that does not describe the data: its intervals are those of nothing.
 
     Args:
-        profile: as it was walked.
+        value: as it was determined.
         why: there is no verdict.
     """
-    nowhere = (math.nan, math.nan)
+    nothing = (math.nan,) * len(value.stds)
     return replace(
-        profile,
-        interval68=nowhere,
-        interval95=nowhere,
-        shrinkage=math.nan,
-        verdict=Verdict.WITHDRAWN,
-        precision=math.nan,
+        value,
+        std=math.nan,
+        ci68=NOWHERE,
+        ci95=NOWHERE,
+        shrinkage=math.nan if value.method == "profile" else value.shrinkage,
+        status=Verdict.WITHDRAWN,
         reason=why,
-        boxes=(),
+        active_bounds=(),
+        stds=nothing,
+        halves95=nothing,
     )
 
 
@@ -224,25 +226,32 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     verdict, reason = _verdict(subject, found, basis)
     shrinkage = 1.0 - min(1.0, (wide[1] - wide[0]) / (subject.box[1] - subject.box[0])) ** 2
     points = _in_order(explored, quantity)
-    return Profile(
-        kind="parameter" if subject.parameter is not None else "derived",
+    value = Estimate(
+        name=quantity.name,
+        role="derived" if subject.parameter is None else "parameter",
+        value=subject.shown(quantity.best),
         unit=subject.unit,
-        best=subject.shown(quantity.best),
-        sigma=subject.scale * quantity.sigma,
-        interval68=(low68, high68),
-        interval95=wide,
-        box=subject.box,
-        ends=(ends[0], ends[1]),
+        std=0.5 * (high68 - low68) if verdict.has_value else math.nan,
+        ci68=(low68, high68),
+        ci95=wide,
+        lower=subject.box[0] if subject.parameter is None else subject.parameter.lower,
+        upper=subject.box[1] if subject.parameter is None else subject.parameter.upper,
+        period=subject.period,
+        closed_by=(ends[0], ends[1]),
         shrinkage=shrinkage,
-        verdict=verdict,
-        precision=_precision(subject, found),
+        status=verdict,
         reason=reason,
+        method="profile",
         simulation=subject.scale * quantity.reach * quantity.sigma,
+    )
+    scan = Scan(
+        sigma=subject.scale * quantity.sigma,
         held=tuple(dict.fromkeys(found.held)) if "held" in ends else (),
         values=tuple(subject.shown(point.value) for point in points),
-        delta=tuple(max(0.0, point.delta) for point in points),
+        delta_chi2=tuple(max(0.0, point.delta) for point in points),
         path=_path(explored, points, turn),
     )
+    return Profile(value, scan)
 
 
 def _ends_of(
@@ -567,41 +576,34 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
     """An output that has no value where the data lead, or that nothing moves."""
     k = explored.optimum.likelihood.names.index(name)
     best = float(explored.optimum.expansion.sample.outputs[k])
-    nan = math.nan
-    unit = basis.units.get(name, "")
-    box = basis.boxes.get(name, (nan, nan))
-    if math.isfinite(best) and not box[1] > box[0]:  # it does not depend on what is fitted
-        return Profile(
-            kind="derived",
-            unit=unit,
-            best=best,
-            sigma=0.0,
-            interval68=(best, best),
-            interval95=(best, best),
-            box=(best, best),
-            ends=("crossed", "crossed"),
-            shrinkage=1.0,
-            verdict=Verdict.DETERMINED,
-            precision=0.0,
-            reason="exactly: it does not depend on the parameters",
-            values=(best,),
-            delta=(0.0,),
-            path={},
-        )
-    return Profile(
-        kind="derived",
-        unit=unit,
-        best=best,
-        sigma=nan,
-        interval68=box,
-        interval95=box,
-        box=box,
-        ends=("lost", "lost"),
+    box = basis.boxes.get(name, NOWHERE)
+    value = Estimate(
+        name=name,
+        role="derived",
+        value=best,
+        unit=basis.units.get(name, ""),
+        ci68=box,
+        ci95=box,
+        lower=box[0],
+        upper=box[1],
+        closed_by=("lost", "lost"),
         shrinkage=0.0,
-        verdict=Verdict.UNKNOWN,
-        precision=nan,
+        status=Verdict.UNKNOWN,
         reason="it has no value at the most likely point",
-        values=(),
-        delta=(),
-        path={},
+        method="profile",
     )
+    if not (math.isfinite(best) and not box[1] > box[0]):
+        return Profile(value, Scan(sigma=math.nan, values=(), delta_chi2=(), path={}))
+    exact = replace(
+        value,
+        std=0.0,
+        ci68=(best, best),
+        ci95=(best, best),
+        lower=best,
+        upper=best,
+        closed_by=("crossed", "crossed"),
+        shrinkage=1.0,
+        status=Verdict.DETERMINED,
+        reason="exactly: it does not depend on the parameters",
+    )
+    return Profile(exact, Scan(sigma=0.0, values=(best,), delta_chi2=(0.0,), path={}))

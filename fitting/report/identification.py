@@ -25,8 +25,8 @@ def _part(found: Identification) -> Section | None:
     return Section(
         "part",
         "A part of the measurements alone",
-        paragraphs=part_sentences(found.knowledge, found.part),
-        tables=(part_table(found.knowledge, found.part),),
+        paragraphs=part_sentences(found, found.part),
+        tables=(part_table(found, found.part),),
     )
 
 
@@ -42,23 +42,22 @@ def write_report(found: Identification, out_dir: Path) -> Path:
     """
     with style():
         planned = of_identification(
-            knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
+            knowledge_figures(found, found.title, synthetic=found.synthetic)
         )
         figures = tuple(save(p.drawing(), out_dir / FIGURES, for_page=True) for p in planned)
     origin = pairs_table(
         "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}
     )
     made = (
-        knowledge_section(found.knowledge, figures),
+        knowledge_section(found, figures),
         _part(found),
         Section("provenance", "Provenance", tables=(origin,)),
     )
-    profiles = found.knowledge.profiles.values()
-    open_ = any(p.verdict is not Verdict.DETERMINED for p in profiles)
+    open_ = any(p.status is not Verdict.DETERMINED for p in found.profiled.values())
     page = Page(
         title=found.title,
         kind="what the data determine",
-        status=Status("Identified", open_values_sentence(found.knowledge), not open_),
+        status=Status("Identified", open_values_sentence(found), not open_),
         sections=tuple(section for section in made if section is not None),
         synthetic=found.synthetic,
     )

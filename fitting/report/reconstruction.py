@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.fit.fit import Status as Ended
+from fitting.inference.likelihood.knowledge import Values
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
 from fitting.report.figures import numbers
@@ -34,7 +35,7 @@ from fitting.report.tables.values import (
     per_experiment_table,
     per_place_table,
 )
-from fitting.result.result import STATUSES, Result
+from fitting.result.result import Result
 from fitting.text.notation import number, scalar_words, settings_words, signs_words
 
 Figures = tuple[FigureFile, ...]
@@ -158,7 +159,7 @@ def status_of(result: Result) -> Status:
     Args:
         result: of a reconstruction.
     """
-    good = result.status == STATUSES[0]
+    good = result.status == Ended.CONVERGED
     ground = result.ending.ground
     said = f"{ground[:1].upper()}{ground[1:]}." if ground[:1].isascii() else f"{ground}."
     return Status(
@@ -193,7 +194,7 @@ def sections_of(
     made = [
         Section("values", "Values", tables=(interval_table(result, "Fitted and derived values"),)),
         _found(result),
-        knowledge_section(result.knowledge, take(*KNOWLEDGE_FIGURES)),
+        knowledge_section(result, take(*KNOWLEDGE_FIGURES)),
         _findings(result),
         _agreement(result),
         _quadratures(result),
@@ -214,22 +215,23 @@ def sections_of(
     )
 
 
-def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section | None:
+def knowledge_section(found: Values, figures: Figures) -> Section | None:
     """What the data determine; None where no profiles were walked.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values, with what was found besides.
         figures: those of the report, by subject.
     """
+    knowledge = found.knowledge
     if knowledge is None:
         return None
     drawn = any(figure.kind == numbers.PROFILES for figure in figures)  # its caption says it
-    flat = "" if drawn else flat_sentence(knowledge)
+    flat = "" if drawn else flat_sentence(found)
     return Section(
         id="knowledge",
         title=phrase("knowledge", "heading", knowledge),
         paragraphs=tuple(filter(None, (*phrases("knowledge", "about", knowledge), flat))),
-        tables=knowledge_tables(knowledge),
+        tables=knowledge_tables(found, knowledge),
         figures=figures,
     )
 

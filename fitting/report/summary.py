@@ -340,7 +340,7 @@ def _measurement(result: Result, left: Mapping[str, Estimate], kinds: set[Kind])
         if any(f.kind in STRUCTURED and f.severity != "note" for f in result.findings):
             return "fit a background, or use another model: what the residuals show is no noise", ""
         return "none needed: every requested value is determined", ""
-    if "cost" in knowledge.profiles[target].ends:
+    if "cost" in result.profiled[target].closed_by:
         return _larger_budget(result)
     command = _design_command(result, target)
     if not command:

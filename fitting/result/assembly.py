@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.findings import in_order
 from fitting.inference.infer import Inference
+from fitting.inference.inferred import Inferred
 from fitting.measurements.sweep import Sweep
 from fitting.result.result import (
     Cost,
@@ -50,13 +51,10 @@ def result_of(
     problem, solution, last = fit.problem, fit.solution, fit.solution.last
     maximum = _maximum(problem)
     findings = in_order(*inference.findings, *further)
+    shared = {each.name: getattr(inference, each.name) for each in fields(Inferred)}
     return Result(
         title=problem.title,
         synthetic=problem.synthetic,
-        status=inference.status.value,
-        message=inference.message,
-        parameters=inference.parameters,
-        derived=inference.derived,
         alternative=dict(fit.alternative),
         deviations=deviations(problem, solution),
         j_fit=solution.final.j_fit,
@@ -73,15 +71,8 @@ def result_of(
         warnings=warning_sentences(findings),
         provenance=provenance,
         line=None if problem.is_joint else next(iter(inference.sweeps.lines.values()), None),
-        offsets=inference.offsets,
-        joint=inference.joint,
-        knowledge=inference.knowledge,
         plan=plan,
-        quadratures=inference.quadratures,
-        ending=inference.ending,
-        chi_square=inference.chi_square,
-        dof=inference.dof,
-        findings=findings,
+        **{**shared, "findings": findings},
     )
 
 

@@ -6,28 +6,22 @@ units that stand beside them; `nan` (JSON null) where there is none.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 from fitting.fit.path import AlternativeResult, HistoryRow
-from fitting.inference.ending import Ending
-from fitting.inference.joint_result import ExternalTest, JointResult
-from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.inference.quadratures import Quadratures
+from fitting.inference.inferred import Inferred
+from fitting.inference.joint_result import ExternalTest
 from fitting.inference.sweep_line import SweepLine
 from fitting.result.schema import SCHEMA, upgraded
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_text
-from fitting.text.estimate import Estimate, Floats
+from fitting.text.estimate import Floats
 from fitting.text.files import write_whole
-from fitting.text.finding import Finding
 from fitting.text.records import read_json, write_json
-
-STATUSES = ("converged", "not converged", "interrupted", "does not describe the data")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +128,7 @@ class Compared(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class Result(Inferred):
     """A whole reconstruction, as `result.json` holds it."""
 
     schema: int = SCHEMA
@@ -143,14 +137,6 @@ class Result:
     """Heading of the campaign."""
     synthetic: bool
     """Whether the data are declared to be made by a computer."""
-    status: str
-    """One of STATUSES: converged, not converged, interrupted, does not describe the data."""
-    message: str
-    """What `status` means here, a sentence."""
-    parameters: Mapping[str, Estimate]
-    """The fitted parameters by name."""
-    derived: Mapping[str, Estimate]
-    """Outputs of the FMU that follow from them, by name."""
     alternative: Mapping[str, Scalar]
     """The discrete settings that are reported."""
     deviations: Deviations
@@ -183,26 +169,10 @@ class Result:
     """Where all of it comes from."""
     line: SweepLine | None = None
     """One damped mode fitted to the sweep without the FMU."""
-    offsets: tuple[Estimate, ...] = ()
-    """Fitted values of single experiments, as offsets from the drift."""
-    joint: JointResult | None = None
-    """Several series: what they say alone, together and of each other."""
     external: tuple[ExternalTest, ...] = ()
     """Distances to values from elsewhere (`--external`)."""
-    knowledge: Knowledge | None = None
-    """What the data determine: profiles, directions, other minima."""
     plan: PlanRecord | None = None
     """How accurately the FMU was simulated, decision by decision."""
-    quadratures: Quadratures = field(default_factory=Quadratures)
-    """What was solved inside complex sweeps, and quality factors behind a wiring."""
-    ending: Ending = field(default_factory=Ending)
-    """`status` in words, and what they rest on, as terminal and page tell them."""
-    findings: tuple[Finding, ...] = ()
-    """What a reader has to know, decided once."""
-    chi_square: float = math.nan
-    """Of the rows of known noise at the most likely point; NaN where nothing was tested."""
-    dof: float = math.nan
-    """Its degrees of freedom."""
 
     @property
     def fitted_values(self) -> dict[str, float]:

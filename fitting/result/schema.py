@@ -7,6 +7,8 @@ from typing import Any
 
 #: Version of the keys of `result.json`; schema 1 is that of 0.2.0.
 SCHEMA = 2
+#: Keys of what the data determine in schema 1 whose numbers are those of values now.
+PROFILES = ("parameters", "derived", "findings")
 #: Keys of a value in schema 1 that are computed from others now.
 COMPUTED = ("identifiable", "bars", "boxes", "box", "mean", "precision", "parameter")
 
@@ -16,7 +18,8 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
 
     Schema 1 had three records for values: `identifiable` is `status` now, `boxes` are
     `active_bounds`, the range `box` of an output is `lower` and `upper`, and the sides `bars` of a
-    68 % interval are the interval `ci68`.
+    68 % interval are the interval `ci68`. A profile repeated all that in `knowledge`; its points
+    are in `knowledge.scans` now.
 
     Args:
         data: as it was read from the file.
@@ -26,6 +29,9 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     knowledge = data.get("knowledge") or {}
     profiles = {**knowledge.get("parameters", {}), **knowledge.get("derived", {})}
     made = {**data, "schema": SCHEMA}
+    if knowledge:
+        made["knowledge"] = {key: item for key, item in knowledge.items() if key not in PROFILES}
+        made["knowledge"]["scans"] = {name: _scan(profile) for name, profile in profiles.items()}
     for key, role in (("parameters", "parameter"), ("derived", "derived")):
         made[key] = {
             name: _estimate(name, role, value, profiles.get(name))
@@ -53,7 +59,13 @@ def _estimate(
         made["ci68"] = [best - sides["below"], best + sides["above"]]
     if profile is not None:
         made |= {"method": "profile", "closed_by": profile["ends"]}
+        made["ci68"] = profile["interval68"]
     return made
+
+
+def _scan(profile: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {key: profile[key] for key in ("sigma", "values", "path", "held")}
+    return {**kept, "delta_chi2": profile["delta"]}
 
 
 def json_schema(kind: type) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
-from fitting.text.error_bars import ErrorBars, error_bars
+from fitting.text.error_bars import EVEN, ErrorBars, error_bars
 from fitting.text.notation import listed, span
 
 Floats = tuple[float, ...]
@@ -30,8 +30,20 @@ RENAMED = {
     "box": "bounds",
     "mean": "value",
     "parameter": "name",
+    "kind": "role",
+    "verdict": "status",
+    "best": "likely",
+    "interval68": "ci68",
+    "interval95": "ci95",
+    "ends": "closed_by",
+    "range": "bounds",
+    "stopped_at": "likely",
+    "profile": "scan",
+    "delta": "delta_chi2",
     "box_end": "bound_passed",
 }
+#: What a value is of.
+Role = Literal["parameter", "derived", "offset", "value"]
 #: How errors and intervals were determined.
 Method = Literal["covariance", "linearised, verified", "profile", "posterior"]
 
@@ -80,8 +92,22 @@ def in_boxes(names: Sequence[str]) -> str:
     return f" in the {'box' if len(names) == 1 else 'boxes'} of {listed(names)}"
 
 
+class OldNames:
+    """A record whose attributes of 0.2.0 work with a warning until 0.4."""
+
+    if not TYPE_CHECKING:  # a type checker knows the names of now alone
+
+        def __getattr__(self, name: str) -> Any:
+            now = RENAMED.get(name, "")
+            if not hasattr(type(self), now) and now not in vars(self):
+                raise AttributeError(f"'{type(self).__name__}' has no '{name}'")
+            text = f"'{name}' of a value is '{now}' now; the old name goes with 0.4"
+            warnings.warn(text, DeprecationWarning, stacklevel=2)
+            return getattr(self, now)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
+class Estimate(OldNames):
     """One value, in ``unit``.
 
     Args:
@@ -92,8 +118,8 @@ class Estimate:
             canonical: periodic ones lie in [0, period). Of an output its mean over the experiments;
             of an offset all steps of a random walk together.
         std: half of the 68 % interval; NaN where ``status`` leaves no value.
-        ci68: interval of the profile likelihood; NaN without a profile.
-        ci95: the same at 95 %; without a profile of the covariance.
+        ci68, ci95: intervals of the profile likelihood, also where ``status`` leaves no value;
+            without a profile ``ci95`` is that of the covariance and ``ci68`` NaN.
         status: how far the data determine it, ``reason``: why.
         method: of errors and intervals.
         closed_by: what closes each side of ``ci95`` (``ENDS`` of a profile); empty without one.
@@ -121,7 +147,7 @@ class Estimate:
     std: float = math.nan
     ci95: Interval = NOWHERE
     status: Verdict = Verdict.LINEARISED
-    role: Literal["parameter", "derived", "offset", "value"] = "value"
+    role: Role = "value"
     shrinkage: float = math.nan
     ci68: Interval = NOWHERE
     method: Method = "covariance"
@@ -147,15 +173,6 @@ class Estimate:
     stds: Floats = ()
     halves95: Floats = ()
 
-    if not TYPE_CHECKING:  # a type checker knows the names of now alone
-
-        def __getattr__(self, name: str) -> Any:
-            if name not in RENAMED:
-                raise AttributeError(f"an estimate has no '{name}'")
-            text = f"'{name}' of a value is '{RENAMED[name]}' now; the old name goes with 0.4"
-            warnings.warn(text, DeprecationWarning, stacklevel=2)
-            return getattr(self, RENAMED[name])
-
     @property
     def bounds(self) -> Interval:
         """Bounds of a parameter, range of an output over them: what it may be without any data."""
@@ -164,6 +181,8 @@ class Estimate:
     @property
     def bars(self) -> ErrorBars:
         """What is printed beside the value: ± or both sides."""
+        if not self.status.has_value:
+            return EVEN
         return error_bars(self.likely, self.ci68, self.ci95, self.simulation)
 
     @property
@@ -200,6 +219,8 @@ class Estimate:
     def is_all_round(self) -> bool:
         """Whether the 95 % interval is a whole period, so that the value may be anything."""
         low, high = self.ci95
+        if self.closed_by[0] == "round":
+            return True
         return self.period is not None and high - low >= ALL_ROUND * self.period
 
     @property

@@ -16,7 +16,7 @@ import pytest
 from fitting.campaign.parameters import to_search
 from fitting.cli.main import main
 from fitting.fit.objective import Objective
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.inference.verdicts import WAS_CUT
 from fitting.measurements.measurement import Evaluation, Response
 from fitting.report.words.inference import open_values_sentence
@@ -51,12 +51,12 @@ def test_whatever_a_budget_cuts_is_known_or_called_cut() -> None:
         except OutOfBudget:
             assert budget < 60
             continue
-        seen.add(both.verdict)
-        if both.verdict is Verdict.UNKNOWN:
+        seen.add(both.status)
+        if both.status is Verdict.UNKNOWN:
             assert WAS_CUT in both.reason
         else:
-            assert both.verdict is Verdict.DETERMINED
-            assert both.interval95[0] < 3.5 < both.interval95[1]
+            assert both.status is Verdict.DETERMINED
+            assert both.ci95[0] < 3.5 < both.ci95[1]
     assert seen == {Verdict.UNKNOWN, Verdict.DETERMINED}
 
 
@@ -79,10 +79,10 @@ def test_the_usual_budget_is_enough_where_every_evaluation_takes_many_runs() -> 
     plain = whitened(lambda x: decays(np.append(x, 0.4)), *own, both=lambda x: float(x[0] * x[1]))
     costly = replace(plain, response=_Costly(plain.response))
     cut = learnt(costly, budget=500_000).derived["both"]
-    assert cut.verdict is Verdict.UNKNOWN
+    assert cut.status is Verdict.UNKNOWN
     both = learnt(costly).derived["both"]
-    assert both.verdict is Verdict.DETERMINED
-    assert both.interval95[0] < 3.5 < both.interval95[1]
+    assert both.status is Verdict.DETERMINED
+    assert both.ci95[0] < 3.5 < both.ci95[1]
 
 
 def of_a_long_series(s: Callable[[float], list[float]]) -> Objective:
@@ -102,12 +102,12 @@ def of_a_long_series(s: Callable[[float], list[float]]) -> Objective:
     )
 
 
-def known_of_a_long_series(found: Knowledge) -> set[str]:
+def known_of_a_long_series(found: Determined) -> set[str]:
     """What is known besides the offsets; each holds its truth."""
     profiles = {**found.derived, **found.parameters}
-    known = {n for n, p in profiles.items() if p.verdict is not Verdict.UNKNOWN and n[0] != "o"}
+    known = {n for n, p in profiles.items() if p.status is not Verdict.UNKNOWN and n[0] != "o"}
     for name, truth in (("a", 5.0), ("k", 0.7), ("both", 3.5), ("s", -1.0), ("place", -1.0)):
-        low, high = profiles[name].interval95
+        low, high = profiles[name].ci95
         assert low < truth < high
     return known
 
@@ -126,7 +126,7 @@ def test_a_better_point_ends_dear_walks_and_the_budget_is_for_those_around_it() 
     objective = of_a_long_series(lambda s: [2.0 * (s**2 - 1.0), 0.9 * (s + 1.0)])
     begin = [to_search(objective.parameters, np.array([p.start for p in objective.parameters]))]
     found = learnt(objective, budget=1500, minima=begin)
-    assert found.chi_square < 0.01
+    assert found.knowledge.chi_square < 0.01
     assert known_of_a_long_series(found) == {"a", "k", "both", "s", "place"}
 
 
@@ -140,11 +140,9 @@ def test_a_budget_without_a_best_fit_says_so_and_does_not_blame_the_model() -> N
 def test_what_is_not_known_is_not_told_with_what_is_not_determined() -> None:
     own = parameter("a", 1.0, 20.0, start=6.0)
     found = learnt(whitened(lambda x: np.full(3, (x[0] - 5.0) / (0.3 * math.sqrt(3.0))), own))
-    assert found.parameters["a"].interval95 == pytest.approx(
-        (5.0 - 0.3 * Z95, 5.0 + 0.3 * Z95), rel=1e-3
-    )
+    assert found.parameters["a"].ci95 == pytest.approx((5.0 - 0.3 * Z95, 5.0 + 0.3 * Z95), rel=1e-3)
     assert not re.search(r"\ba\b", open_values_sentence(found))
-    cut = {"a": replace(found.parameters["a"], verdict=Verdict.UNKNOWN)}
+    cut = {"a": replace(found.parameters["a"], status=Verdict.UNKNOWN)}
     said = open_values_sentence(replace(found, parameters=cut))
     assert re.search(r"[Kk]nown.*\ba\b", said)
     assert "determine" not in said

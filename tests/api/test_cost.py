@@ -84,7 +84,7 @@ def test_what_the_job_consists_of(expected: ff.Cost) -> None:
 def test_identify_counts_the_profiles_that_it_walks(campaign: Path) -> None:
     """Its offsets have one, too: a fit has a table of their own for them."""
     problem = ff.Problem.of(campaign)
-    walked = ff.identify(problem).knowledge.profiles
+    walked = ff.identify(problem).profiled
     assert expected_of_identification(problem, 0).profiled == len(walked) == 7
 
 

@@ -325,13 +325,13 @@ def test_an_open_value_is_nan_and_has_a_range(fmu: ff.Fmu) -> None:
     assert [row.nu for row in found.path][-2:] == pytest.approx([0.1, 0.01])
     assert found.fun == found.record.solution.final.j_fit
     for name, verdict in (("lambda", "not known"), ("width_plus", "linearised only")):
-        assert found[name].verdict == verdict
+        assert found[name].status == verdict
     coupling, width = found["lambda"], found["width_plus"]
     assert math.isnan(coupling.value)
     assert math.isnan(coupling.std)
     # between no coupling (theta a multiple of pi/2) and f_minus^2 - f_plus^2 = 2 lambda^2 ...
-    assert coupling.range[0] < 1e3 < 7e5 < coupling.range[1]
-    assert math.isfinite(coupling.stopped_at)
+    assert coupling.bounds[0] < 1e3 < 7e5 < coupling.bounds[1]
+    assert math.isfinite(coupling.likely)
     # the sweep is an exact line of 95 Hz
     assert width.value == pytest.approx(95.0, abs=0.5)
     low, high = width.interval(0.68)

@@ -61,11 +61,11 @@ def test_a_report_is_what_the_command_writes(
     assert result.fitted_values == pytest.approx(fit.result.fitted_values, rel=1e-15)
     assert "agrees" in result.external[0].sentence
     assert result.provenance.command == "fitting.fit"
-    assert width.values["width_plus"].profile is not None
-    assert width.values["theta"].profile is None
+    assert width.values["width_plus"].scan is not None
+    assert width.values["theta"].scan is None
     shown = width._repr_html_()
     assert shown.count("<tr") > 3
-    assert str(width["width_plus"].verdict) in shown
+    assert str(width["width_plus"].status) in shown
 
 
 def test_the_estimate_of_algorithm_2_is_the_value_where_asked_for(fit: ff.Fit) -> None:
@@ -77,7 +77,7 @@ def test_the_estimate_of_algorithm_2_is_the_value_where_asked_for(fit: ff.Fit) -
         own, paper = fit[name], papers[name]
         assert paper.value == paper.algorithm2 == own.algorithm2
         assert own.value != own.algorithm2
-        assert paper.stopped_at == own.value
+        assert paper.likely == own.value
         assert paper.std == own.std
         assert paper.interval() == own.interval()
         assert paper.interval(0.68) == own.interval(0.68)
@@ -109,10 +109,10 @@ def test_what_was_not_profiled_keeps_its_linearised_verdict(fit: ff.Fit) -> None
     found = ff.profile(fit, ["theta"])
     for name in ("width_plus", "Q_plus", "lambda"):
         before, after = fit[name], found[name]
-        assert after.verdict == before.verdict
+        assert after.status == before.status
         assert after.std == pytest.approx(before.std, nan_ok=True)
         assert after.value == pytest.approx(before.value, nan_ok=True, rel=1e-3)
-    assert found["width_plus"].verdict == "linearised only"
+    assert found["width_plus"].status == "linearised only"
 
 
 def test_plots_take_fits_and_draw_where_they_are_told(fit: ff.Fit) -> None:
@@ -146,7 +146,7 @@ def test_every_plot_is_in_the_list_of_its_module() -> None:
 
 def test_what_is_identified_sets_out_from_a_fit(fit: ff.Fit) -> None:
     found = ff.identify(fit.problem, fit, expected=True)
-    verdicts = {name: p.verdict for name, p in found.knowledge.profiles.items()}
+    verdicts = {name: p.status for name, p in found.profiled.items()}
     assert verdicts["width_plus"] == "determined"
     assert verdicts["lambda"] == "not determined"
     assert not found.knowledge.data

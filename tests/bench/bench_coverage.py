@@ -32,7 +32,7 @@ from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.lab.bench import Instrument, Series, measure
 from fitting.lab.benches import changed, string_bench
 from fitting.lab.instruments.phase_detector import PhaseDetectors
@@ -297,7 +297,7 @@ SETTINGS = (
 
 def ask(
     setting: Setting, laboratory: Laboratory, respond: Callable[[BoundCampaign], Response]
-) -> Knowledge:
+) -> Determined:
     """What the data of one laboratory determine, asked for the values of known truth alone."""
     bound = laboratory.bound
     names = tuple(laboratory.truth)
@@ -325,18 +325,18 @@ class Count:
     #: Laboratories without a verdict: the model was not found to describe their data.
     withdrawn: int = 0
 
-    def told(self, knowledge: Knowledge, name: str, truth: float) -> None:
+    def told(self, knowledge: Determined, name: str, truth: float) -> None:
         """Count one laboratory."""
-        profile = knowledge.profiles[name]
-        low, high = profile.interval95
-        if profile.verdict == "no verdict":
+        profile = knowledge.profiled[name]
+        low, high = profile.ci95
+        if profile.status == "no verdict":
             self.withdrawn += 1
             return
-        share = (high - low) / (profile.box[1] - profile.box[0])
+        share = (high - low) / (profile.bounds[1] - profile.bounds[0])
         self.total += 1
         self.inside += low <= truth <= high
-        self.determined += profile.verdict == "determined"
-        self.open += profile.verdict == "not determined"
+        self.determined += profile.status == "determined"
+        self.open += profile.status == "not determined"
         self.shares += share
         self.narrowest = min(self.narrowest, share)
 

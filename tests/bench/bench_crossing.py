@@ -88,7 +88,7 @@ def told(lab: CrossingLaboratory, problem: ff.Problem) -> tuple[Coupling, ...]:
             Coupling(
                 name=name,
                 seed=lab.seed,
-                verdict=str(value.verdict),
+                verdict=str(value.status),
                 value=value.value,
                 std=value.std,
                 low=low,

@@ -116,9 +116,9 @@ def fitted(problem: ff.Problem, misfit: str | None = None) -> str:
 
 def identified(problem: ff.Problem) -> str:
     """What the data determine; what is said of the width."""
-    width = ff.identify(problem).knowledge.profiles["width_plus"]
-    low, high = width.interval95
-    return f"width {width.verdict}, {low:.4g} to {high:.4g} Hz"
+    width = ff.identify(problem).profiled["width_plus"]
+    low, high = width.ci95
+    return f"width {width.status}, {low:.4g} to {high:.4g} Hz"
 
 
 def memory_mb(pid: int | str, field: str) -> float:

@@ -173,7 +173,7 @@ def holds_the_damping(laboratory: Laboratory) -> bool:
     true = laboratory.truth["d1"]
     kind = Kind("stated", "", lambda *_: laboratory)
     knowledge = ask(kind, replace(laboratory, truth={"d1": true}), PhasorResponse)
-    low, high = knowledge.profiles["d1"].interval95
+    low, high = knowledge.profiled["d1"].ci95
     return low <= true <= high
 
 

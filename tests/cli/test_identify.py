@@ -18,7 +18,7 @@ from fitting.fit.likelihood.lockstep import Task, run_in_lockstep
 from fitting.fit.noise import RowNoise
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.bootstrap import _displaced, bootstrap
-from fitting.inference.likelihood.knowledge import Identification, Knowledge
+from fitting.inference.likelihood.knowledge import Determined, Identification
 from fitting.text.estimate import Verdict
 from fitting.text.records import read_json
 from tests.support import single_line
@@ -56,11 +56,11 @@ def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) 
     assert said.count("reflection = true") == 1
     assert "±" not in said
     found = read_json(out / "identify.json", Identification)
-    assert found.knowledge.parameters["theta"].verdict is Verdict.OPEN
-    assert found.knowledge.derived["width_plus"].verdict is Verdict.DETERMINED
+    assert found.parameters["theta"].status is Verdict.OPEN
+    assert found.derived["width_plus"].status is Verdict.DETERMINED
     assert found.synthetic
     assert found.knowledge.data
-    assert found.knowledge.derived["lambda"].verdict is Verdict.OPEN
+    assert found.derived["lambda"].status is Verdict.OPEN
     # three directions of five are seen: the line width of the observed mode and two offsets
     *seen, unseen, blind = (d.singular for d in found.knowledge.directions)
     assert len(seen) == 3
@@ -101,20 +101,21 @@ def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
     path = string_part(tmp_path / "string", pairs=(1, 3), outputs=OUTPUTS, reflection=one_form)
     words = ["identify", str(path), "--expected", "--no-report", "--workers", "2"]
     assert main([*words, "--out", str(tmp_path / "out")]) == 0
-    knowledge = read_json(tmp_path / "out" / "identify.json", Identification).knowledge
+    found = read_json(tmp_path / "out" / "identify.json", Identification)
+    knowledge = found.knowledge
     assert not knowledge.data
     assert knowledge.chi_square < 1e-6
     assert knowledge.inflation == 1.0
-    width = knowledge.derived["width_plus"]
-    assert width.verdict == "determined"
-    assert width.best == pytest.approx(94.18, abs=0.05)  # start: theta 0, d1 of the sweep
-    low, high = width.interval95
-    assert 0.5 * (low + high) == pytest.approx(width.best, rel=2e-3)
+    width = found.derived["width_plus"]
+    assert width.status == "determined"
+    assert width.likely == pytest.approx(94.18, abs=0.05)  # start: theta 0, d1 of the sweep
+    low, high = width.ci95
+    assert 0.5 * (low + high) == pytest.approx(width.likely, rel=2e-3)
     # at theta = 0 the coupling is 0 and has no slope: its range is what is left, not a zero
-    coupling = knowledge.derived["lambda"]
-    assert coupling.verdict == "not determined"
+    coupling = found.derived["lambda"]
+    assert coupling.status == "not determined"
     highest = math.sqrt(0.5 * (7027600.0**2 - 6940260.0**2))  # sin(2 theta) = -1
-    assert coupling.interval95[1] == pytest.approx(highest, rel=1e-3)
+    assert coupling.ci95[1] == pytest.approx(highest, rel=1e-3)
 
 
 # --- bootstrap ------------------------------------------------------------------------------------
@@ -129,7 +130,7 @@ def test_a_search_that_is_there_already_asks_for_nothing() -> None:
 
 
 @pytest.fixture(scope="module")
-def line() -> tuple[Optimum, Knowledge]:
+def line() -> tuple[Optimum, Determined]:
     objective = single_line.line_objective(sigma=SIGMA, span=SPAN)
     sigma = objective.data.sigma
     likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)), ("Q",))
@@ -139,10 +140,10 @@ def line() -> tuple[Optimum, Knowledge]:
     )
 
 
-def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) -> None:
+def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Determined]) -> None:
     """Against the inverse of the information summed over these very points, in closed form."""
     optimum, knowledge = line
-    found = bootstrap(optimum, knowledge.profiles, 400, 7)
+    found = bootstrap(optimum, knowledge.profiled, 400, 7)
     assert found.failed == 0
     response = optimum.likelihood.objective.response
     x = 2.0 * (response.tones_hz - 1000.0) / 8.0  # type: ignore[attr-defined]
@@ -163,9 +164,11 @@ def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) 
 
 
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
-def test_any_executor_gives_the_same_bootstrap(line: tuple[Optimum, Knowledge], pool: type) -> None:
+def test_any_executor_gives_the_same_bootstrap(
+    line: tuple[Optimum, Determined], pool: type
+) -> None:
     optimum, knowledge = line
-    arguments = (optimum, knowledge.profiles, 40, 3)
+    arguments = (optimum, knowledge.profiled, 40, 3)
     here = bootstrap(*arguments)
     with pool(2) as executor:
         there = bootstrap(*arguments, executor)
@@ -173,16 +176,16 @@ def test_any_executor_gives_the_same_bootstrap(line: tuple[Optimum, Knowledge], 
 
 
 def test_nothing_is_resampled_that_the_data_do_not_determine(
-    line: tuple[Optimum, Knowledge],
+    line: tuple[Optimum, Determined],
 ) -> None:
     objective = single_line.line_objective(sigma=50.0, span=SPAN)
     sigma = objective.data.sigma
     noise = RowNoise(sigma, np.zeros((sigma.size, 0)))
-    knowledge = determine(objective, np.zeros(3), noise, InferenceOptions(bootstrap=10))
-    assert knowledge.parameters["w"].verdict == "not determined"
-    assert knowledge.bootstrap is not None
-    assert "w" not in knowledge.bootstrap.values
-    assert math.isfinite(knowledge.parameters["w"].interval95[0])
+    found = determine(objective, np.zeros(3), noise, InferenceOptions(bootstrap=10))
+    assert found.parameters["w"].status == "not determined"
+    assert found.knowledge.bootstrap is not None
+    assert "w" not in found.knowledge.bootstrap.values
+    assert math.isfinite(found.parameters["w"].ci95[0])
 
 
 @pytest.mark.parametrize("text", ["depth", "=0", "depth="])

@@ -272,18 +272,18 @@ def test_a_model_without_an_answer_beyond_its_box_costs_nothing_that_the_data_en
     error: Callable[[], Exception],
 ) -> None:
     found = learnt(whitened(failing(error, 0.2), parameter("p", 1.0, 10.0)), (8.1,)).parameters["p"]
-    assert found.verdict is Verdict.DETERMINED
-    assert found.interval95 == pytest.approx((8.0 - 0.2 * Z95, 8.0 + 0.2 * Z95), rel=1e-3)
+    assert found.status is Verdict.DETERMINED
+    assert found.ci95 == pytest.approx((8.0 - 0.2 * Z95, 8.0 + 0.2 * Z95), rel=1e-3)
 
 
 @ERRORS
 def test_nothing_is_said_of_where_a_model_has_no_answer(error: Callable[[], Exception]) -> None:
     """Noise of 3 ends p below at 2.1 and above only where nobody answers."""
     found = learnt(whitened(failing(error, 3.0), parameter("p", 1.0, 10.0)), (8.1,)).parameters["p"]
-    assert found.ends == ("crossed", "lost")
-    assert found.verdict is Verdict.UNKNOWN
-    assert found.interval95[0] < found.interval68[0] < found.interval68[1] <= found.interval95[1]
-    assert found.interval95 == pytest.approx((8.0 - 3.0 * Z95, 10.0), rel=1e-3)
+    assert found.closed_by == ("crossed", "lost")
+    assert found.status is Verdict.UNKNOWN
+    assert found.ci95[0] < found.ci68[0] < found.ci68[1] <= found.ci95[1]
+    assert found.ci95 == pytest.approx((8.0 - 3.0 * Z95, 10.0), rel=1e-3)
 
 
 def test_an_end_at_which_the_model_fails_is_lost_for_other_values_free_too() -> None:
@@ -295,9 +295,9 @@ def test_an_end_at_which_the_model_fails_is_lost_for_other_values_free_too() -> 
         parameter("q", 1.0, 10.0),
     )
     found = learnt(objective, (8.1, 5.1)).parameters
-    assert found["p"].ends == ("crossed", "lost")
-    assert found["q"].verdict is Verdict.DETERMINED
-    assert found["q"].interval95 == pytest.approx((5.0 - 0.1 * Z95, 5.0 + 0.1 * Z95), rel=1e-3)
+    assert found["p"].closed_by == ("crossed", "lost")
+    assert found["q"].status is Verdict.DETERMINED
+    assert found["q"].ci95 == pytest.approx((5.0 - 0.1 * Z95, 5.0 + 0.1 * Z95), rel=1e-3)
 
 
 def slopes_at_ten(reaches: tuple[float, float]) -> Expansion:
@@ -341,7 +341,7 @@ def test_an_output_that_cannot_be_read_beyond_the_box_costs_no_profile() -> None
     inside = whitened(lambda p: rows(np.clip(p, 1.0, 10.0)), parameter("p", 1.0, 10.0))
     response = Undefined(lambda p: rows(np.clip(p, 1.0, 10.0)), {"square": lambda p: p[0] ** 2})
     found = learnt(replace(inside, response=response), (8.1,))
-    assert {p.verdict for p in found.profiles.values()} == {Verdict.DETERMINED}
+    assert {p.status for p in found.profiled.values()} == {Verdict.DETERMINED}
     ends = np.array([8.0 - 0.2 * Z95, 8.0 + 0.2 * Z95])
-    assert found.parameters["p"].interval95 == pytest.approx(tuple(ends), rel=1e-3)
-    assert found.derived["square"].interval95 == pytest.approx(tuple(ends**2), rel=2e-3)
+    assert found.parameters["p"].ci95 == pytest.approx(tuple(ends), rel=1e-3)
+    assert found.derived["square"].ci95 == pytest.approx(tuple(ends**2), rel=2e-3)

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fitting.api.fitted import Value
 from fitting.fit import checkpoint
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.result.result import Result, read_result, write_result
@@ -205,10 +206,13 @@ def test_a_result_obeys_the_published_schema() -> None:
 
 
 def test_names_of_0_2_work_with_a_warning_until_they_go() -> None:
-    d1 = read_result(Path(__file__).with_name("result_schema1.json")).parameters["d1"]
+    result = read_result(Path(__file__).with_name("result_schema1.json"))
+    d1 = result.parameters["d1"]
+    value = Value(**vars(d1), scan=result.scans["d1"])
     for old, now in RENAMED.items():
+        record = value if hasattr(value, now) else value.scan
         with pytest.warns(DeprecationWarning, match=f"'{now}'"):
-            assert repr(getattr(d1, old)) == repr(getattr(d1, now))
+            assert repr(getattr(record, old)) == repr(getattr(record, now))
     with pytest.raises(AttributeError, match="colour"):
         d1.colour  # type: ignore[attr-defined]  # noqa: B018
     assert repr(pickle.loads(pickle.dumps(d1))) == repr(d1)

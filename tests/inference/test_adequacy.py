@@ -25,6 +25,7 @@ from fitting.inference.adequacy import judged
 from fitting.inference.ending import MISFIT
 from fitting.inference.findings import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.outside import held_sentences
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Estimate, Verdict
@@ -94,8 +95,8 @@ def test_a_model_that_does_not_describe_the_data_is_looked_around_only(
 
     three = (parameter(name, 0.0, 20.0, start=6.0) for name in "pqr")
     found = learnt(whitened(rows, *three), budget=250)
-    assert found.adequacy.describes is (size < 1.0)
-    assert 0.5 * most < found.effort.evaluations <= most
+    assert found.knowledge.adequacy.describes is (size < 1.0)
+    assert 0.5 * most < found.knowledge.effort.evaluations <= most
 
 
 def test_around_a_better_point_that_describes_the_data_no_better_there_is_but_a_look() -> None:
@@ -109,9 +110,9 @@ def test_around_a_better_point_that_describes_the_data_no_better_there_is_but_a_
     starts = {"p": 5.0, "q": 15.6, "r": 15.6}
     three = (parameter(name, 0.0, 20.0, start=start) for name, start in starts.items())
     found = learnt(whitened(rows, *three), budget=4000, starts=0)
-    assert not found.adequacy.describes
-    assert found.most_likely["p"] > 9.0
-    assert found.effort.evaluations <= 1200
+    assert not found.knowledge.adequacy.describes
+    assert found.knowledge.most_likely["p"] > 9.0
+    assert found.knowledge.effort.evaluations <= 1200
 
 
 def test_noise_that_was_stated_two_times_too_small_only_widens() -> None:
@@ -120,22 +121,22 @@ def test_noise_that_was_stated_two_times_too_small_only_widens() -> None:
     found = learnt(scattered(size))
     factor = size * math.sqrt(M / (M - 1.0))
     half = float(t.ppf(0.975, M - 1)) * factor / math.sqrt(M)
-    assert found.inflation == pytest.approx(factor, rel=1e-3)
-    assert found.adequacy.chi_square == pytest.approx(M * size**2, rel=1e-4)
-    assert found.adequacy.freedom == pytest.approx(M - 1.0, abs=0.01)
-    assert found.adequacy.describes
+    assert found.knowledge.inflation == pytest.approx(factor, rel=1e-3)
+    assert found.knowledge.adequacy.chi_square == pytest.approx(M * size**2, rel=1e-4)
+    assert found.knowledge.adequacy.freedom == pytest.approx(M - 1.0, abs=0.01)
+    assert found.knowledge.adequacy.describes
     p = found.parameters["p"]
-    assert p.interval95 == pytest.approx((5.0 - half, 5.0 + half), rel=0.002)
-    assert p.verdict is Verdict.DETERMINED
-    assert found.adequacy.noise_factor == pytest.approx(factor, rel=1e-3)
+    assert p.ci95 == pytest.approx((5.0 - half, 5.0 + half), rel=0.002)
+    assert p.status is Verdict.DETERMINED
+    assert found.knowledge.adequacy.noise_factor == pytest.approx(factor, rel=1e-3)
 
 
 def test_noise_that_nobody_stated_tests_no_model() -> None:
     """The scatter of the residuals explains them by its very making, however large it is."""
     found = learnt(scattered(100.0, known=False))
-    assert found.adequacy.describes
-    assert math.isnan(found.adequacy.chi_square)
-    assert found.parameters["p"].verdict is not Verdict.WITHDRAWN
+    assert found.knowledge.adequacy.describes
+    assert math.isnan(found.knowledge.adequacy.chi_square)
+    assert found.parameters["p"].status is not Verdict.WITHDRAWN
 
 
 def fitted(objective: Objective) -> Fit:
@@ -172,9 +173,9 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
         assert math.isnan(value.std)
         assert all(map(math.isnan, value.ci95))
     if found.knowledge is not None:
-        for profile in found.knowledge.profiles.values():
-            assert profile.verdict is Verdict.WITHDRAWN
-            assert all(map(math.isnan, (*profile.interval68, *profile.interval95)))
+        for profile in found.profiled.values():
+            assert profile.status is Verdict.WITHDRAWN
+            assert all(map(math.isnan, (*profile.ci68, *profile.ci95)))
             assert math.isnan(profile.precision)
 
 
@@ -241,9 +242,9 @@ def test_of_intervals_that_nobody_tells_no_sentence_speaks() -> None:
     """a is 0 and 40 sigma at once, and the walks are cut; d = 1 holds a where it is not."""
     own = (parameter("a", -50.0, 50.0), parameter("b", -50.0, 50.0))
     cut = learnt(whitened(lambda p: np.array([p[0], p[0] - 40.0, p[1] ** 3]), *own), budget=90)
-    assert {p.verdict for p in cut.profiles.values()} == {Verdict.WITHDRAWN}
-    assert any("cost" in p.ends for p in cut.profiles.values())
-    assert not [said for said in cut.sentences if "intervals" in said]
-    held = replace(cut.parameters["a"], held=("b",))
-    assert held_sentences({"a": held}) == ()
-    assert held_sentences({"a": replace(held, verdict=Verdict.ABOVE)})
+    assert {p.status for p in cut.profiled.values()} == {Verdict.WITHDRAWN}
+    assert any("cost" in p.closed_by for p in cut.profiled.values())
+    assert not [said for said in cut.knowledge.sentences if "intervals" in said]
+    value, held = cut.parameters["a"], replace(cut.scans["a"], held=("b",))
+    assert held_sentences({"a": Profile(value, held)}) == ()
+    assert held_sentences({"a": Profile(replace(value, status=Verdict.ABOVE), held)})

@@ -96,17 +96,17 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
     sigma = measured.sigma
     x = to_search(objective.parameters, TRUTH)
     noise = RowNoise(sigma, np.zeros((sigma.size, 1)))
-    knowledge = determine(
+    determined = determine(
         objective, x, noise, InferenceOptions(units={"lambda": "Hz"}, alternatives=(twin,))
     )
     for name in ("theta", "d1", "d2"):
-        profile = knowledge.parameters[name]
-        assert profile.verdict is Verdict.SEVERAL, name
+        profile = determined.parameters[name]
+        assert profile.status is Verdict.SEVERAL, name
         assert "exchange" in profile.reason
-    assert "120 Hz" in knowledge.parameters["d2"].reason
-    assert "reflection = true" in knowledge.parameters["d2"].reason
+    assert "120 Hz" in determined.parameters["d2"].reason
+    assert "reflection = true" in determined.parameters["d2"].reason
     for name in ("lambda", "D11"):  # the same at both
-        assert knowledge.derived[name].verdict == "determined", name
+        assert determined.derived[name].status == "determined", name
 
 
 @pytest.mark.parametrize(
@@ -132,8 +132,8 @@ def test_another_fit_beyond_the_only_end_leaves_no_bound() -> None:
 
     own = whitened(rows, parameter("p", 0.01, 1000.0, start=4.0))
     [alone] = learnt(own).parameters.values()
-    assert alone.verdict == "bounded below"
-    assert alone.interval95[0] == pytest.approx(1.0 / (0.25 + 0.25 * Z95), rel=1e-3)
+    assert alone.status == "bounded below"
+    assert alone.ci95[0] == pytest.approx(1.0 / (0.25 + 0.25 * Z95), rel=1e-3)
     twin = Equivalent(
         parameters={"p": 0.5},
         derived={},
@@ -143,9 +143,9 @@ def test_another_fit_beyond_the_only_end_leaves_no_bound() -> None:
         where="mirrored = true",
     )
     [both] = learnt(own, alternatives=(twin,)).parameters.values()
-    assert both.verdict == "not known"
-    assert both.interval95 == (0.01, 1000.0)
+    assert both.status == "not known"
+    assert both.ci95 == (0.01, 1000.0)
     assert "0.5 " in both.reason
     assert "mirrored = true" in both.reason
     inside = replace(twin, parameters={"p": 30.0})
-    assert learnt(own, alternatives=(inside,)).parameters["p"].verdict == "bounded below"
+    assert learnt(own, alternatives=(inside,)).parameters["p"].status == "bounded below"

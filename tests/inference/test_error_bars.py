@@ -18,7 +18,6 @@ from fitting.fit.options import Options
 from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import infer
-from fitting.inference.likelihood.knowledge import Profile
 from fitting.report.screen import phrase
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
@@ -84,24 +83,15 @@ def test_an_interval_that_the_error_does_not_tell_stands_beside_it() -> None:
     assert high == pytest.approx(235.0 + half, abs=4.0)
 
 
-def profile_of(near: FloatArray, far: FloatArray) -> Profile:
+def profile_of(near: FloatArray, far: FloatArray) -> Estimate:
     """Of 500 Hz, with sides at 68 % and at 95 %."""
-    return Profile(
-        kind="parameter",
+    return Estimate(
+        name="f",
         unit="Hz",
-        best=500.0,
-        sigma=10.0,
-        interval68=(500.0 - near[0], 500.0 + near[1]),
-        interval95=(500.0 - far[0], 500.0 + far[1]),
-        box=(1.0, 1e4),
-        ends=("crossed", "crossed"),
-        shrinkage=1.0,
-        verdict=Verdict.DETERMINED,
-        precision=0.1,
-        reason="",
-        values=(),
-        delta=(),
-        path={},
+        value=500.0,
+        ci68=(500.0 - near[0], 500.0 + near[1]),
+        ci95=(500.0 - far[0], 500.0 + far[1]),
+        status=Verdict.DETERMINED,
     )
 
 
@@ -116,12 +106,12 @@ def test_no_side_is_far_from_what_is_told_of_it(
     ends = Z95 * sides * (1.0, longer)
     near, far = sides + simulation, ends + simulation
     profile = profile_of(near, far)
-    bars = error_bars(profile.best, profile.interval68, profile.interval95, simulation)
+    bars = error_bars(profile.likely, profile.ci68, profile.ci95, simulation)
     assert (bars.below, bars.above) == pytest.approx(tuple(near))
     if bars.is_even:
         assert np.all(np.abs(near / np.mean(near) - 1.0) < 0.125)
     assert bars.tells95 == (1 / 1.5 < longer < 1.5)
-    assert error_bars(profile.best, (math.nan, math.nan), profile.interval95, simulation) == EVEN
+    assert error_bars(profile.likely, (math.nan, math.nan), profile.ci95, simulation) == EVEN
 
 
 UNEVEN = ErrorBars(below=8.9, above=12.8, is_even=False, tells95=False)
@@ -162,20 +152,15 @@ def test_a_value_from_python_tells_both_sides() -> None:
     profile = profile_of(np.array([20.0, 40.0]), np.array([39.2, 78.4]))
     value = Value(
         name="f",
-        kind="parameter",
+        role="parameter",
         unit="Hz",
         value=500.0,
         std=30.0,
-        verdict=Verdict.DETERMINED,
-        reason="",
-        range=(1.0, 1e4),
-        stopped_at=500.0,
-        algorithm2=500.0,
-        reference=500.0,
-        interval95=profile.interval95,
+        status=Verdict.DETERMINED,
+        ci95=profile.ci95,
     )
     assert repr(value) == "f = 500 ± 30 Hz, determined"
-    assert repr(replace(value, profile=profile)) == "f = 500 +40 −20 Hz, determined"
+    assert repr(replace(value, ci68=profile.ci68)) == "f = 500 +40 −20 Hz, determined"
 
 
 def test_a_value_that_is_handed_on_takes_its_sides_into_the_unit_of_the_fmu() -> None:

@@ -71,14 +71,14 @@ def test_value_error_and_interval_are_those_of_least_squares(seed: int, outlier:
         parameter("q", 1.0, 40.0, start=9.0),
     )
     found = learnt(objective)
-    assert found.chi_square == pytest.approx(float(chi_square), rel=1e-3, abs=2e-3)
+    assert found.knowledge.chi_square == pytest.approx(float(chi_square), rel=1e-3, abs=2e-3)
     for value, error, profile in zip(solution, errors, found.parameters.values(), strict=True):
-        assert profile.best == pytest.approx(value, abs=0.05 * error)
-        assert profile.sigma == pytest.approx(error, rel=0.01)
-        assert profile.interval95[0] < profile.best < profile.interval95[1]
+        assert profile.likely == pytest.approx(value, abs=0.05 * error)
+        assert found.scans[profile.name].sigma == pytest.approx(error, rel=0.01)
+        assert profile.ci95[0] < profile.likely < profile.ci95[1]
         at_68, at_95 = (reach * error for reach in reaches(float(chi_square)))
-        assert profile.interval95 == pytest.approx((value - at_95, value + at_95), abs=0.06 * error)
-        assert profile.interval68 == pytest.approx((value - at_68, value + at_68), abs=0.05 * error)
+        assert profile.ci95 == pytest.approx((value - at_95, value + at_95), abs=0.06 * error)
+        assert profile.ci68 == pytest.approx((value - at_68, value + at_68), abs=0.05 * error)
 
 
 def with_outlier(
@@ -125,8 +125,8 @@ def test_the_estimate_of_algorithm_2_stands_beside_and_not_in_the_interval(seed:
     # these data tell the two estimators apart
     assert float(np.sum(np.abs(matrix @ solution - measured))) > 1.01 * reached
     assert found.knowledge is not None
-    for name, profile in found.knowledge.parameters.items():
-        low, high = profile.interval68
+    for name, profile in found.parameters.items():
+        low, high = profile.ci68
         assert found.parameters[name].std == pytest.approx(0.5 * (high - low))
 
 

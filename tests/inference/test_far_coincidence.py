@@ -18,6 +18,6 @@ def test_a_fit_at_the_end_of_the_room_leaves_nothing_open_in_the_box() -> None:
     p = closed.parameter("p", 99.8, 100.4, 100.1)
     problem = closed.problem(formula, [p], np.array([3.0, 2.0]), np.array([0.003, 0.003]))
     found = ff.profile(ff.fit(problem, ff.Tikhonov(levels=3), starts=1))["p"]
-    assert found.verdict is Verdict.DETERMINED
+    assert found.status is Verdict.DETERMINED
     half = 1.96 * 0.003 / (2.0 * np.pi)
     assert found.interval() == pytest.approx((100.0 - half, 100.0 + half), abs=0.02 * half)

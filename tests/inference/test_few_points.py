@@ -22,11 +22,11 @@ from fitting.campaign.parameters import to_search
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.knowledge import Profile
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.student import ROOT_68, freedom_of_share, normal_square, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import Estimate
 from tests.support.datasets import answer, dataset, sweep_measurement
 from tests.support.whitened import parameter
 
@@ -69,11 +69,11 @@ def swept(points: int, seed: int, *, known: bool = False) -> Objective:
     return make_objective(SweptLine(f), boxes, dataset(np.empty(0), sweep=sweep))
 
 
-def profiled(objective: Objective, name: str) -> Profile:
+def profiled(objective: Objective, name: str) -> Estimate:
     begin = to_search(objective.parameters, np.array([ETA_HZ, WIDTH_HZ]))
     [point] = evaluate_many(objective, [begin])
     options = InferenceOptions(only=(name,), starts=0, twins=(), directions=False, beyond=False)
-    return determine(objective, begin, noise_of(objective, point), options).profiles[name]
+    return determine(objective, begin, noise_of(objective, point), options).profiled[name]
 
 
 def held(inside: int, total: int, share: float) -> bool:
@@ -92,8 +92,8 @@ def test_profiles_are_student_s_where_the_residuals_tell_the_noise() -> None:
         found, covariance = curve_fit(line, f, data, [ETA_HZ, WIDTH_HZ, TOP], **sigma)
         here = profiled(objective, "eta")
         law = norm if known else t(points - 3)
-        assert here.best == pytest.approx(found[0], abs=0.05 * np.sqrt(covariance[0, 0]))
-        for (low, high), share in ((here.interval68, 0.6827), (here.interval95, 0.95)):
+        assert here.likely == pytest.approx(found[0], abs=0.05 * np.sqrt(covariance[0, 0]))
+        for (low, high), share in ((here.ci68, 0.6827), (here.ci95, 0.95)):
             half = law.ppf(0.5 + 0.5 * share) * np.sqrt(covariance[0, 0])
             assert 0.5 * (high - low) == pytest.approx(half, rel=0.03), (points, known, share)
 
@@ -110,7 +110,7 @@ def test_profiles_hold_the_truth_as_often_as_they_say(points: int, known: bool) 
     total, inside = 60, {0.6827: 0, 0.95: 0}
     for seed in range(total):
         here = profiled(swept(points, seed, known=known), "width")
-        for (low, high), share in ((here.interval68, 0.6827), (here.interval95, 0.95)):
+        for (low, high), share in ((here.ci68, 0.6827), (here.ci95, 0.95)):
             inside[share] += low <= WIDTH_HZ <= high
     assert all(held(count, total, share) for share, count in inside.items()), inside
 

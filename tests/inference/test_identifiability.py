@@ -13,7 +13,7 @@ from fitting.campaign.parameters import Parameter, to_search
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.measurements.measurement import Evaluation
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
@@ -51,36 +51,36 @@ def both_modes(reflection: bool = False) -> BothModes:
 
 def learn(
     response: closed_form.ClosedFormResponse, seed: int, start: Sequence[float]
-) -> tuple[Objective, Knowledge]:
+) -> tuple[Objective, Determined]:
     measured = closed_form.measured_by(
         both_modes() if isinstance(response, BothModes) else response, noise=0.01, seed=seed
     )
     objective = make_objective(response, closed_form.string_parameters(), measured)
     sigma = measured.sigma
     x = to_search(objective.parameters, np.array(start))
-    knowledge = determine(
+    determined = determine(
         objective,
         x,
         RowNoise(sigma, np.zeros((sigma.size, 1))),
         InferenceOptions(units={"lambda": "Hz"}),
     )
-    return objective, knowledge
+    return objective, determined
 
 
 @pytest.fixture(scope="module")
-def blind() -> tuple[Objective, Knowledge]:
+def blind() -> tuple[Objective, Determined]:
     """The first series alone."""
     return learn(closed_form.string_response(), 4, (1.96, 94.0, 94.0))
 
 
 @pytest.fixture(scope="module")
-def seeing() -> tuple[Objective, Knowledge]:
+def seeing() -> tuple[Objective, Determined]:
     """With the cross response, from a start in the other half of the circle."""
     return learn(both_modes(), 4, (0.4, 94.0, 94.0))
 
 
-def test_one_series_sees_one_direction_of_three(blind: tuple[Objective, Knowledge]) -> None:
-    first, second, third = blind[1].directions
+def test_one_series_sees_one_direction_of_three(blind: tuple[Objective, Determined]) -> None:
+    first, second, third = blind[1].knowledge.directions
     assert first.sentence == ""
     assert first.singular > 1e3 * second.singular > 0.0
     assert second.singular > third.singular
@@ -89,10 +89,10 @@ def test_one_series_sees_one_direction_of_three(blind: tuple[Objective, Knowledg
         assert unseen.largest <= 0.01
 
 
-def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Knowledge]) -> None:
+def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Determined]) -> None:
     """Its own numbers, put into the closed form."""
-    objective, knowledge = blind
-    unseen = knowledge.directions[1]
+    objective, determined = blind
+    unseen = determined.knowledge.directions[1]
     change, most = [unseen.change[name] for name in ("theta", "d1", "d2")], unseen.largest
     told = [
         float(n.replace("−", "-")) for n in re.findall(r"[−\d][\d.]*(?:e-\d+)?", unseen.sentence)
@@ -101,7 +101,7 @@ def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Knowle
         assert np.min(np.abs(np.array(told) - number)) <= 0.06 * abs(number)
     assert most <= 0.01
     assert max(np.abs(change) / (np.pi, 120.0, 120.0)) > 0.01  # no trifle
-    best = np.array([knowledge.parameters[name].best for name in ("theta", "d1", "d2")])
+    best = np.array([determined.parameters[name].likely for name in ("theta", "d1", "d2")])
     parameters = objective.parameters
     xs = [to_search(parameters, p) for p in (best, best + np.array(change))]
     before, after = evaluate_many(objective, xs)
@@ -119,9 +119,9 @@ def test_a_prior_that_pulls_hides_no_direction() -> None:
     own = parameter("a", 1.0, 6.0, start=2.0), parameter("b", 1.0, 6.0, start=3.0)
     drift = parameter("o", -4.0, 4.0, start=0.0, prior_sigma=0.1)
     known = learnt(whitened(rows, *own, drift))
-    [unseen] = [each for each in known.directions if each.sentence]
+    [unseen] = [each for each in known.knowledge.directions if each.sentence]
     assert abs(unseen.change["a"]) > 0.1
-    best = np.array([known.parameters[name].best for name in ("a", "b", "o")])
+    best = np.array([known.parameters[name].likely for name in ("a", "b", "o")])
     moved = best + [unseen.change.get(name, 0.0) for name in ("a", "b", "o")]
     assert np.max(np.abs(rows(moved) - rows(best))) <= 1.05 * unseen.largest <= 0.0105
 
@@ -135,7 +135,7 @@ def test_values_of_single_experiments_are_told_together() -> None:
         return np.asarray((x[0] + x[1:] - 5.0) / 0.1)
 
     known = learnt(whitened(rows, level, *single))
-    [unseen] = [each for each in known.directions if each.sentence]
+    [unseen] = [each for each in known.knowledge.directions if each.sentence]
     by = unseen.change["level"]
     assert abs(by) > 0.01
     assert [unseen.change[each.name] for each in single] == pytest.approx([-by] * 4, abs=1e-3)
@@ -145,31 +145,31 @@ def test_values_of_single_experiments_are_told_together() -> None:
 
 
 def test_with_the_cross_response_everything_is_determined(
-    seeing: tuple[Objective, Knowledge],
+    seeing: tuple[Objective, Determined],
 ) -> None:
-    knowledge = seeing[1]
-    assert {p.verdict for p in knowledge.profiles.values()} == {"determined"}
-    assert all(direction.sentence == "" for direction in knowledge.directions)
+    determined = seeing[1]
+    assert {p.status for p in determined.profiled.values()} == {"determined"}
+    assert all(direction.sentence == "" for direction in determined.knowledge.directions)
     truth = seeing[0].response.derived_many([TRUTH])[0]["lambda"][0]
-    low, high = knowledge.derived["lambda"].interval95
+    low, high = determined.derived["lambda"].ci95
     assert low < truth < high
     assert high - low < 0.15 * truth
     for name, value in zip(("theta", "d1", "d2"), TRUTH, strict=True):
-        low, high = knowledge.parameters[name].interval95
+        low, high = determined.parameters[name].ci95
         assert low < value < high, name
 
 
-def test_the_same_matrix_a_quarter_turn_on_is_found(seeing: tuple[Objective, Knowledge]) -> None:
+def test_the_same_matrix_a_quarter_turn_on_is_found(seeing: tuple[Objective, Determined]) -> None:
     """T(theta + pi/2) diag(d2, d1) T^T is the same matrix, but lambda^2 changes sign there."""
-    knowledge = seeing[1]
-    [twin] = [e for e in knowledge.equivalents if e.origin == "start"]
-    best = {name: knowledge.parameters[name].best for name in ("theta", "d1", "d2")}
+    determined = seeing[1]
+    [twin] = [e for e in determined.knowledge.equivalents if e.origin == "start"]
+    best = {name: determined.parameters[name].likely for name in ("theta", "d1", "d2")}
     assert twin.parameters["theta"] == pytest.approx(best["theta"] - np.pi / 2, abs=2e-3)
     assert twin.parameters["d1"] == pytest.approx(best["d2"], rel=1e-3)
     assert twin.parameters["d2"] == pytest.approx(best["d1"], rel=1e-3)
     assert np.isnan(twin.derived["lambda"])
     # so the reported point is the one at which the coupling exists, wherever the search began
-    assert np.isfinite(knowledge.derived["lambda"].best)
+    assert np.isfinite(determined.derived["lambda"].likely)
 
 
 def test_a_parameter_without_effect_is_named() -> None:
@@ -186,13 +186,13 @@ def test_a_parameter_without_effect_is_named() -> None:
     )
     objective = make_objective(response, closed_form.string_parameters()[1:], measured)
     sigma = measured.sigma
-    knowledge = determine(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
-    assert knowledge.without_effect == ("d2",)
-    assert knowledge.parameters["d1"].verdict == "determined"
-    assert knowledge.parameters["d2"].verdict == "not determined"
-    [said] = [each for each in knowledge.sentences if "no effect" in each]
+    determined = determine(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
+    assert determined.knowledge.without_effect == ("d2",)
+    assert determined.parameters["d1"].status == "determined"
+    assert determined.parameters["d2"].status == "not determined"
+    [said] = [each for each in determined.knowledge.sentences if "no effect" in each]
     assert said.startswith("d2 ")
-    assert f"d1 = {knowledge.parameters['d1'].best:.4g} Hz" in said
+    assert f"d1 = {determined.parameters['d1'].likely:.4g} Hz" in said
 
 
 def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
@@ -212,14 +212,14 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
     )
     measured = dataset(np.full(6, 2.25), np.full(6, 0.02))
     objective = make_objective(Square(), (parameter,), measured)
-    knowledge = determine(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))
-    k = knowledge.parameters["k"]
-    assert k.best == pytest.approx(1.5, abs=1e-3)
-    assert k.interval95[0] < -1.49 < 1.49 < k.interval95[1]
-    assert k.verdict is Verdict.SEVERAL
+    determined = determine(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))
+    k = determined.parameters["k"]
+    assert k.likely == pytest.approx(1.5, abs=1e-3)
+    assert k.ci95[0] < -1.49 < 1.49 < k.ci95[1]
+    assert k.status is Verdict.SEVERAL
     assert "another minimum" in k.reason
-    assert knowledge.derived["square"].verdict == "determined"
-    [twin] = knowledge.equivalents
+    assert determined.derived["square"].status == "determined"
+    [twin] = determined.knowledge.equivalents
     assert twin.parameters["k"] == pytest.approx(-1.5, abs=1e-3)
 
 
@@ -261,4 +261,4 @@ def test_knowledge_comes_back_whole_from_the_file(
     write_result(result, tmp_path)
     again = read_result(tmp_path / "result.json")
     assert to_plain(again.knowledge) == to_plain(result.knowledge)
-    assert set(result.knowledge.profiles) == {*result.parameters, *result.derived}
+    assert set(result.profiled) == {*result.parameters, *result.derived}

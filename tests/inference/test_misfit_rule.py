@@ -153,7 +153,7 @@ def test_a_fit_that_has_not_converged_gives_no_values(profiles: bool) -> None:
     assert Kind.not_converged in kinds(found)
     if found.knowledge is not None:
         assert not found.knowledge.adequacy.gives_values
-        verdicts = {profile.verdict for profile in found.knowledge.profiles.values()}
+        verdicts = {profile.status for profile in found.profiled.values()}
         assert verdicts == {Verdict.WITHDRAWN}
 
 

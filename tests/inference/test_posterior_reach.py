@@ -11,15 +11,16 @@ import pytest
 
 from fitting.inference.likelihood.knowledge import (
     Adequacy,
+    Determined,
     Effort,
     Equivalent,
     Knowledge,
-    Profile,
+    Scan,
 )
 from fitting.inference.posterior.minima import Target
 from fitting.inference.posterior.reach import Accepted, accepted_by, missed_by
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate
 from tests.support.closed_posteriors import parameter
 
 
@@ -71,27 +72,16 @@ def test_a_value_a_period_off_is_the_same() -> None:
     assert away is not None
 
 
-def knowledge(inflation: float = 1.0, beside: float = 5.0) -> Knowledge:
+def determined(inflation: float = 1.0, beside: float = 5.0) -> Determined:
     """Dchi^2 = (d - 40)^2/100 of a fit whose noise was widened by so much, and 120 that fits.
 
     Where d is above 45, another value has to be `beside`.
     """
     values = (20.0, 30.0, 40.0, 50.0, 60.0, 120.0)
-    profile = Profile(
-        kind="parameter",
-        unit="",
-        best=40.0,
+    scan = Scan(
         sigma=10.0,
-        interval68=(30.0, 50.0),
-        interval95=(20.4, 100.0),
-        box=(0.0, 100.0),
-        ends=("crossed", "bound"),
-        shrinkage=0.0,
-        verdict=Verdict.OPEN,
-        precision=math.nan,
-        reason="",
         values=values,
-        delta=(4.0, 1.0, 0.0, 1.0, 4.0, 0.3),
+        delta_chi2=(4.0, 1.0, 0.0, 1.0, 4.0, 0.3),
         path={"d": values, "e": (5.0, 5.0, 5.0, beside, beside, beside)},
     )
     other = Equivalent(
@@ -100,7 +90,7 @@ def knowledge(inflation: float = 1.0, beside: float = 5.0) -> Knowledge:
     elsewhere = replace(other, parameters={"d": 88.0, "e": 5.0}, where="reflection = true")
     beyond = replace(other, parameters={"d": 99.0, "e": 30.0})
     plain: dict[str, Any] = {"directions": (), "without_effect": (), "sentences": ()}
-    return Knowledge(
+    known = Knowledge(
         data=True,
         chi_square=4.0,
         freedom=4.0,
@@ -108,11 +98,12 @@ def knowledge(inflation: float = 1.0, beside: float = 5.0) -> Knowledge:
         most_likely={"d": 40.0, "e": 5.0},
         effort=Effort(1, 0, 1),
         inflation=inflation,
-        parameters={"d": profile},
-        derived={},
+        scans={"d": scan},
         equivalents=(other, elsewhere, beyond),
         **plain,
     )
+    own = Estimate(name="d", role="parameter", value=40.0, unit="", ci95=(20.4, 100.0))
+    return Determined(parameters={"d": own}, derived={}, knowledge=known)
 
 
 BOUNDS = (parameter("d", 0.0, 100.0, 50.0), parameter("e", 0.0, 10.0, 5.0))
@@ -120,18 +111,18 @@ BOUNDS = (parameter("d", 0.0, 100.0, 50.0), parameter("e", 0.0, 10.0, 5.0))
 
 def test_accepted_are_points_of_the_profile_and_other_minima() -> None:
     """What fits beyond a bound counts at it; a minimum beyond the bounds is none of theirs."""
-    found = accepted_by(knowledge(), BOUNDS)["d"]
+    found = accepted_by(determined(), BOUNDS)["d"]
     assert sorted(found.values) == [30.0, 40.0, 50.0, 77.0, 100.0]
     assert found.width == pytest.approx(79.6)
 
 
 def test_what_fits_only_with_another_value_beyond_its_bounds_is_not_accepted() -> None:
     """Profiles are scanned beyond the bounds of all parameters; draws are not there."""
-    found = accepted_by(knowledge(beside=12.0), BOUNDS)["d"]
+    found = accepted_by(determined(beside=12.0), BOUNDS)["d"]
     assert sorted(found.values) == [30.0, 40.0, 77.0]
 
 
 def test_draws_take_the_noise_as_stated_and_so_does_what_they_have_to_come_near() -> None:
     """Noise that the fit widened by 2.5: Dchi^2 of the stated noise is 6.25 times as much."""
-    found = accepted_by(knowledge(inflation=2.5), BOUNDS)["d"]
+    found = accepted_by(determined(inflation=2.5), BOUNDS)["d"]
     assert sorted(found.values) == [40.0, 77.0, 100.0]

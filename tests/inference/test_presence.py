@@ -33,7 +33,7 @@ def test_of_noise_nothing_is_said(fmu: ff.Fmu, seed: int, monkeypatch: pytest.Mo
     """Three times the largest amplitude: profiles had cut an interval of a per cent, elsewhere."""
     monkeypatch.setattr(evolution, "GENERATIONS", 1)  # nothing is found, however long it takes
     found = told(laboratory(seed, noise=3.0, spectra=5, points=41), fmu, budget=20_000)
-    assert str(found["lambda12"].verdict) == "no verdict"
+    assert str(found["lambda12"].status) == "no verdict"
     assert found.inferred.status.value != "converged"
     knowledge = found.inferred.knowledge
     assert knowledge is not None
@@ -94,4 +94,4 @@ def test_a_weak_line_is_described_and_noise_is_not(noise: float, said: bool) -> 
     fit = ff.fit(problem, ff.Tikhonov(nu=1e-3, levels=1, misfit="squares"), starts=1)
     found = ff.profile(fit, ["eta_plus"])
     assert (found.inferred.status.value == "converged") is said
-    assert (str(found["eta_plus"].verdict) == "determined") is said
+    assert (str(found["eta_plus"].status) == "determined") is said

@@ -20,7 +20,7 @@ from fitting.fit.search.twins import find_twins, twins_but_for_priors
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.infer import infer
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Verdict
 from tests.support.datasets import dataset
@@ -40,28 +40,29 @@ A = parameter("a", -3.0, 3.0, start=0.5, prior_sigma=1.8)
 R = parameter("r", 0.2, 10.0, start=1.0)
 
 
-def values(knowledge: Knowledge, name: str) -> list[float]:
+def values(determined: Determined, name: str) -> list[float]:
     """Values at the fits that are as good, within 95 %."""
-    assert all(other.delta < 3.84 for other in knowledge.equivalents)
-    return [other.parameters[name] for other in knowledge.equivalents]
+    assert all(other.delta < 3.84 for other in determined.knowledge.equivalents)
+    return [other.parameters[name] for other in determined.knowledge.equivalents]
 
 
 @pytest.mark.parametrize("prior", [0.9, 1.8, 20.0])
 def test_the_other_sign_is_listed_however_wide_the_prior_is(prior: float) -> None:
     """(0.5 + 0.8)^2 - (0.5 - 0.8)^2 = 1.6 over the prior variance is what the other costs."""
     own = parameter("a", -3.0, 3.0, start=0.5, prior_sigma=prior)
-    knowledge = learnt(whitened(square, own, R))
-    assert values(knowledge, "a") == pytest.approx([-TRUE], abs=0.05)
-    assert knowledge.equivalents[0].delta == pytest.approx(1.6 / prior**2, rel=0.05, abs=0.01)
-    assert knowledge.parameters["a"].verdict is Verdict.SEVERAL
-    assert knowledge.parameters["r"].verdict is Verdict.DETERMINED
+    determined = learnt(whitened(square, own, R))
+    assert values(determined, "a") == pytest.approx([-TRUE], abs=0.05)
+    [delta, *_] = [other.delta for other in determined.knowledge.equivalents]
+    assert delta == pytest.approx(1.6 / prior**2, rel=0.05, abs=0.01)
+    assert determined.parameters["a"].status is Verdict.SEVERAL
+    assert determined.parameters["r"].status is Verdict.DETERMINED
 
 
 def test_a_prior_that_excludes_the_other_sign_determines_the_value() -> None:
     own = parameter("a", -3.0, 3.0, start=0.5, prior_sigma=0.2)
-    knowledge = learnt(whitened(square, own, R))
-    assert values(knowledge, "a") == []
-    assert knowledge.parameters["a"].verdict is Verdict.DETERMINED
+    determined = learnt(whitened(square, own, R))
+    assert values(determined, "a") == []
+    assert determined.parameters["a"].status is Verdict.DETERMINED
 
 
 def test_two_values_exchanged_are_listed_where_one_of_them_has_a_prior() -> None:
@@ -70,9 +71,9 @@ def test_two_values_exchanged_are_listed_where_one_of_them_has_a_prior() -> None
 
     one = parameter("p1", 0.0, 20.0, start=7.5, prior_sigma=4.0)
     other = parameter("p2", 0.0, 20.0, start=2.0)
-    knowledge = learnt(whitened(rows, one, other))
-    assert values(knowledge, "p1") == pytest.approx([3.0], abs=0.2)
-    assert values(knowledge, "p2") == pytest.approx([7.0], abs=0.2)
+    determined = learnt(whitened(rows, one, other))
+    assert values(determined, "p1") == pytest.approx([3.0], abs=0.2)
+    assert values(determined, "p2") == pytest.approx([7.0], abs=0.2)
 
 
 def test_a_second_solution_without_any_symmetry_is_listed() -> None:
@@ -81,9 +82,9 @@ def test_a_second_solution_without_any_symmetry_is_listed() -> None:
     def rows(p: FloatArray) -> FloatArray:
         return np.array([(p[0] - 0.8) * (p[0] - 2.1) / ERROR, (p[1] - 2.0) / 0.1, 0.3])
 
-    knowledge = learnt(whitened(rows, A, R))
-    [best] = [knowledge.parameters["a"].best]
-    assert sorted([best, *values(knowledge, "a")]) == pytest.approx([0.8, 2.1], abs=0.06)
+    determined = learnt(whitened(rows, A, R))
+    [best] = [determined.parameters["a"].likely]
+    assert sorted([best, *values(determined, "a")]) == pytest.approx([0.8, 2.1], abs=0.06)
 
 
 def problem() -> Problem:
@@ -101,7 +102,7 @@ def test_a_whole_fit_lists_it_too() -> None:
     assert (finding.severity, finding.subject) == ("warning", "a")
     assert finding.numbers["a"] == pytest.approx(-knowledge.most_likely["a"], abs=0.06)
     assert finding.numbers["delta_chi2"] < 3.84
-    both = [knowledge.most_likely["a"], *values(knowledge, "a")]
+    both = [knowledge.most_likely["a"], *(e.parameters["a"] for e in knowledge.equivalents)]
     assert sorted(both) == pytest.approx([-TRUE, TRUE], abs=0.06)
 
 

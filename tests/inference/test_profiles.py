@@ -17,7 +17,7 @@ from fitting.fit.likelihood.lockstep import run_in_lockstep
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.inference.likelihood.profiles import Quantity, trace_branch
 from fitting.inference.likelihood.ranges import output_ranges
 from fitting.text.arrays import FloatArray
@@ -27,7 +27,7 @@ from tests.support.datasets import dataset
 from tests.support.whitened import SIGMA, Z95, WhitenedResponse, learnt, parameter, whitened
 
 
-def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
+def known(objective: Objective, start: list[float], budget: int = 10**6) -> Determined:
     sigma = objective.data.sigma
     x = to_search(objective.parameters, np.array(start))
     return determine(
@@ -43,29 +43,29 @@ def test_one_line_is_known_as_well_as_cramer_and_rao_allow() -> None:
     """Two per cent, for the linearised error and for both intervals of the profile."""
     sigma, per_width = 0.02, 3
     objective = single_line.line_objective(sigma=sigma, per_width=per_width)
-    knowledge = known(objective, [1000.2, 8.3, 1.9])
+    determined = known(objective, [1000.2, 8.3, 1.9])
     for name, bound in single_line.bounds_of(sigma, per_width).items():
-        profile = knowledge.parameters[name]
-        assert profile.sigma == pytest.approx(bound, rel=0.02), name
-        assert half(profile.interval68) == pytest.approx(bound, rel=0.02), name
-        assert half(profile.interval95) == pytest.approx(1.96 * bound, rel=0.02), name
-        assert profile.verdict == "determined"
+        profile = determined.parameters[name]
+        assert determined.scans[name].sigma == pytest.approx(bound, rel=0.02), name
+        assert half(profile.ci68) == pytest.approx(bound, rel=0.02), name
+        assert half(profile.ci95) == pytest.approx(1.96 * bound, rel=0.02), name
+        assert profile.status == "determined"
     # Q = eta/w, and eta is known 250 times as well, relatively
     q = single_line.ETA_HZ / single_line.WIDTH_HZ
     bound = q * single_line.bounds_of(sigma, per_width)["w"] / single_line.WIDTH_HZ
-    assert knowledge.derived["Q"].sigma == pytest.approx(bound, rel=0.02)
-    assert half(knowledge.derived["Q"].interval95) == pytest.approx(1.96 * bound, rel=0.02)
+    assert determined.scans["Q"].sigma == pytest.approx(bound, rel=0.02)
+    assert half(determined.derived["Q"].ci95) == pytest.approx(1.96 * bound, rel=0.02)
 
 
 def test_an_output_has_the_interval_of_the_parameter_it_is_made_of() -> None:
     """Q falls as w rises: the ends of its interval are the ratio at the ends of w's."""
-    knowledge = known(single_line.line_objective(sigma=0.3, span=5.0), [1000.2, 8.3, 1.9])
-    low, high = knowledge.parameters["w"].interval95
-    best = knowledge.parameters["eta"].best
-    assert knowledge.derived["Q"].interval95 == pytest.approx((best / high, best / low), rel=2e-3)
+    determined = known(single_line.line_objective(sigma=0.3, span=5.0), [1000.2, 8.3, 1.9])
+    low, high = determined.parameters["w"].ci95
+    best = determined.parameters["eta"].likely
+    assert determined.derived["Q"].ci95 == pytest.approx((best / high, best / low), rel=2e-3)
     # not symmetric, and not taken for it
-    q = knowledge.derived["Q"]
-    up, down = q.interval95[1] - q.best, q.best - q.interval95[0]
+    q = determined.derived["Q"]
+    up, down = q.ci95[1] - q.likely, q.likely - q.ci95[0]
     assert up > 1.05 * down
 
 
@@ -98,8 +98,8 @@ def test_a_crooked_likelihood_gives_its_own_interval() -> None:
         brentq(lambda k: root(k) + 1.959964, -6.0, 3.0),
         brentq(lambda k: root(k) - 1.959964, -6.0, 3.0),
     ]
-    assert profile.interval95 == pytest.approx(tuple(wanted), abs=0.02)
-    assert profile.ends == ("crossed", "crossed")
+    assert profile.ci95 == pytest.approx(tuple(wanted), abs=0.02)
+    assert profile.closed_by == ("crossed", "crossed")
 
 
 def test_an_interval_that_meets_the_bound_says_so() -> None:
@@ -111,12 +111,12 @@ def test_an_interval_that_meets_the_bound_says_so() -> None:
     )
     measured = dataset(np.ones(m), np.full(m, s))
     with np.errstate(invalid="ignore"):
-        knowledge = known(make_objective(response, (parameter,), measured), [0.1])
-    profile = knowledge.parameters["k"]
-    assert profile.interval95[0] == -6.0
-    assert profile.interval95[1] == pytest.approx(math.log(1.0 + 1.959964 * s / 2.0), abs=0.01)
-    assert profile.ends == ("bound", "crossed")
-    assert profile.verdict is Verdict.ABOVE
+        determined = known(make_objective(response, (parameter,), measured), [0.1])
+    profile = determined.parameters["k"]
+    assert profile.ci95[0] == -6.0
+    assert profile.ci95[1] == pytest.approx(math.log(1.0 + 1.959964 * s / 2.0), abs=0.01)
+    assert profile.closed_by == ("bound", "crossed")
+    assert profile.status is Verdict.ABOVE
 
 
 @pytest.mark.parametrize("at", [6.0, 0.0], ids=["at its limit", "inside"])
@@ -162,60 +162,61 @@ def test_an_interval_of_68_per_cent_goes_as_far_as_anything_in_it_fits() -> None
 
     p = learnt(whitened(rows, parameter("p", -8.0, 8.0, start=0.0))).parameters["p"]
     ends = [brentq(lambda p, root=root: chi(p) - root, 4.0, 8.0) for root in (1.0, Z95)]
-    assert p.interval68 == pytest.approx((-ends[0], ends[0]), rel=0.1)
-    assert p.interval95 == pytest.approx((-ends[1], ends[1]), rel=0.02)
+    assert p.ci68 == pytest.approx((-ends[0], ends[0]), rel=0.1)
+    assert p.ci95 == pytest.approx((-ends[1], ends[1]), rel=0.02)
 
 
 @pytest.fixture(scope="module")
-def string() -> Knowledge:
+def string() -> Determined:
     response = closed_form.string_response()
     measured = closed_form.measured_by(response, noise=0.01, seed=4)
     objective = make_objective(response, closed_form.string_parameters(), measured)
     return known(objective, [1.96, 94.0, 94.0])
 
 
-def test_an_angle_that_nothing_holds_goes_round(string: Knowledge) -> None:
+def test_an_angle_that_nothing_holds_goes_round(string: Determined) -> None:
     theta = string.parameters["theta"]
-    assert theta.ends == ("round", "round")
-    assert half(theta.interval95) == pytest.approx(np.pi / 2)
-    assert theta.verdict == "not determined"
-    assert max(theta.delta) < 0.1
+    assert theta.closed_by == ("round", "round")
+    assert half(theta.ci95) == pytest.approx(np.pi / 2)
+    assert theta.status == "not determined"
+    scan = string.scans["theta"]
+    assert max(scan.delta_chi2) < 0.1
     # it closes: both ends are the same system
-    ends = [np.array([theta.path[n][k] for n in ("theta", "d1", "d2")]) for k in (0, -1)]
+    ends = [np.array([scan.path[n][k] for n in ("theta", "d1", "d2")]) for k in (0, -1)]
     matrices = [closed_form.damping(a, b, c, reflection=False) for a, b, c in ends]
     assert matrices[0][0, 0] == pytest.approx(matrices[1][0, 0], rel=0.01)
 
 
-def test_an_output_that_nothing_holds_is_as_wide_as_the_box(string: Knowledge) -> None:
+def test_an_output_that_nothing_holds_is_as_wide_as_the_box(string: Determined) -> None:
     """lambda^2 = -1/2 sin 2 theta (eta-^2 - eta+^2): from 0 to its largest value at 3 pi/4."""
     coupling = string.derived["lambda"]
     largest = math.sqrt(0.5 * (7.02760e6**2 - 6.94026e6**2))
-    assert coupling.verdict == "not determined"
-    assert coupling.interval95[0] < 1.0
-    assert coupling.interval95[1] == pytest.approx(largest, rel=1e-6)
+    assert coupling.status == "not determined"
+    assert coupling.ci95[0] < 1.0
+    assert coupling.ci95[1] == pytest.approx(largest, rel=1e-6)
     assert coupling.shrinkage < 1e-6
     truth = math.sqrt(-math.sin(2 * 1.9498)) * largest
-    assert coupling.interval95[0] < truth < coupling.interval95[1]
+    assert coupling.ci95[0] < truth < coupling.ci95[1]
 
 
-def test_what_the_data_hold_is_not_drowned_by_what_they_do_not(string: Knowledge) -> None:
+def test_what_the_data_hold_is_not_drowned_by_what_they_do_not(string: Determined) -> None:
     truth = 2 * np.pi * closed_form.damping(1.9498, 120.0, 90.0, reflection=False)[0, 0]
     width = string.derived["D11"]
-    assert width.verdict == "determined"
-    assert width.interval95[0] < truth < width.interval95[1]
-    assert half(width.interval95) < 0.05 * truth
-    assert [string.parameters[n].verdict for n in ("d1", "d2")] == ["not determined"] * 2
+    assert width.status == "determined"
+    assert width.ci95[0] < truth < width.ci95[1]
+    assert half(width.ci95) < 0.05 * truth
+    assert [string.parameters[n].status for n in ("d1", "d2")] == ["not determined"] * 2
 
 
 def test_walks_that_are_cut_claim_nothing() -> None:
     objective = single_line.line_objective(seed=1, span=2.0)
-    knowledge = known(objective, [1000.2, 8.3, 1.9], budget=30)
-    for profile in knowledge.profiles.values():
-        assert profile.ends == ("cost", "cost")
-        assert profile.interval95 == profile.box
-        assert profile.verdict is Verdict.UNKNOWN
-    assert knowledge.effort.evaluations <= 30
-    assert any("cost" in said for said in knowledge.sentences)
+    determined = known(objective, [1000.2, 8.3, 1.9], budget=30)
+    for profile in determined.profiled.values():
+        assert profile.closed_by == ("cost", "cost")
+        assert profile.ci95 == profile.bounds
+        assert profile.status is Verdict.UNKNOWN
+    assert determined.knowledge.effort.evaluations <= 30
+    assert any("cost" in said for said in determined.knowledge.sentences)
 
 
 def test_the_range_of_an_output_is_searched_not_sampled() -> None:
@@ -282,12 +283,12 @@ def test_outputs_along_a_profile_are_those_of_its_parameters() -> None:
         alone=lambda p: float(p[1]),
         total=lambda p: float(p[0] + p[1]),
     )
-    knowledge = learnt(objective)
-    found = {**knowledge.parameters, **knowledge.derived}
-    for profile in found.values():
-        a, b = np.array(profile.path["a"]), np.array(profile.path["b"])
-        np.testing.assert_allclose(profile.path["total"], a + b, rtol=0.0, atol=1e-9)
-        np.testing.assert_allclose(profile.path["alone"], b, rtol=0.0, atol=1e-9)
-    assert found["alone"].ends == ("bound", "bound")
+    determined = learnt(objective)
+    found = {**determined.parameters, **determined.derived}
+    for scan in determined.scans.values():
+        a, b = np.array(scan.path["a"]), np.array(scan.path["b"])
+        np.testing.assert_allclose(scan.path["total"], a + b, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(scan.path["alone"], b, rtol=0.0, atol=1e-9)
+    assert found["alone"].closed_by == ("bound", "bound")
     half = Z95 * 0.1 / np.sqrt(2.0)
-    np.testing.assert_allclose(found["total"].interval95, (1.01 - half, 1.01 + half), rtol=2e-3)
+    np.testing.assert_allclose(found["total"].ci95, (1.01 - half, 1.01 + half), rtol=2e-3)

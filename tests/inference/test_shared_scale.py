@@ -31,5 +31,5 @@ def test_the_least_chi_square_is_that_of_one_common_factor(tmp_path: Path) -> No
     covariance = np.diag(sigma**2) + shared**2 * np.ones((rows.size, rows.size))
     square = float(rows @ np.linalg.solve(covariance, rows))
     assert knowledge.chi_square == pytest.approx(square, rel=0.1)
-    low, high = knowledge.parameters["d2"].interval95
+    low, high = found.inferred.parameters["d2"].ci95
     assert low < laboratory.values["d2"] < high

@@ -21,7 +21,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import Inference, InferenceRequest, infer
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity, interval
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.scale import Maximum
@@ -69,17 +69,17 @@ def laboratory(seed: int, shape: FloatArray, promised: float) -> Objective:
     return make_objective(response, line_parameters(), dataset(exact + noise, NOISE * exact))
 
 
-def known(objective: Objective) -> Knowledge:
+def known(objective: Objective) -> Determined:
     begin = np.array([0.0, -0.2, 1.0])
     [point] = evaluate_many(objective, [begin])
     options = InferenceOptions(directions=False, starts=2)
     return determine(objective, begin, noise_of(objective, point), options)
 
 
-def held(knowledge: Knowledge) -> dict[str, bool]:
+def held(determined: Determined) -> dict[str, bool]:
     return {
-        name: profile.interval95[0] <= TRUTH[name] <= profile.interval95[1]
-        for name, profile in knowledge.profiles.items()
+        name: profile.ci95[0] <= TRUTH[name] <= profile.ci95[1]
+        for name, profile in determined.profiled.items()
     }
 
 
@@ -89,10 +89,10 @@ def test_intervals_hold_the_truth_whatever_the_simulation_does_within_its_promis
     shape: str, count: int
 ) -> None:
     found = [known(laboratory(seed, SHAPES[shape], PROMISED)) for seed in range(count)]
-    assert all(knowledge.adequacy.describes for knowledge in found)
-    for knowledge in found:
-        assert held(knowledge) == dict.fromkeys(TRUTH, True)
-        assert knowledge.parameters["eta"].verdict is Verdict.DETERMINED
+    assert all(determined.knowledge.adequacy.describes for determined in found)
+    for determined in found:
+        assert held(determined) == dict.fromkeys(TRUTH, True)
+        assert determined.parameters["eta"].status is Verdict.DETERMINED
 
 
 def test_without_the_promise_they_do_not() -> None:
@@ -101,9 +101,9 @@ def test_without_the_promise_they_do_not() -> None:
         known(laboratory(seed, SHAPES["one for its wings, one for its top"], 0.0))
         for seed in range(LABORATORIES)
     ]
-    assert not any(knowledge.adequacy.describes for knowledge in blind)
+    assert not any(determined.knowledge.adequacy.describes for determined in blind)
     blind = [known(laboratory(seed, SHAPES["along the line"], 0.0)) for seed in range(LABORATORIES)]
-    assert not any(k.adequacy.describes and held(k)["eta"] for k in blind)
+    assert not any(k.knowledge.adequacy.describes and held(k)["eta"] for k in blind)
 
 
 Rows = Callable[[FloatArray], FloatArray]

@@ -18,14 +18,14 @@ from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import infer
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.estimate import Verdict
 from tests.inference.test_identifiability import both_modes
 from tests.support import closed_form
 from tests.support.crossing import laboratory
 
 
-def learn(theta: float, seed: int) -> Knowledge:
+def learn(theta: float, seed: int) -> Determined:
     truth = (theta, 120.0, 90.0)
     measured = closed_form.measured_by(both_modes(), truth, noise=0.01, seed=seed)
     objective = make_objective(both_modes(), closed_form.string_parameters(), measured)
@@ -41,24 +41,24 @@ def learn(theta: float, seed: int) -> Knowledge:
 
 def test_a_twin_without_a_coupling_takes_no_part_where_the_data_hold_the_coupling() -> None:
     """lambda^2 = -sin(2 theta) (eta_-^2 - eta_+^2)/2 of the twin is that of the fit, negative."""
-    knowledge = learn(1.9498, seed=4)
-    assert knowledge.derived["lambda"].verdict is Verdict.DETERMINED
-    assert {knowledge.parameters[name].verdict for name in ("theta", "d1", "d2")} == {
+    determined = learn(1.9498, seed=4)
+    assert determined.derived["lambda"].status is Verdict.DETERMINED
+    assert {determined.parameters[name].status for name in ("theta", "d1", "d2")} == {
         Verdict.DETERMINED
     }
-    [twin] = [e for e in knowledge.equivalents if e.origin == "start"]
-    assert twin.parameters["d1"] == pytest.approx(knowledge.parameters["d2"].best, rel=1e-3)
+    [twin] = [e for e in determined.knowledge.equivalents if e.origin == "start"]
+    assert twin.parameters["d1"] == pytest.approx(determined.parameters["d2"].likely, rel=1e-3)
     assert np.isnan(twin.derived["lambda"])
     assert not twin.possible
 
 
 def test_a_twin_takes_part_where_its_coupling_exists_within_the_errors() -> None:
     """Near lambda = 0 the point estimate alone must not tell d1 from d2."""
-    knowledge = learn(np.pi / 2 + 1e-3, seed=4)
-    [twin] = [e for e in knowledge.equivalents if e.origin == "start"]
+    determined = learn(np.pi / 2 + 1e-3, seed=4)
+    [twin] = [e for e in determined.knowledge.equivalents if e.origin == "start"]
     assert twin.possible
     for name in ("theta", "d1", "d2"):
-        assert knowledge.parameters[name].verdict is Verdict.SEVERAL, name
+        assert determined.parameters[name].status is Verdict.SEVERAL, name
 
 
 def test_profiles_that_come_by_a_lower_minimum_have_the_fit_made_from_it() -> None:

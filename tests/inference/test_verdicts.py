@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import Parameter
-from fitting.inference.likelihood.knowledge import Knowledge, Profile
+from fitting.inference.likelihood.knowledge import Determined, Scan
 from fitting.inference.likelihood.outside import CUT
 from fitting.report.words.inference import knowledge_lines
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Verdict
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 Rows = Callable[[FloatArray], FloatArray]
@@ -25,7 +25,7 @@ def thrice(row: Callable[[float], float]) -> Rows:
     return lambda p: np.full(3, row(float(p[0])) / math.sqrt(3.0))
 
 
-def profile_of(row: Callable[[float], float], own: Parameter) -> Profile:
+def profile_of(row: Callable[[float], float], own: Parameter) -> Estimate:
     return learnt(whitened(thrice(row), own)).parameters[own.name]
 
 
@@ -88,13 +88,13 @@ def test_the_data_end_an_interval_and_no_box(case: str, wider: float) -> None:
     row, signed, verdict, ends = ENDED[case]
     own = in_box(wider, signed=signed)
     found = profile_of(row, own)
-    assert found.verdict is verdict, found.reason
-    for side, (end, at) in enumerate(zip(ends, found.interval95, strict=True)):
+    assert found.status is verdict, found.reason
+    for side, (end, at) in enumerate(zip(ends, found.ci95, strict=True)):
         if math.isnan(end):
-            assert found.ends[side] == "bound"
+            assert found.closed_by[side] == "bound"
             assert at == (own.lower, own.upper)[side]  # nothing was excluded
         else:
-            assert found.ends[side] == "crossed"
+            assert found.closed_by[side] == "crossed"
             assert at == pytest.approx(end, rel=0.01)
 
 
@@ -105,9 +105,9 @@ def test_a_positive_value_that_is_zero_within_its_error_is_bounded_above(
 ) -> None:
     """p = 0 with noise 1/2: wherever the box begins, p < 0.98 is what the data say."""
     found = profile_of(lambda p: p / 0.5, parameter("p", lower, upper, start=0.7))
-    assert found.verdict is Verdict.ABOVE, found.reason
-    assert found.interval95[0] <= lower
-    assert found.interval95[1] == pytest.approx(0.5 * Z95, rel=0.01)
+    assert found.status is Verdict.ABOVE, found.reason
+    assert found.ci95[0] <= lower
+    assert found.ci95[1] == pytest.approx(0.5 * Z95, rel=0.01)
 
 
 # --- as many unknowns as data
@@ -121,10 +121,10 @@ def test_with_as_many_unknowns_as_data_nothing_is_determined() -> None:
         return np.array([(x[0] - 5.0) / 0.1, (x[0] + x[1] - 12.0) / 0.1])
 
     for found in learnt(whitened(rows, p, q)).parameters.values():
-        assert found.verdict is Verdict.UNKNOWN
+        assert found.status is Verdict.UNKNOWN
         assert "unknowns" in found.reason
     more = whitened(lambda x: np.append(rows(x), (x[1] - 7.0) / 0.1), p, q)
-    assert {v.verdict for v in learnt(more).parameters.values()} == {Verdict.DETERMINED}
+    assert {v.status for v in learnt(more).parameters.values()} == {Verdict.DETERMINED}
 
 
 def test_a_gaussian_prior_is_one_more_datum() -> None:
@@ -132,7 +132,7 @@ def test_a_gaussian_prior_is_one_more_datum() -> None:
     p = parameter("p", 1.0, 20.0, start=6.0)
     q = parameter("q", 1.0, 20.0, start=6.0, prior_sigma=2.0)
     rows = whitened(lambda x: np.array([(x[0] - 5.0) / 0.1, (x[0] + x[1] - 12.0) / 0.1]), p, q)
-    assert {v.verdict for v in learnt(rows).parameters.values()} == {Verdict.DETERMINED}
+    assert {v.status for v in learnt(rows).parameters.values()} == {Verdict.DETERMINED}
 
 
 # --- how narrow
@@ -153,7 +153,7 @@ def test_narrow_is_a_factor_of_three_between_the_ends(
     """An interval of 7 (1 - half) to 7 (1 + half), half its width over its value the precision."""
     own = parameter("p", -50.0, 50.0, start=3.0 * sign)
     found = profile_of(lambda p: (p - 7.0 * sign) * Z95 / (7.0 * half), own)
-    assert found.verdict is verdict
+    assert found.status is verdict
     assert reason in found.reason
     assert found.precision == pytest.approx(half, rel=0.005)
 
@@ -175,8 +175,8 @@ def test_narrow_is_a_quarter_of_a_period_for_what_goes_round(
 
     own = parameter("theta", 0.0, math.pi, start=1.0, period=math.pi)
     found = learnt(whitened(rows, own)).parameters["theta"]
-    assert found.verdict is verdict
-    assert found.interval95 == pytest.approx((at - half, at + half), rel=0.002)
+    assert found.status is verdict
+    assert found.ci95 == pytest.approx((at - half, at + half), rel=0.002)
     assert found.precision == pytest.approx(0.5 * share, rel=0.01)
     if verdict is Verdict.BOUNDED:
         assert "quarter" in found.reason
@@ -198,8 +198,8 @@ def test_what_the_prior_knows_is_not_said_of_the_data(
     own = parameter("p", 0.0, 200.0, start=100.0, prior_sigma=tau)
     found = profile_of(lambda p: p - 100.0, own)
     half = Z95 * tau / math.hypot(1.0, tau)
-    assert found.interval95 == pytest.approx((100.0 - half, 100.0 + half), abs=0.01 * half)
-    assert found.verdict is verdict, found.reason
+    assert found.ci95 == pytest.approx((100.0 - half, 100.0 + half), abs=0.01 * half)
+    assert found.status is verdict, found.reason
     assert reason in found.reason
 
 
@@ -213,10 +213,10 @@ def test_a_jump_of_chi_square_is_no_end() -> None:
         return (p - 4.0) / 5.0 + (10.0 if p > 5.0 else 0.0)
 
     found = profile_of(row, parameter("p", -50.0, 50.0, start=3.0))
-    assert found.ends == ("crossed", "lost")
-    assert found.interval95[0] == pytest.approx(4.0 - 5.0 * Z95, rel=0.01)
-    assert found.interval95[1] == 50.0
-    assert found.verdict is Verdict.UNKNOWN
+    assert found.closed_by == ("crossed", "lost")
+    assert found.ci95[0] == pytest.approx(4.0 - 5.0 * Z95, rel=0.01)
+    assert found.ci95[1] == 50.0
+    assert found.status is Verdict.UNKNOWN
 
 
 def test_a_steep_end_is_an_end() -> None:
@@ -226,8 +226,8 @@ def test_a_steep_end_is_an_end() -> None:
         return (p - 4.0) / 10.0 + 100.0 * max(0.0, p - 5.0)
 
     found = profile_of(row, parameter("p", -50.0, 50.0, start=3.0))
-    assert found.ends == ("crossed", "crossed")
-    assert found.interval95[1] == pytest.approx(5.0 + (Z95 - 0.1) / 100.1, rel=1e-3)
+    assert found.closed_by == ("crossed", "crossed")
+    assert found.ci95[1] == pytest.approx(5.0 + (Z95 - 0.1) / 100.1, rel=1e-3)
 
 
 def test_effort_changes_nothing_but_whether_it_is_known() -> None:
@@ -242,10 +242,10 @@ def test_effort_changes_nothing_but_whether_it_is_known() -> None:
     words = []
     for budget in (20, 40, 80, 160, 320, 640, 1280):
         found = learnt(objective, budget=budget, only=("a", "k"))
-        words.append({v.verdict for v in found.parameters.values()})
+        words.append({v.status for v in found.parameters.values()})
         for profile in found.parameters.values():
-            if profile.verdict is Verdict.UNKNOWN:
-                assert "cost" in profile.ends
+            if profile.status is Verdict.UNKNOWN:
+                assert "cost" in profile.closed_by
     assert set.union(*words) == {Verdict.UNKNOWN, Verdict.DETERMINED}
     assert words[0] == {Verdict.UNKNOWN}
     assert words[-1] == {Verdict.DETERMINED}
@@ -254,33 +254,34 @@ def test_effort_changes_nothing_but_whether_it_is_known() -> None:
 # --- limits of other values
 
 
-def leaning(**limits: float) -> Profile:
+def leaning(**limits: float) -> tuple[Estimate, Scan]:
     """p - q is measured, q can follow p as far as it may."""
     p = parameter("p", -50.0, 50.0, start=1.0)
     q = parameter("q", -1.0, 1.0, start=0.0, **limits)
     rows = whitened(lambda x: np.full(3, (x[0] - x[1]) / (0.1 * math.sqrt(3.0))), p, q)
-    return learnt(rows, (0.0, 0.0)).parameters["p"]
+    found = learnt(rows, (0.0, 0.0))
+    return found.parameters["p"], found.scans["p"]
 
 
 def test_a_limit_of_another_value_is_no_word_of_the_data() -> None:
     """q has a room of three widths of its box, 6 each way: there it is held, and p with it."""
-    found = leaning()
-    assert found.ends == ("held", "held")
-    assert found.verdict is Verdict.OPEN
-    assert found.held == ("q",)
+    found, scan = leaning()
+    assert found.closed_by == ("held", "held")
+    assert found.status is Verdict.OPEN
+    assert scan.held == ("q",)
 
 
 def test_a_limit_that_the_model_declares_is_knowledge() -> None:
     """Where the model itself has no q beyond 2, |p| < 2 + 1.96 sigma is known."""
-    found = leaning(least=-2.0, most=2.0)
-    assert found.ends == ("crossed", "crossed")
+    found, _ = leaning(least=-2.0, most=2.0)
+    assert found.closed_by == ("crossed", "crossed")
     end = 2.0 + 0.1 * Z95
-    assert found.interval95 == pytest.approx((-end, end), rel=0.01)
-    assert found.verdict is Verdict.BOUNDED
+    assert found.ci95 == pytest.approx((-end, end), rel=0.01)
+    assert found.status is Verdict.BOUNDED
     assert "zero" in found.reason
 
 
-def vanishing(power: float) -> Profile:
+def vanishing(power: float) -> Estimate:
     """p + q^-power = 1.2 +- 0.1 is measured; q has a room of ten times its most likely value."""
     p = parameter("p", -50.0, 50.0, start=0.8)
     q = parameter("q", 1.0, 10.0, start=2.0)
@@ -297,16 +298,16 @@ def test_a_limit_beyond_which_nothing_changes_leaves_the_end_to_the_data() -> No
     it is tried beyond then hangs on how far out the last point of the walk happens to lie.
     """
     found = vanishing(1.3)
-    assert found.ends[1] == "crossed"
-    assert found.interval95[1] == pytest.approx(1.2 + 0.1 * Z95, rel=0.02)
-    assert found.interval95[1] >= 1.2 + 0.1 * Z95
-    assert vanishing(0.25).ends[1] == "held"
+    assert found.closed_by[1] == "crossed"
+    assert found.ci95[1] == pytest.approx(1.2 + 0.1 * Z95, rel=0.02)
+    assert found.ci95[1] >= 1.2 + 0.1 * Z95
+    assert vanishing(0.25).closed_by[1] == "held"
 
 
 # --- several values
 
 
-def valleys(barrier: float, tilt: float = 0.0) -> Profile:
+def valleys(barrier: float, tilt: float = 0.0) -> Estimate:
     """(k^2 - 9/4)^2 with its top at k = 0 `barrier` sigma high; `tilt` sigma lift k = -3/2."""
 
     def rows(p: FloatArray) -> FloatArray:
@@ -319,8 +320,8 @@ def valleys(barrier: float, tilt: float = 0.0) -> Profile:
 def test_two_valleys_that_both_fit_are_one_of_several_values() -> None:
     found = valleys(barrier=4.0)
     end = 1.5 * math.sqrt(1.0 + Z95 / 4.0)
-    assert found.interval95 == pytest.approx((-end, end), rel=0.01)
-    assert found.verdict is Verdict.SEVERAL
+    assert found.ci95 == pytest.approx((-end, end), rel=0.01)
+    assert found.status is Verdict.SEVERAL
     named = re.match(r"(\S+) or −(\S+), within −1\.84 to 1\.84: ", found.reason)
     assert named is not None, found.reason
     assert [float(value) for value in named.groups()] == pytest.approx([1.5, 1.5], rel=0.005)
@@ -329,8 +330,8 @@ def test_two_valleys_that_both_fit_are_one_of_several_values() -> None:
 def test_two_valleys_with_a_way_between_them_are_one_interval() -> None:
     found = valleys(barrier=1.5)
     end = 1.5 * math.sqrt(1.0 + Z95 / 1.5)
-    assert found.interval95 == pytest.approx((-end, end), rel=0.01)
-    assert found.verdict is Verdict.BOUNDED
+    assert found.ci95 == pytest.approx((-end, end), rel=0.01)
+    assert found.status is Verdict.BOUNDED
     assert "zero" in found.reason
 
 
@@ -338,11 +339,11 @@ def test_two_valleys_with_a_way_between_them_are_one_interval() -> None:
 def test_a_valley_counts_as_long_as_it_fits(tilt: float, verdict: Verdict) -> None:
     """Of two valleys with a wall of ten sigma between them the other one is `tilt` sigma higher."""
     found = valleys(barrier=10.0, tilt=tilt)
-    assert found.verdict is verdict, found.reason
-    assert (found.interval95[0] < 0.0) is (verdict is Verdict.SEVERAL)
+    assert found.status is verdict, found.reason
+    assert (found.ci95[0] < 0.0) is (verdict is Verdict.SEVERAL)
 
 
-def lower_beyond_the_box(tilt: float, lower: float = -1.2) -> Knowledge:
+def lower_beyond_the_box(tilt: float, lower: float = -1.2) -> Determined:
     """Valleys at k = 3/2 and, `tilt`^2 of chi square lower, at -3/2, beyond the box."""
 
     def rows(p: FloatArray) -> FloatArray:
@@ -356,19 +357,19 @@ def test_a_twin_beyond_the_box_that_fits_better_is_named_and_not_taken() -> None
     """As of a pumped line with its modes exchanged, which the box excludes; chi square 4 lower."""
     known = lower_beyond_the_box(2.0)
     found = known.parameters["k"]
-    assert known.most_likely["k"] == pytest.approx(1.5, abs=0.1)
-    assert found.verdict is Verdict.SEVERAL
-    assert found.interval95[0] < -1.5
-    assert found.interval95[1] > 1.5
+    assert known.knowledge.most_likely["k"] == pytest.approx(1.5, abs=0.1)
+    assert found.status is Verdict.SEVERAL
+    assert found.ci95[0] < -1.5
+    assert found.ci95[1] > 1.5
     inside = lower_beyond_the_box(2.0, lower=-3.0)
-    assert inside.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
+    assert inside.knowledge.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
 
 
 def test_a_box_that_the_data_exclude_is_left_for_a_twin() -> None:
     known = lower_beyond_the_box(4.0)
-    assert known.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
-    assert known.parameters["k"].verdict is Verdict.DETERMINED
-    assert [said for said in known.sentences if "k = −1.5" in said]
+    assert known.knowledge.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
+    assert known.parameters["k"].status is Verdict.DETERMINED
+    assert [said for said in known.knowledge.sentences if "k = −1.5" in said]
 
 
 # --- what is not noise widens nothing
@@ -379,9 +380,9 @@ def test_a_box_that_leaves_the_truth_out_widens_no_interval() -> None:
     found = learnt(
         whitened(lambda p: np.full(3, (p[0] - 14.0) / math.sqrt(3.0)), parameter("p", 1.0, 10.0))
     )
-    assert found.inflation == 1.0
-    assert found.parameters["p"].interval95 == pytest.approx((14.0 - Z95, 14.0 + Z95), rel=0.005)
-    assert any("p = " in said for said in found.sentences)
+    assert found.knowledge.inflation == 1.0
+    assert found.parameters["p"].ci95 == pytest.approx((14.0 - Z95, 14.0 + Z95), rel=0.005)
+    assert any("p = " in said for said in found.knowledge.sentences)
 
 
 @pytest.mark.parametrize("start", [-1.4, 1.4])
@@ -395,10 +396,10 @@ def test_a_poor_minimum_that_was_begun_at_widens_no_interval(start: float) -> No
     found = learnt(whitened(rows, parameter("k", -3.0, 3.0, start=start)))
     k = found.parameters["k"]
     sigma = 1.0 / math.hypot(100.0 * 2.0 * 1.5 / 2.25, 10.0)
-    assert found.inflation == 1.0
-    assert found.chi_square == pytest.approx(0.0, abs=0.01)
-    assert k.interval95 == pytest.approx((1.5 - Z95 * sigma, 1.5 + Z95 * sigma), rel=1e-3)
-    assert k.verdict is Verdict.DETERMINED
+    assert found.knowledge.inflation == 1.0
+    assert found.knowledge.chi_square == pytest.approx(0.0, abs=0.01)
+    assert k.ci95 == pytest.approx((1.5 - Z95 * sigma, 1.5 + Z95 * sigma), rel=1e-3)
+    assert k.status is Verdict.DETERMINED
 
 
 # --- a box that is a guess
@@ -416,8 +417,8 @@ def test_what_a_budget_left_out_beyond_the_box_is_told() -> None:
     seen: set[str] = set()
     for budget in (80, 160, 320, 640, 1280, 2560):
         known = learnt(whitened(_opening, *own), budget=budget)
-        if known.parameters["a"].verdict is Verdict.DETERMINED:
-            said = [s for s in known.sentences if "eyond the box" in s]
+        if known.parameters["a"].status is Verdict.DETERMINED:
+            said = [s for s in known.knowledge.sentences if "eyond the box" in s]
             assert said, budget
             seen.update(s if s == CUT else "found" for s in said)
     assert seen == {CUT, "found"}
@@ -425,13 +426,13 @@ def test_what_a_budget_left_out_beyond_the_box_is_told() -> None:
 
 def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     known = learnt(whitened(_opening, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
-    assert known.parameters["a"].verdict is Verdict.DETERMINED
-    [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
+    assert known.parameters["a"].status is Verdict.DETERMINED
+    [said] = [s for s in known.knowledge.sentences if s.startswith("Beyond the box")]
     assert "(box: 1 to 100)" in said
     d, a = (float(v) for v in re.findall(r"[ad] = ([\d.]+)", said))
     assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit
-    assert a > known.parameters["a"].interval95[1]
-    assert known.parameters["a"].boxes == ("d",)
+    assert a > known.parameters["a"].ci95[1]
+    assert known.parameters["a"].active_bounds == ("d",)
     line = next(line for line in knowledge_lines(known) if line.startswith("  a: "))
     assert "box of d" in line
 
@@ -444,8 +445,8 @@ def test_an_exchange_beyond_the_box_is_called_one() -> None:
         return np.array([(a + b - 10.0) / 0.01, (a * b - 21.0) / 0.01, 0.1])
 
     known = learnt(whitened(rows, parameter("a", 2.0, 4.5), parameter("b", 5.5, 9.0)))
-    assert known.parameters["a"].verdict is Verdict.DETERMINED
-    [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
+    assert known.parameters["a"].status is Verdict.DETERMINED
+    [said] = [s for s in known.knowledge.sentences if s.startswith("Beyond the box")]
     assert "a and b exchanged" in said
 
 
@@ -456,8 +457,8 @@ def test_a_fit_is_seen_beyond_thirty_times_the_box() -> None:
         return np.full(3, (p[0] - 4.0 - (p[1] / 3000.0) ** 8) / 0.1 / math.sqrt(3.0))
 
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
-    assert known.parameters["a"].verdict is Verdict.DETERMINED
-    assert known.parameters["a"].boxes == ("d",)
+    assert known.parameters["a"].status is Verdict.DETERMINED
+    assert known.parameters["a"].active_bounds == ("d",)
 
 
 @pytest.mark.parametrize(("sigma", "verdict"), [(0.25, Verdict.OPEN), (0.02, Verdict.DETERMINED)])
@@ -476,8 +477,8 @@ def test_an_output_that_may_be_nearly_all_that_it_can_be_is_not_determined(
         return 100.0 + float(np.tanh(4.0 * p[0]))
 
     known = learnt(whitened(rows, parameter("a", -1.5, 1.5), f=f)).derived["f"]
-    assert known.verdict is verdict
-    assert known.ends == ("crossed", "crossed")
+    assert known.status is verdict
+    assert known.closed_by == ("crossed", "crossed")
 
 
 def test_a_width_and_its_q_over_decades_have_the_same_bound() -> None:
@@ -494,9 +495,9 @@ def test_a_width_and_its_q_over_decades_have_the_same_bound() -> None:
 
     a = parameter("a", 1.0, 1e4, start=20.0, least=1.0, most=1e4)
     known = learnt(whitened(rows, a, width=width, q=q)).derived
-    assert (known["width"].verdict, known["q"].verdict) == (Verdict.BELOW, Verdict.ABOVE)
-    assert known["width"].interval95[0] == pytest.approx(10.0, rel=1e-3)
-    assert known["q"].interval95[1] == pytest.approx(1e8, rel=1e-3)
+    assert (known["width"].status, known["q"].status) == (Verdict.BELOW, Verdict.ABOVE)
+    assert known["width"].ci95[0] == pytest.approx(10.0, rel=1e-3)
+    assert known["q"].ci95[1] == pytest.approx(1e8, rel=1e-3)
 
 
 def test_an_end_that_another_value_makes_at_its_limit_names_that_value() -> None:
@@ -507,10 +508,10 @@ def test_an_end_that_another_value_makes_at_its_limit_names_that_value() -> None
 
     a, d = parameter("a", 0.5, 50.0), parameter("d", 0.1, 1.0, start=0.5)
     known = learnt(whitened(rows, a, d))
-    assert known.parameters["a"].held == ("d",)
+    assert known.scans["a"].held == ("d",)
     # the data make the end that is told, and the profile took d beyond its box
-    assert known.parameters["a"].boxes == ()
-    [said] = [s for s in known.sentences if "wider box" in s]
+    assert known.parameters["a"].active_bounds == ()
+    [said] = [s for s in known.knowledge.sentences if "wider box" in s]
     assert " a " in said
     assert " d " in said
 
@@ -520,9 +521,9 @@ def test_two_values_that_make_an_end_at_their_limits_are_both_named() -> None:
         return np.array([(p[0] + p[1] + p[2] - 5.0) / 0.1, (p[0] - 4.0) / 0.6, 0.0, 0.0])
 
     own = (parameter(name, 0.1, 0.5, start=0.25) for name in ("d", "e"))
-    a = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own)).parameters["a"]
-    assert a.held == ("d", "e")
-    assert a.boxes == ()
+    known = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own))
+    assert known.scans["a"].held == ("d", "e")
+    assert known.parameters["a"].active_bounds == ()
 
 
 def test_every_box_beyond_which_a_fit_says_otherwise_is_named() -> None:
@@ -534,8 +535,8 @@ def test_every_box_beyond_which_a_fit_says_otherwise_is_named() -> None:
 
     own = (parameter(name, 1.0, 100.0) for name in ("d", "e"))
     a = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own)).parameters["a"]
-    assert a.verdict is Verdict.DETERMINED
-    assert a.boxes == ("d", "e")
+    assert a.status is Verdict.DETERMINED
+    assert a.active_bounds == ("d", "e")
 
 
 def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
@@ -543,8 +544,8 @@ def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
         return np.append(_opening(p), (p[1] - 10.0) / 1.0)
 
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
-    assert not [s for s in known.sentences if "rests on" in s]
-    assert not any(p.boxes for p in known.profiles.values())
+    assert not [s for s in known.knowledge.sentences if "rests on" in s]
+    assert not any(p.active_bounds for p in known.profiled.values())
 
 
 # --- outputs that say the same
@@ -564,8 +565,8 @@ def test_an_inverse_has_the_verdict_and_the_interval_of_what_it_is_the_inverse_o
             Q=lambda p: 700.0 / float(p[0]),
         )
     ).derived
-    assert known["width"].verdict is Verdict.BELOW
-    assert known["Q"].verdict is Verdict.ABOVE
+    assert known["width"].status is Verdict.BELOW
+    assert known["Q"].status is Verdict.ABOVE
     low = 4.0 - 0.5 * Z95
-    assert known["width"].interval95 == pytest.approx((low, 100.0), rel=1e-3)
-    assert known["Q"].interval95 == pytest.approx((7.0, 700.0 / low), rel=1e-3)
+    assert known["width"].ci95 == pytest.approx((low, 100.0), rel=1e-3)
+    assert known["Q"].ci95 == pytest.approx((7.0, 700.0 / low), rel=1e-3)

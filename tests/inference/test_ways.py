@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fitting.inference.likelihood import ways
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.arrays import FloatArray
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
@@ -16,7 +16,7 @@ from tests.support.whitened import Z95, learnt, parameter, whitened
 SEEN, TURN, MOST = 0.1, 1e-5, 1e5
 
 
-def string() -> Knowledge:
+def string() -> Determined:
     """A line at 20 whose mode hangs a little in another one, and the width it would be told as.
 
     Of that other mode's damping d the line shows nothing to speak of, its first-order width
@@ -41,14 +41,14 @@ def string() -> Knowledge:
 def test_a_little_of_a_mode_damped_without_end_is_much_to_a_width() -> None:
     """20 + sqrt(0.1^2 + (1e-5 d)^2) 1.96 at the limit of d; downwards the line alone counts."""
     width = string().derived["width"]
-    assert width.interval95[0] == pytest.approx(20.0 - Z95 * SEEN, rel=1e-3)
-    assert width.interval95[1] >= 20.0 + 0.97 * Z95 * math.hypot(SEEN, TURN * MOST)
-    assert width.ends == ("crossed", "held")
-    assert width.verdict == "bounded below"
+    assert width.ci95[0] == pytest.approx(20.0 - Z95 * SEEN, rel=1e-3)
+    assert width.ci95[1] >= 20.0 + 0.97 * Z95 * math.hypot(SEEN, TURN * MOST)
+    assert width.closed_by == ("crossed", "held")
+    assert width.status == "bounded below"
 
 
 def test_without_the_turn_the_way_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ways, "TURNS", ())
     width = string().derived["width"]
-    assert width.ends[1] == "lost"
-    assert width.verdict == "not known"
+    assert width.closed_by[1] == "lost"
+    assert width.status == "not known"

@@ -63,7 +63,7 @@ def test_ends_of_its_interval_are_where_chi_square_has_risen_by_its_quantile(
     problem = lab.by_closed_form(ff.Fmu("CoupledModes2", workers=1))
     inference = ff.profile(ff.fit(problem, METHOD, starts=starts), [COUPLING])
     found = inference[COUPLING]
-    assert found.verdict == "determined"
+    assert found.status == "determined"
     low, high = found.interval(0.95)
     assert low < lab.truth[COUPLING] < high
     knowledge = inference.inferred.knowledge

@@ -350,7 +350,7 @@ def test_a_campaign_file_that_tells_of_it_is_fitted(fit: ff.Fit) -> None:
     truth = (WIDTH_HZ, ETA_HZ)
     for name, std, true in zip(("d1", "eta_plus"), errors(NOISE), truth, strict=True):
         value = found[name]
-        assert value.verdict == "determined"
+        assert value.status == "determined"
         assert abs(value.value - true) < 4.0 * std
         low, high = value.interval()
         # residuals larger than the noise, by chance, widen the intervals

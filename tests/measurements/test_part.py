@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure as Canvas
 import fitting as ff
 from fitting.campaign import bind
 from fitting.fit.problem import problem_of
-from fitting.inference.likelihood.knowledge import Identification, PartAlone
+from fitting.inference.likelihood.knowledge import PartAlone
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control.sweep import ControlSweep
@@ -68,30 +69,26 @@ def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.
     whole = ff.identify(problem)
     record = problem.part({"depth": 0.0}).record
     alone = ff.Problem.answered_by(lambda _: SidebandLine(BENCH, UNPUMPED), record)
-    part = ff.identify(alone).knowledge
+    part = ff.identify(alone)
     for name, truth in (("theta", BENCH.string.theta_rad), ("d1", 120.0), ("d2", 90.0)):
-        low, high = whole.knowledge.profiles[name].interval95
+        low, high = whole.profiled[name].ci95
         assert low - 0.5 * (high - low) <= truth <= high + 0.5 * (high - low)
-        assert whole.knowledge.profiles[name].verdict is Verdict.DETERMINED
-        assert not part.profiles[name].verdict.has_value
-    low, high = part.profiles["lambda12"].interval95
+        assert whole.profiled[name].status is Verdict.DETERMINED
+        assert not part.profiled[name].status.has_value
+    low, high = part.profiled["lambda12"].ci95
     assert high - low > 1e5
     # pi/2, where laws and model end, lies just below the box: what fits up to there is not open
-    assert part.profiles["theta"].verdict is Verdict.OPEN
-    assert part.profiles["lambda12"].verdict is Verdict.OPEN
-    both = PartAlone(settings={"depth": 0.0}, places=2, total=4, knowledge=part)
-    said = "\n".join(
-        identification_lines(
-            Identification(
-                title="sweeps",
-                synthetic=True,
-                at="here",
-                knowledge=whole.knowledge,
-                provenance={},
-                part=both,
-            )
-        )
+    assert part.profiled["theta"].status is Verdict.OPEN
+    assert part.profiled["lambda12"].status is Verdict.OPEN
+    both = PartAlone(
+        settings={"depth": 0.0},
+        places=2,
+        total=4,
+        parameters=part.parameters,
+        derived=part.derived,
+        knowledge=part.knowledge,
     )
+    said = "\n".join(identification_lines(replace(whole, part=both)))
     assert "depth = 0 (2 of 4 places)" in said
     assert re.search(r"theta, d1, d2\b.*lambda12 ", said)  # both ends of their ranges
     assert re.search(r"4 places .*theta, d1, d2\b", said)
@@ -131,11 +128,11 @@ def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     couplings = [lines.coupling_hz(np.array([theta, 1.0, 1.0, 0.0, 0.0, 0.0])) for theta in angles]
     record = problem.part({"depth": 0.0}).record
     alone = ff.Problem.answered_by(lambda _: lines, record)
-    part = ff.identify(alone, budget=budget).knowledge
-    assert part.effort.fmu_runs > 0.9 * budget  # it was cut
-    assert part.profiles["theta"].verdict is Verdict.OPEN
-    found = part.profiles["lambda12"]
-    assert found.verdict is Verdict.OPEN
-    low, high = found.interval95
+    part = ff.identify(alone, budget=budget)
+    assert part.knowledge.effort.fmu_runs > 0.9 * budget  # it was cut
+    assert part.profiled["theta"].status is Verdict.OPEN
+    found = part.profiled["lambda12"]
+    assert found.status is Verdict.OPEN
+    low, high = found.ci95
     assert low <= couplings[0] < couplings[1] <= high
-    assert not any("lambda12" in s and "cost" in s for s in part.sentences)
+    assert not any("lambda12" in s and "cost" in s for s in part.knowledge.sentences)

@@ -146,7 +146,7 @@ def test_a_step_response_of_first_order_is_as_sure_as_can_be(lag: ff.Fmu) -> Non
         low, high = found[name].interval()
         assert 0.5 * (high - low) / 1.96 == pytest.approx(widened(found) * std, rel=0.05)
         assert abs(found[name].value - true) < 4.0 * std
-        assert found[name].verdict == "determined"
+        assert found[name].status == "determined"
 
 
 def test_gain_and_offset_of_the_read_out_are_solved_for(lag: ff.Fmu) -> None:

@@ -22,6 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
+from fitting.inference.likelihood.knowledge import Determined, Scan
 from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
 from fitting.report import plot
 from fitting.report.figures import reconstruction
@@ -48,7 +49,7 @@ from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
 from fitting.text.estimate import Verdict
 from tests.support import report_records as records
-from tests.support.plot_records import knowledge
+from tests.support.plot_records import determined
 
 Draw = Callable[[Result, ShownCampaign], Drawing]
 
@@ -108,8 +109,14 @@ def test_a_figure_is_known_by_its_name_before_it_is_drawn(
     result: Result, data: ShownCampaign
 ) -> None:
     """Its number rests on that; whoever draws one of them draws no other."""
-    known = replace(result.derived["lambda"], status=Verdict.DETERMINED)
-    moved = replace(result, derived={**result.derived, "lambda": known}, knowledge=knowledge())
+    coupling = replace(result.derived["lambda"], status=Verdict.DETERMINED)
+    derived = {**result.derived, "lambda": coupling}
+    known = determined().knowledge
+    scans = {
+        "theta" if name == "d2" else name: replace(s, path={**s.path, "theta": s.path["d2"]})
+        for name, s in known.scans.items()
+    }
+    moved = replace(result, derived=derived, knowledge=replace(known, scans=scans))
     planned = planned_figures(moved, records.with_figures(data, result))
     assert [figure.number for figure in planned] == list(range(1, 13))
     assert sorted(figure.number for figure in longest_first(planned)) == list(range(1, 13))
@@ -418,18 +425,23 @@ def test_convergence_tells_what_its_curves_show(result: Result, data: ShownCampa
     assert "Algorithm 2" not in own.caption
 
 
+def with_scan(known: Determined, name: str, scan: Scan) -> Determined:
+    scans = {**known.scans, name: scan}
+    return replace(known, knowledge=replace(known.knowledge, scans=scans))
+
+
 def test_what_is_not_drawn_of_profiles_is_said() -> None:
     """A flat profile has no panel, and an output no points where it has no value."""
-    known = knowledge()
+    known = determined()
     with style():
         assert "(flat" not in draw_profiles(known, "", synthetic=False).caption
-        flat = replace(known.parameters["d2"], delta=(0.2,) * 7)
-        some = replace(known, parameters={**known.parameters, "d2": flat})
+        flat = replace(known.scans["d2"], delta_chi2=(0.2,) * 7)
+        some = with_scan(known, "d2", flat)
         assert "d2 (flat" in draw_profiles(some, "", synthetic=False).caption
         whole = draw_outputs(known, "", synthetic=False).caption
-        path = known.derived["lambda"].path
+        path = known.scans["lambda"].path
         gaps = {**path, "lambda": (math.nan, *path["lambda"][1:])}
-        missing = replace(known, derived={"lambda": replace(known.derived["lambda"], path=gaps)})
+        missing = with_scan(known, "lambda", replace(known.scans["lambda"], path=gaps))
         caption = draw_outputs(missing, "", synthetic=False).caption
         assert "of lambda" in caption
         assert "of lambda" not in whole

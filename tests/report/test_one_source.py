@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from fitting.inference.likelihood.knowledge import Profile
 from fitting.report.same_values import same_values
 from fitting.report.screen import phrase
 from fitting.report.tables.published import rows_of
@@ -64,26 +63,8 @@ def test_the_bounds_that_a_verdict_rests_on_are_named_everywhere(
         active_bounds=("d1", "d2"),
         reason="for a reason",
     )
-    profile = Profile(
-        kind="parameter",
-        unit="rad",
-        best=1.2,
-        sigma=0.1,
-        interval68=(1.1, 1.3),
-        interval95=(1.0, 1.4),
-        box=(0.0, math.pi),
-        ends=("crossed", "crossed"),
-        shrinkage=0.9,
-        verdict=verdict,
-        precision=0.1,
-        reason="for a reason",
-        values=(),
-        delta=(),
-        path={},
-        boxes=("d1", "d2"),
-    )
     [row] = rows_of(replace(result, parameters={"theta": found}, derived={}, line=None))
-    for text in (row.verdict, phrase("values", "verdict", found), profile_words("theta", profile)):
+    for text in (row.verdict, phrase("values", "verdict", found), profile_words(found)):
         assert "d1" in text
         assert "d2" in text
 

@@ -16,6 +16,7 @@ import pytest
 from lxml import etree, html
 
 from fitting.engine.local import LocalProcesses
+from fitting.fit.fit import Status
 from fitting.report import artists as artists_module
 from fitting.report import table as tables
 from fitting.report.artists import BEHIND, Artists
@@ -255,7 +256,7 @@ def test_outputs_of_each_experiment_say_at_which_point_they_are_taken(
     papers = {n: replace(d, most_likely=d.value + 1.0) for n, d in result.derived.items()}
     for found, point in (
         (result, "most likely"),
-        (replace(result, status="interrupted"), "interrupted"),
+        (replace(result, status=Status.INTERRUPTED), "interrupted"),
         (replace(result, derived=papers), "Algorithm 2"),
     ):
         assert point in note(found)
@@ -314,7 +315,7 @@ def test_history_alternatives_and_starts_are_complete(page: Any, result: Result)
 def test_the_cost_counts_profiles_where_their_time_is_in_it(
     result: Result, data: ShownCampaign
 ) -> None:
-    known = plot_records.knowledge()
+    known = plot_records.determined().knowledge
     effort = replace(known.effort, evaluations=4903, fmu_runs=32712)
     profiled = replace(result, seconds=34.44, knowledge=replace(known, effort=effort))
     for found, counted, timed in (
@@ -363,7 +364,8 @@ def test_synthetic_data_are_called_so(synthetic: bool, figures: list[FigureFile]
 
 
 def test_a_bad_end_is_seen(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> None:
-    ended = replace(result, status="not converged", message="The last level stalled.", findings=())
+    message = "The last level stalled."
+    ended = replace(result, status=Status.NOT_CONVERGED, message=message, findings=())
     page = html.document_fromstring(render(page_of(ended, data, figures)))
     box = page.get_element_by_id("status")
     assert box.get("class") == "status bad"

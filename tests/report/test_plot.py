@@ -22,7 +22,7 @@ from tests.support import report_records as records
 DATA = records.campaign()
 RESULT = records.result_for(DATA)
 SPECTRA = records.spectra(DATA, RESULT)
-KNOWLEDGE = plot_records.knowledge()
+KNOWN = plot_records.determined()
 DRIVE, FRF, DESIGN = plot_records.drive_result(), plot_records.frf_result(), plot_records.design()
 SWEEP, RESONANCE = (
     RESULT.sweep or SweepCurves(frequency_hz=(), measured_v=(), initial_v=(), final_v=()),
@@ -100,7 +100,7 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
         "terms of the objective",
     ),
     "output": (
-        lambda ax: plot.output(KNOWLEDGE, "lambda", "d1", ax=ax),
+        lambda ax: plot.output(KNOWN, "lambda", "d1", ax=ax),
         "$d_{\\mathrm{1}}$ (kHz)",
         "$λ$ (kHz)",
     ),
@@ -130,7 +130,7 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
         "$q_{\\mathrm{1}}$ (µV)",
     ),
     "profile": (
-        lambda ax: plot.profile(plot_records.profile(), "d1", ax=ax),
+        lambda ax: plot.profile(*plot_records.profile(), ax=ax),
         "$d_{\\mathrm{1}}$ (Hz)",
         "Δχ²",
     ),
@@ -150,7 +150,7 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
         "amplitude (µV, peak)",
     ),
     "together": (
-        lambda ax: plot.together(KNOWLEDGE, "d1", "d2", ax=ax),
+        lambda ax: plot.together(KNOWN, "d1", "d2", ax=ax),
         "$d_{\\mathrm{1}}$ (kHz)",
         "$d_{\\mathrm{2}}$ (kHz)",
     ),
@@ -259,12 +259,12 @@ def test_points_that_fit_are_told_from_those_that_do_not(axes: Axes) -> None:
 
 
 def test_one_period_of_what_goes_round_is_not_framed_as_its_box(axes: Axes) -> None:
-    wide = {n: replace(p, box=(80.0, 120.0)) for n, p in KNOWLEDGE.parameters.items()}
-    plot.together(replace(KNOWLEDGE, parameters=wide), "d1", "d2", ax=axes)
+    wide = {n: replace(p, lower=80.0, upper=120.0) for n, p in KNOWN.parameters.items()}
+    plot.together(replace(KNOWN, parameters=wide), "d1", "d2", ax=axes)
     assert sorted(edges(axes)) == ["x 120", "x 80", "y 120", "y 80"]
     axes.clear()
-    wide["d1"] = replace(wide["d1"], ends=("round", "round"))
-    plot.together(replace(KNOWLEDGE, parameters=wide), "d1", "d2", ax=axes)
+    wide["d1"] = replace(wide["d1"], closed_by=("round", "round"))
+    plot.together(replace(KNOWN, parameters=wide), "d1", "d2", ax=axes)
     assert sorted(edges(axes)) == ["y 120", "y 80"]
 
 

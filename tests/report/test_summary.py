@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 
 import fitting as ff
+from fitting.fit.fit import Status
 from fitting.inference.sweep_line import LineFit
 from fitting.report.details import detail_lines
 from fitting.report.screen import printed
@@ -100,7 +101,7 @@ def test_status_and_chi_square_stand_in_the_first_line(result: Result) -> None:
     assert re.fullmatch(
         r"A string \(synthetic data\) +converged, χ²/dof = 4.16/4", result_lines(tested)[0]
     )
-    wrong = replace(tested, status="does not describe the data")
+    wrong = replace(tested, status=Status.MISFIT)
     assert "does not describe the data, χ²/dof" in " ".join(result_lines(wrong)[:2])
     assert "estimated from the residuals" in " ".join(
         result_lines(replace(tested, chi_square=math.nan))[:2]
@@ -133,22 +134,19 @@ def test_a_whole_period_is_no_interval(result: Result) -> None:
     [(("round", "round"), False), (("bound", "bound"), True)],
 )
 def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], told: bool) -> None:
-    profile = replace(plot_records.profile(), verdict=Verdict.OPEN, ends=ends, boxes=())
-    nothing = math.nan
     theta = ff.Value(
         name="theta",
-        kind="parameter",
+        role="parameter",
         unit="rad",
-        value=nothing,
-        std=nothing,
-        verdict=Verdict.OPEN,
+        value=math.nan,
+        status=Verdict.OPEN,
         reason="every value around its period fits",
-        range=(-6.28, 6.28),
-        stopped_at=1.9,
-        algorithm2=1.9,
-        reference=1.9,
-        interval95=(0.31, 3.46),
-        profile=profile,
+        lower=-6.28,
+        upper=6.28,
+        most_likely=1.9,
+        ci95=(0.31, 3.46),
+        closed_by=ends,
+        scan=plot_records.profile().scan,
     )
     said = repr(theta)
     assert said.startswith("theta: ")
@@ -188,7 +186,7 @@ def test_what_holds_only_under_an_assumption_is_warned_of(result: Result) -> Non
             "example": ("g2", "", "d1"),
         },
     )
-    profiled = replace(result, findings=(found,), knowledge=plot_records.knowledge())
+    profiled = replace(result, findings=(found,), knowledge=plot_records.determined().knowledge)
     lines = summary_lines(summary_of(profiled))
     said = line_of(lines, "warning")
     assert "θ and d₁ hold only if g2 = 0" in said
@@ -255,7 +253,7 @@ def test_the_next_step_is_a_command_that_can_be_copied(result: Result) -> None:
     summary = summary_of(replace(result, provenance=replace(origin, command="")))
     assert summary.advice.endswith(": ff.profile")
     assert summary.command == ""
-    profiled = replace(result, provenance=origin, knowledge=plot_records.knowledge())
+    profiled = replace(result, provenance=origin, knowledge=plot_records.determined().knowledge)
     summary = summary_of(profiled)
     words = ["fmu-fit", "design", "a b.toml", "more.toml", "--at", "my out/result.json"]
     assert shlex.split(summary.command) == [*words, "--target", "lambda"]
@@ -268,7 +266,7 @@ def test_nothing_is_proposed_where_every_value_is_determined(result: Result) -> 
         result,
         parameters={"d1": result.parameters["d1"]},
         derived={"D11": result.derived["D11"]},
-        knowledge=plot_records.knowledge(),
+        knowledge=plot_records.determined().knowledge,
     )
     summary = summary_of(done)
     assert not summary.unconstrained
@@ -293,12 +291,12 @@ def test_profiles_that_were_not_completed_are_gone_on_with(result: Result) -> No
 @pytest.mark.parametrize(
     ("status", "told"),
     [
-        ("interrupted", "--resume"),
-        ("not converged", "--starts"),
-        ("does not describe the data", "another model"),
+        (Status.INTERRUPTED, "--resume"),
+        (Status.NOT_CONVERGED, "--starts"),
+        (Status.MISFIT, "another model"),
     ],
 )
-def test_a_bad_end_has_another_next_step(result: Result, status: str, told: str) -> None:
+def test_a_bad_end_has_another_next_step(result: Result, status: Status, told: str) -> None:
     assert told in summary_of(replace(result, status=status)).advice
 
 
@@ -309,7 +307,7 @@ def test_values_that_the_samples_leave_are_decided_by_the_bounds(result: Result)
         numbers={"rate_hz": 10.0},
         names={"frequencies": ("f1", "f1 − 10 Hz")},
     )
-    known = replace(result, knowledge=plot_records.knowledge(), findings=(found,))
+    known = replace(result, knowledge=plot_records.determined().knowledge, findings=(found,))
     summary = summary_of(known)
     assert "bounds" in summary.advice
     assert not summary.command
@@ -320,20 +318,20 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_printed(result: 
         name: replace(p, status=Verdict.WITHDRAWN, std=math.nan, ci95=(math.nan, math.nan))
         for name, p in result.parameters.items()
     }
-    bad = replace(result, status="does not describe the data", parameters=gone, derived={})
+    bad = replace(result, status=Status.MISFIT, parameters=gone, derived={})
     summary = summary_of(bad)
     assert not [*summary.values, *summary.limits, *summary.unconstrained, *summary.unknown]
 
 
 def test_withdrawn_values_of_campaigns_that_contradict_have_their_reason(result: Result) -> None:
     d1 = replace(result.parameters["d1"], status=Verdict.WITHDRAWN, reason="one: 90, two: 97")
-    there = replace(result, status="converged", parameters={"d1": d1}, derived={})
+    there = replace(result, status=Status.CONVERGED, parameters={"d1": d1}, derived={})
     assert summary_of(there).unknown == ("d₁ (one: 90, two: 97)",)
 
 
 def test_what_only_the_measurement_brings_along_is_no_target(result: Result) -> None:
     """A cable's delay: nobody has asked for it."""
-    profiled = replace(result, knowledge=plot_records.knowledge())
+    profiled = replace(result, knowledge=plot_records.determined().knowledge)
     delay = replace(result.parameters["d1"], status=Verdict.OPEN, asked=False)
     known = {"d1": result.parameters["d1"], "cable_delay": delay}
     told = summary_of(replace(profiled, parameters=known, derived={}))
@@ -382,7 +380,7 @@ def test_a_value_beyond_its_bound_is_that_of_the_data(result: Result, reported: 
     if reported == "algorithm2":
         out = replace(out, value=90.0)
     there = replace(
-        result, parameters={**result.parameters, "d1": out}, line=None, status="converged"
+        result, parameters={**result.parameters, "d1": out}, line=None, status=Status.CONVERGED
     )
     assert shown(there, "d1") == "d₁ 93.42 ± 0.24 Hz (beyond its bound, 90 Hz)"
     assert summary_of(there).advice.startswith("widen the bounds of d₁ (to 93.")

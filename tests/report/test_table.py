@@ -30,7 +30,6 @@ from fitting.report.table import (
 from fitting.report.tables.inference import nu_table, profile_table
 from fitting.report.tables.tones import deviation_table, mean_deviation_table
 from fitting.report.tables.values import derived_table, parameter_table, values_table
-from fitting.text.estimate import Verdict
 from fitting.text.notation import number
 from tests.support import plot_records
 from tests.support import report_records as records
@@ -186,15 +185,11 @@ def test_errors_have_two_digits_and_other_estimates_the_digits_of_the_error() ->
         cells = dict(zip(heads, row, strict=True))
         assert (cells["std"].text, cells["Algorithm 2"].text) == ("0.60", "94.54")
         assert cells["Algorithm 2"].value == 94.5372231  # the page keeps all digits behind it
-    known = plot_records.knowledge()
-    profile = replace(
-        known.parameters["d1"],
-        best=94.653722,
-        interval68=(93.99, 95.34),
-        interval95=(93.36, 95.99),
-        verdict=Verdict.DETERMINED,
+    known = plot_records.determined()
+    value = replace(
+        known.parameters["d1"], value=94.653722, ci68=(93.99, 95.34), ci95=(93.36, 95.99)
     )
-    [row] = profile_table(replace(known, parameters={"d1": profile}, derived={})).rows
+    [row] = profile_table(replace(known, parameters={"d1": value}, derived={})).rows
     assert [cell.text for cell in row[2:4]] == ["94.65", "93.99 to 95.34"]
 
 

@@ -20,6 +20,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.fit.fit import Status
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
@@ -27,7 +28,7 @@ from fitting.lab.string import TwoModes, steady_state
 from fitting.report.details import detail_lines
 from fitting.report.summary import result_lines
 from fitting.result.reconstruction import identify_fmu
-from fitting.result.result import STATUSES, Result
+from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import reference
@@ -296,7 +297,7 @@ def fit_bound(path: Path, workers: FmuWorkers, *, profiles: bool = False) -> Res
 
 def speaks_plainly(result: Result) -> None:
     """A status, a sentence, finite values, and no word that a float prints for want of a number."""
-    assert result.status in STATUSES
+    assert result.status in list(Status)
     assert result.message.endswith(".")
     assert all(math.isfinite(p.value) for p in result.parameters.values())
     told = " ".join(" ".join([*result_lines(result), *detail_lines(result)]).split())

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
 from fitting.inference.likelihood.knowledge import (
     Adequacy,
+    Determined,
     Effort,
     Knowledge,
     NuChoice,
     NuRow,
     Profile,
+    Scan,
 )
 from fitting.simulate.budget import Basis, Budget, Decision
 from fitting.simulate.budget import Kind as Decided
@@ -19,47 +23,53 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import Curve, Jump, Sweep, SweepResponse
 from fitting.simulate.response import DriveResponse, Remainder, RemainderKind, Spectrum, Trace
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Role, Verdict
 
 TONES_HZ = (6940160.0, 6940360.0)
 
 
-def profile(best: float = 94.0, sigma: float = 2.5, unit: str = "Hz") -> Profile:
+def profile(
+    name: str = "d1", best: float = 94.0, sigma: float = 2.5, role: Role = "parameter"
+) -> Profile:
     """A parabola Dchi^2 = ((v - best)/sigma)^2, known over 7 points within 3 sigma."""
     steps = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
     values = tuple(best + sigma * s for s in steps)
-    return Profile(
-        kind="parameter",
-        unit=unit,
-        best=best,
-        sigma=sigma,
-        interval68=(best - sigma, best + sigma),
-        interval95=(best - 1.96 * sigma, best + 1.96 * sigma),
-        box=(1.0, 1000.0),
-        ends=("crossed", "crossed"),
+    value = Estimate(
+        name=name,
+        role=role,
+        unit="Hz",
+        value=best,
+        std=sigma,
+        ci68=(best - sigma, best + sigma),
+        ci95=(best - 1.96 * sigma, best + 1.96 * sigma),
+        lower=1.0,
+        upper=1000.0,
+        closed_by=("crossed", "crossed"),
         shrinkage=0.99,
-        verdict=Verdict.DETERMINED,
-        precision=1.96 * sigma / best,
+        status=Verdict.DETERMINED,
         reason="to 5.2 %",
-        values=values,
-        delta=tuple(s**2 for s in steps),
-        path={"d1": values, "lambda": tuple(7e5 + 1e4 * s for s in steps)},
+        method="profile",
     )
+    path = {"d1": values, "lambda": tuple(7e5 + 1e4 * s for s in steps)}
+    scan = Scan(sigma=sigma, values=values, delta_chi2=tuple(s**2 for s in steps), path=path)
+    return Profile(value, scan)
 
 
-def knowledge() -> Knowledge:
+def determined() -> Determined:
     """One parameter beside another that goes as its negative, and an output."""
-    one, output = profile(), profile(7e5, 1e4)
-    path = {"d1": one.values, "d2": tuple(200.0 - v for v in one.values)}
-    return Knowledge(
+    made = [profile(), profile("d2", 106.0), profile("lambda", 7e5, 1e4, "derived")]
+    first = made[0].scan.values
+    path = {"d1": first, "d2": tuple(200.0 - v for v in first)}
+    values = {p.value.name: p.value for p in made}
+    scans = {p.value.name: replace(p.scan, path={**p.scan.path, **path}) for p in made}
+    knowledge = Knowledge(
         data=True,
         chi_square=9.0,
         freedom=8.0,
         inflation=1.0,
         adequacy=Adequacy(chi_square=9.0, freedom=8.0, p_value=0.34, describes=True),
         most_likely={"d1": 94.0, "d2": 106.0},
-        parameters={"d1": _along(one, path), "d2": _along(profile(106.0), path)},
-        derived={"lambda": _along(output, path)},
+        scans=scans,
         directions=(),
         without_effect=(),
         equivalents=(),
@@ -67,10 +77,8 @@ def knowledge() -> Knowledge:
         effort=Effort(10, 10, 100),
         nu=nu_choice(),
     )
-
-
-def _along(found: Profile, path: dict[str, tuple[float, ...]]) -> Profile:
-    return Profile(**{**vars(found), "path": {**found.path, **path}})
+    derived = {"lambda": values.pop("lambda")}
+    return Determined(parameters=values, derived=derived, knowledge=knowledge)
 
 
 def nu_choice() -> NuChoice:

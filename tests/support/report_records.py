@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign import Drive, Setup, Spectrum
+from fitting.fit.fit import Status
 from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.inference.sweep_line import SweepLine
 from fitting.measurements.figure import Figure
@@ -142,7 +143,7 @@ def result_for(
     return Result(
         title=data.title,
         synthetic=data.synthetic,
-        status="converged",
+        status=Status.CONVERGED,
         message="All 3 levels were done.",
         parameters=parameters(),
         derived=derived(n),

@@ -16,7 +16,7 @@ from fitting.campaign.parameters import Parameter, to_search
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.measurements.measurement import Evaluation
 from fitting.text.arrays import FloatArray
 from tests.support.datasets import answer, dataset
@@ -63,7 +63,7 @@ def whitened(
     return make_objective(response, parameters, dataset(np.ones(size), sigmas))
 
 
-def learnt(objective: Objective, start: Sequence[float] = (), **options: Any) -> Knowledge:
+def learnt(objective: Objective, start: Sequence[float] = (), **options: Any) -> Determined:
     """What the data determine, from a start in the parameters' units or from their own."""
     parameters = objective.parameters
     begin = np.array(start if len(start) else [p.start for p in parameters])

@@ -19,9 +19,10 @@ from fitting.campaign.parameters import to_model
 from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, Spent
 from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
-from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles, Profile
+from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles
 from fitting.inference.stages import Stage
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Estimate
 
 #: Refits handed to an executor at a time.
 CHUNK = 25
@@ -29,7 +30,7 @@ CHUNK = 25
 
 def bootstrap(
     optimum: Optimum,
-    profiles: Mapping[str, Profile],
+    known: Mapping[str, Estimate],
     samples: int,
     seed: int,
     executor: Executor | None = None,
@@ -41,7 +42,7 @@ def bootstrap(
 
     Args:
         optimum: the most likely point and its likelihood, inflation included.
-        profiles: by name, for verdicts and where periods are counted from.
+        known: values by name, for verdicts and where periods are counted from.
         samples: number of synthetic data sets.
         seed: of their noise; the same with and without an executor.
         executor: where the refits run, in parts; the response must then be picklable. Without one
@@ -62,7 +63,7 @@ def bootstrap(
         pending = [executor.submit(_refits, likelihood, expansion, part) for part in parts]
         refits = [refit for future in pending for refit in future.result()]
     done = [refit for refit in refits if refit is not None]
-    values = _values(likelihood, expansion, done, profiles) if len(done) > 1 else {}
+    values = _values(likelihood, expansion, done, known) if len(done) > 1 else {}
     wide = f", widened {likelihood.inflation:.3g} times" if likelihood.inflation > 1.0 else ""
     sentence = (
         f"Parametric bootstrap: {samples} data sets drawn at the most likely point with the noise "
@@ -122,27 +123,23 @@ def _values(
     likelihood: Likelihood,
     expansion: Expansion,
     refits: Sequence[tuple[FloatArray, FloatArray]],
-    profiles: Mapping[str, Profile],
+    known: Mapping[str, Estimate],
 ) -> dict[str, Percentiles]:
     parameters = likelihood.parameters
     here = to_model(parameters, expansion.x)
     table = to_model(parameters, np.array([x for x, _ in refits]))
     columns = {
-        p.name: profiles[p.name].best + table[:, i] - here[i]
+        p.name: known[p.name].likely + table[:, i] - here[i]
         for i, p in enumerate(parameters)
-        if p.name in profiles
+        if p.name in known
     }
     for k, name in enumerate(likelihood.names):
-        if name not in profiles:
+        if name not in known:
             continue
         columns[name] = np.array([outputs[k] for _, outputs in refits])
     found = {}
     for name, column in columns.items():
-        if (
-            name not in profiles
-            or not profiles[name].verdict.has_value
-            or not np.all(np.isfinite(column))
-        ):
+        if name not in known or not known[name].status.has_value or not np.all(np.isfinite(column)):
             continue
         low, middle, high = np.percentile(column, [2.5, 50.0, 97.5])
         std = float(np.std(column, ddof=1))

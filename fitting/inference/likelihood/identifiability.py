@@ -18,9 +18,9 @@ from fitting.fit.likelihood.descent import Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.inference.likelihood.exploration import Exploration
-from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
+from fitting.inference.likelihood.knowledge import Direction, Equivalent
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import as_known, listed, number, signed_number, unit_text
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
@@ -199,22 +199,22 @@ def _rounded(value: float, digits: int) -> float:
 
 
 def without_effect(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, profiles: Mapping[str, Profile]
+    evaluator: LikelihoodEvaluator, optimum: Optimum, values: Mapping[str, Estimate]
 ) -> tuple[str, ...]:
     """Parameters that alone, anywhere in the box, move no row by a tenth of a sigma; evaluated.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
         optimum: the most likely point and its likelihood.
-        profiles: by name.
+        values: by name.
     """
     likelihood, x = optimum.likelihood, optimum.expansion.x
     exact = _met_exactly(optimum)
     lower, _ = search_bounds(likelihood.parameters)
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
-        own = profiles.get(parameter.name)
-        if own is None or own.verdict is not Verdict.OPEN:
+        own = values.get(parameter.name)
+        if own is None or own.status is not Verdict.OPEN:
             continue
         if float(np.linalg.norm(optimum.expansion.matrix[:, i])) * likelihood.widths[i] > 3.0:
             continue
@@ -337,7 +337,7 @@ def _idle_words(optimum: Optimum, name: str) -> str:
 
 def sentences(
     optimum: Optimum,
-    profiles: Mapping[str, Profile],
+    values: Mapping[str, Estimate],
     unseen: Sequence[Direction],
     idle: Sequence[str],
     others: Sequence[Equivalent],
@@ -346,7 +346,7 @@ def sentences(
 
     Args:
         optimum: the most likely point and its likelihood.
-        profiles: by name.
+        values: by name.
         unseen: directions, those that the data see among them.
         idle: names of parameters without effect.
         others: equivalent fits.
@@ -367,7 +367,7 @@ def sentences(
         ("cost", "were cut for their cost", ": a larger --budget would tell"),
         ("lost", "lost their way", ""),
     ):
-        names = [n for n, p in profiles.items() if end in p.ends and p.verdict not in TOLD]
+        names = [n for n, p in values.items() if end in p.closed_by and p.status not in TOLD]
         if names:
             said.append(
                 f"The profiles of {', '.join(names)} {why}; their intervals go to the ends of the "

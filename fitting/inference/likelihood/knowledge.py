@@ -8,16 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from fitting.signal.misfit import CORRELATED
 from fitting.text.arrays import Scalar
-from fitting.text.estimate import Verdict, in_boxes
+from fitting.text.estimate import Estimate, OldNames
 from fitting.text.finding import Finding
 
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
 
-#: What ended a branch of a profile.
+#: What ended a side of a profile, as `Estimate.closed_by` has it: it "crossed" the threshold, by
+#: the priors of what drifts ("prior"), or while another parameter was "held" at a limit of its
+#: room; it met a "bound" (the end of its own room fits), came "round" a period, was "lost" (no
+#: further point was found, or chi square jumps), or was cut for its "cost". At all but the first
+#: three the interval goes to the bound.
 ENDS = ("crossed", "prior", "held", "bound", "round", "lost", "cost")
 
 #: Why values have no verdict, where nothing nearer is known.
@@ -83,52 +88,26 @@ class Adequacy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Profile:
-    """Profile likelihood of one parameter or derived output.
+class Scan(OldNames):
+    """Points of a profile likelihood, in rising order of the value that was scanned.
 
-    `best` is the most likely value, `interval68`, `interval95` where Dchi^2 stays below 1 and 3.84
-    (asymmetric where the data are), `box` what the campaign's box lets it be, `ends` how each
-    branch ended: "crossed" the threshold, crossed it while another parameter was "held" at a limit
-    of its room, met a "bound" (the end of its own room fits), came "round", was "lost" (no further
-    point found, or chi square jumps) or cut for its "cost". At all but the first two the interval
-    goes to the end of the box. `verdict` with its `reason`; `precision` is half
-    the width of interval95 over the value, of a periodic value over its period (NaN where the data
-    do not cut both ends). `sigma` is linearised at the best point, `shrinkage` = 1 -
-    (width of interval95/width of the box)^2. `values` and `delta` (Dchi^2) are the points of the
-    profile in rising order, `path` the parameters and outputs along it. `simulation` is how far
-    what the simulation may be off by moves the value, at most, linearised: the intervals hold it.
-    `held` names the parameters at whose limits a branch was held, `boxes` those on whose boxes a
-    verdict rests: beyond them a fit that is as good says otherwise.
+    `values` and `delta_chi2` are the points, `path` the parameters and outputs along them, `sigma`
+    the linearised standard deviation at the most likely point. `held` names the parameters at whose
+    limits a side was held.
     """
 
-    kind: str
-    unit: str
-    best: float
     sigma: float
-    interval68: Interval
-    interval95: Interval
-    box: Interval
-    ends: tuple[str, str]
-    shrinkage: float
-    verdict: Verdict
-    precision: float
-    reason: str
     values: Floats
-    delta: Floats
+    delta_chi2: Floats
     path: Mapping[str, Floats]
-    simulation: float = 0.0
     held: tuple[str, ...] = ()
-    boxes: tuple[str, ...] = ()
 
-    @property
-    def is_all_round(self) -> bool:
-        """Whether it went once round a period, whose two ends are one place."""
-        return self.ends[0] == "round"
 
-    @property
-    def condition(self) -> str:
-        """What the verdict holds under: " in the box of d1"; mostly empty."""
-        return in_boxes(self.boxes)
+class Profile(NamedTuple):
+    """A value with the profile that determines it."""
+
+    value: Estimate
+    scan: Scan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,13 +210,13 @@ class Effort:
 
 @dataclass(frozen=True, kw_only=True)
 class Knowledge:
-    """What the data say about every parameter and derived output.
+    """What was found about the values of a fit beside them.
 
     `chi_square` of the peaks (and sweep) at the most likely point, against `freedom`;
     `inflation` of all standard deviations for residuals beyond the noise, `adequacy` whether
     the model describes the data at all, which the first of the `sentences` says. `most_likely`
     are all parameters at that point. `data` is False where the profiles are those of assumed
-    data (before any measurement). `findings` are those of the profiles themselves.
+    data (before any measurement). `scans` are the profiles, by name of the value.
     """
 
     data: bool
@@ -246,8 +225,7 @@ class Knowledge:
     inflation: float
     adequacy: Adequacy
     most_likely: Mapping[str, float]
-    parameters: Mapping[str, Profile]
-    derived: Mapping[str, Profile]
+    scans: Mapping[str, Scan]
     directions: tuple[Direction, ...]
     without_effect: tuple[str, ...]
     equivalents: tuple[Equivalent, ...]
@@ -255,16 +233,44 @@ class Knowledge:
     effort: Effort
     nu: NuChoice | None = None
     bootstrap: Bootstrap | None = None
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def profiles(self) -> dict[str, Profile]:
-        """Parameters and derived outputs together."""
-        return {**self.parameters, **self.derived}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartAlone:
+class Values:
+    """What data determine: every value with its interval and status, and what was found besides."""
+
+    parameters: Mapping[str, Estimate]
+    """The fitted parameters by name."""
+    derived: Mapping[str, Estimate]
+    """Outputs of the FMU that follow from them, by name."""
+    offsets: tuple[Estimate, ...] = ()
+    """Fitted values of single experiments, as offsets from the drift."""
+    findings: tuple[Finding, ...] = ()
+    """What a reader has to know, decided once."""
+    knowledge: Knowledge | None
+    """What the data determine beside values: profiles, directions, other minima."""
+
+    @property
+    def scans(self) -> Mapping[str, Scan]:
+        """Profiles by name of the value; none where nothing was scanned."""
+        return {} if self.knowledge is None else self.knowledge.scans
+
+    @property
+    def profiled(self) -> dict[str, Estimate]:
+        """Parameters and outputs whose profiles were scanned, by name."""
+        both = {**self.parameters, **self.derived}
+        return {name: value for name, value in both.items() if name in self.scans}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Determined(Values):
+    """What profiles of all values determine, without a fit by Algorithm 2 or around one."""
+
+    knowledge: Knowledge
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartAlone(Determined):
     """What the measurements at some `settings` determine without the others.
 
     `places` of `total` were measured there.
@@ -273,21 +279,17 @@ class PartAlone:
     settings: Mapping[str, Scalar]
     places: int
     total: int
-    knowledge: Knowledge
 
 
 @dataclass(frozen=True, kw_only=True)
-class Identification:
+class Identification(Determined):
     """What `fmu-fit identify` writes: where it set out from (`at`), and what it found.
 
-    `part`: what some of the measurements determine alone, if that was asked. `findings` are what a
-    reader must know, for programs.
+    `part`: what some of the measurements determine alone, if that was asked.
     """
 
     title: str
     synthetic: bool
     at: str
-    knowledge: Knowledge
     provenance: Mapping[str, str]
     part: PartAlone | None = None
-    findings: tuple[Finding, ...] = ()

@@ -25,7 +25,7 @@ from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import as_known, listed, number
 
 #: Digits of the ends of a box: as somebody has written them.
@@ -237,11 +237,15 @@ def with_boxes(
             boxes[name] |= out - {name} or out  # the box of another excludes it as well
     order = [p.name for p in likelihood.parameters]
     return {
-        name: replace(p, boxes=tuple(sorted(boxes[name], key=order.index)))
-        if p.verdict in CLAIMS
+        name: p._replace(value=replace(p.value, active_bounds=_sorted(boxes[name], order)))
+        if p.value.status in CLAIMS
         else p
         for name, p in profiles.items()
     }
+
+
+def _sorted(names: set[str], order: Sequence[str]) -> tuple[str, ...]:
+    return tuple(sorted(names, key=order.index))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,7 +267,7 @@ def _others(
     """The fits beyond the box that say otherwise, the best first."""
     for each in sorted(outside.found, key=lambda other: other.point.delta):
         values = _values(likelihood, each.point)
-        names = [n for n, p in profiles.items() if _against(values.get(n, math.nan), p)]
+        names = [n for n, p in profiles.items() if _against(values.get(n, math.nan), p.value)]
         out = [p for p in likelihood.parameters if _is_out(p, values)]
         if names and out:
             yield _Other(where=each.where, values=values, names=names, out=out)
@@ -288,7 +292,7 @@ def _told(
         both = ", ".join(f"{one} and {other}" for one, other in pairs)
         return f"the same fit with {both} exchanged: which is which rests on the box."
     there = ", ".join(
-        f"{name} = {as_known(values[name], profiles[name].sigma, profiles[name].unit)}"
+        f"{name} = {as_known(values[name], profiles[name].scan.sigma, profiles[name].value.unit)}"
         for name in names
     )
     return f"with {there}: what the fit says of {', '.join(names)} rests on the box."
@@ -313,11 +317,11 @@ def _swapped(
     one: str, other: str, values: Mapping[str, float], profiles: Mapping[str, Profile]
 ) -> bool:
     mine, theirs = profiles[one], profiles[other]
-    near = mine.sigma + theirs.sigma
+    near = mine.scan.sigma + theirs.scan.sigma
     return (
-        mine.unit == theirs.unit
-        and abs(values[one] - theirs.best) < near
-        and abs(values[other] - mine.best) < near
+        mine.value.unit == theirs.value.unit
+        and abs(values[one] - theirs.value.likely) < near
+        and abs(values[other] - mine.value.likely) < near
     )
 
 
@@ -329,19 +333,15 @@ def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
     """
     by_limits: dict[tuple[str, ...], list[str]] = {}
     for name, profile in profiles.items():
-        held = _held_by(name, profile)
-        if held and profile.verdict is not Verdict.WITHDRAWN:  # of that the fit says nothing
+        # its own limit is another matter than that of another parameter
+        held = () if name in profile.scan.held else profile.scan.held
+        if held and profile.value.status is not Verdict.WITHDRAWN:  # of that the fit says nothing
             by_limits.setdefault(held, []).append(name)
     return tuple(
         f"No data end {listed(names)} where {listed(held)} {'is' if len(held) == 1 else 'are'} as "
         f"far as a profile may take {'it' if len(held) == 1 else 'them'}: a wider box may say more."
         for held, names in by_limits.items()
     )
-
-
-def _held_by(name: str, profile: Profile) -> tuple[str, ...]:
-    """Other parameters at whose limits a profile was held; none where it is its own limit, too."""
-    return () if name in profile.held else profile.held
 
 
 def _values(likelihood: Likelihood, point: ProfilePoint) -> dict[str, float]:
@@ -359,16 +359,16 @@ def _is_out(parameter: Parameter, values: Mapping[str, float]) -> bool:
 
 def _place(parameter: Parameter, value: float, profiles: Mapping[str, Profile]) -> str:
     own = profiles.get(parameter.name)
-    shown = as_known(value, math.nan if own is None else own.sigma, parameter.unit)
+    shown = as_known(value, math.nan if own is None else own.scan.sigma, parameter.unit)
     low, high = (number(end, BOX_DIGITS) for end in (parameter.lower, parameter.upper))
     box = f"{low} to {high} {parameter.unit}".rstrip()
     return f"{parameter.name} = {shown} (box: {box})"
 
 
-def _against(value: float, profile: Profile) -> bool:
+def _against(value: float, known: Estimate) -> bool:
     """Whether a value lies beyond an end of the interval that the data cut."""
-    low, high = profile.interval95
+    low, high = known.ci95
     margin = BEYOND * (high - low)
-    below = profile.ends[0] == "crossed" and value < low - margin
-    above = profile.ends[1] == "crossed" and value > high + margin
+    below = known.closed_by[0] == "crossed" and value < low - margin
+    above = known.closed_by[1] == "crossed" and value > high + margin
     return below or above

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter
-from fitting.inference.likelihood.knowledge import Knowledge, Profile
+from fitting.inference.likelihood.knowledge import Scan, Values
 from fitting.inference.posterior.minima import Target
 from fitting.inference.posterior.turns import told_value
 from fitting.text.arrays import FloatArray
@@ -57,37 +57,42 @@ class Missed:
         )
 
 
-def accepted_by(knowledge: Knowledge, parameters: Sequence[Parameter]) -> dict[str, Accepted]:
+def accepted_by(fit: Values, parameters: Sequence[Parameter]) -> dict[str, Accepted]:
     """Values inside the bounds that a fit accepts, by name of the parameter.
 
     Profiles are scanned beyond the bounds, where no draw comes: what fits only with another value
     beyond its own is left out, and a value beyond its own counts at that bound.
 
     Args:
-        knowledge: of the fit, with its profiles.
+        fit: with its profiles; without them nothing is known.
         parameters: that are drawn, with their bounds.
     """
+    knowledge = fit.knowledge
+    if knowledge is None:
+        return {}
     bounds = {p.name: _bounds(p) for p in parameters}
     others = [e.parameters for e in knowledge.equivalents if not e.where]
     others = [place for place in others if _is_inside(place, bounds)]
     found = {}
-    for name, profile in knowledge.parameters.items():
-        low, high = profile.interval95
+    for name, scan in knowledge.scans.items():
+        if name not in fit.parameters:
+            continue
+        low, high = fit.parameters[name].ci95
         values = [place[name] for place in others if name in place]
         if name in bounds:
-            values += _along(name, profile, knowledge.inflation, bounds)
+            values += _along(name, scan, knowledge.inflation, bounds)
         if high > low and math.isfinite(high - low):
             found[name] = Accepted(tuple(values), high - low)
     return found
 
 
 def _along(
-    name: str, profile: Profile, inflation: float, bounds: Mapping[str, tuple[float, float]]
+    name: str, scan: Scan, inflation: float, bounds: Mapping[str, tuple[float, float]]
 ) -> list[float]:
     """Accepted values along a profile."""
     values = []
-    for k, (value, delta) in enumerate(zip(profile.values, profile.delta, strict=True)):
-        place = {other: path[k] for other, path in profile.path.items() if other != name}
+    for k, (value, delta) in enumerate(zip(scan.values, scan.delta_chi2, strict=True)):
+        place = {other: path[k] for other, path in scan.path.items() if other != name}
         if delta * inflation**2 <= ROOT_95**2 and _is_inside(place, bounds):
             values.append(float(np.clip(value, *bounds[name])))
     return values

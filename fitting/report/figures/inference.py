@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from matplotlib.lines import Line2D
 
 from fitting.inference.findings import WORTH_SAYING
-from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
+from fitting.inference.likelihood.knowledge import NuChoice, Values
 from fitting.report import plot
 from fitting.report.figures.numbers import NU, OUTPUTS, PROFILES, TOGETHER
 from fitting.report.figures.style import (
@@ -23,7 +23,7 @@ from fitting.report.figures.style import (
 )
 from fitting.report.plot.axes import BLUE, GREY
 from fitting.report.plot.inference import VERDICT_COLOURS
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import listed
 
 PER_ROW = 3
@@ -42,63 +42,65 @@ def _colours(verdicts: Sequence[Verdict]) -> dict[str, str]:
     return {colour: " or ".join(said) for colour, said in words.items()}
 
 
-def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> list[Planned]:
+def knowledge_figures(found: Values, title: str, *, synthetic: bool) -> list[Planned]:
     """Every figure that there is something for, in order, yet to be drawn.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
         title: of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
     draws: dict[str, Callable[..., Drawing]] = {}
-    if _curved(knowledge):
-        draws[PROFILES] = partial(draw_profiles, knowledge)
-    if len(_together(knowledge)) > 1:
-        draws[TOGETHER] = partial(draw_together, knowledge)
-    if _along(knowledge) is not None:
-        draws[OUTPUTS] = partial(draw_outputs, knowledge)
+    if _curved(found):
+        draws[PROFILES] = partial(draw_profiles, found)
+    if len(_together(found)) > 1:
+        draws[TOGETHER] = partial(draw_together, found)
+    if _along(found) is not None:
+        draws[OUTPUTS] = partial(draw_outputs, found)
     # without a corner all that there is to see is said in its sentences
-    if knowledge.nu is not None and not math.isnan(knowledge.nu.corner):
-        draws[NU] = partial(draw_nu, knowledge.nu)
+    nu = None if found.knowledge is None else found.knowledge.nu
+    if nu is not None and not math.isnan(nu.corner):
+        draws[NU] = partial(draw_nu, nu)
     return [
         Planned(name=name, draw=partial(draw, title, synthetic=synthetic))
         for name, draw in draws.items()
     ]
 
 
-def _curved(knowledge: Knowledge) -> dict[str, Profile]:
+def _curved(found: Values) -> dict[str, Estimate]:
     """Profiles that the data bend anywhere, few of them; a flat one is a line on the axis."""
-    return dict(list(_bent(knowledge).items())[:MOST_PROFILES])
+    return dict(list(_bent(found).items())[:MOST_PROFILES])
 
 
-def _bent(knowledge: Knowledge) -> dict[str, Profile]:
-    return {n: p for n, p in knowledge.profiles.items() if max(p.delta, default=0.0) >= BENT}
+def _bent(found: Values) -> dict[str, Estimate]:
+    highest = {name: max(scan.delta_chi2, default=0.0) for name, scan in found.scans.items()}
+    return {name: p for name, p in found.profiled.items() if highest[name] >= BENT}
 
 
-def _flat(knowledge: Knowledge) -> list[str]:
-    bent = _bent(knowledge)
-    return [name for name, p in knowledge.profiles.items() if p.values and name not in bent]
+def _flat(found: Values) -> list[str]:
+    bent = _bent(found)
+    return [name for name, scan in found.scans.items() if scan.values and name not in bent]
 
 
-def flat_sentence(knowledge: Knowledge) -> str:
+def flat_sentence(found: Values) -> str:
     """Which values have a profile that is flat, and is not drawn; empty where all are bent.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
     """
-    names = _flat(knowledge)
+    names = _flat(found)
     if not names:
         return ""
     return f"Flat, with Δχ² below 1 at every value that was tried: {listed(names)}."
 
 
-def _left_out(knowledge: Knowledge) -> str:
+def _left_out(found: Values) -> str:
     """Which profiles are not drawn, and why; empty where all are."""
     groups = (
-        (_flat(knowledge), "flat: Δχ² is below 1 at every value that was tried"),
-        (list(_bent(knowledge))[MOST_PROFILES:], f"{MOST_PROFILES} profiles are drawn at most"),
+        (_flat(found), "flat: Δχ² is below 1 at every value that was tried"),
+        (list(_bent(found))[MOST_PROFILES:], f"{MOST_PROFILES} profiles are drawn at most"),
         (
-            [name for name, p in knowledge.profiles.items() if not p.values],
+            [name for name, scan in found.scans.items() if not scan.values],
             "no profile was scanned",
         ),
     )
@@ -106,22 +108,22 @@ def _left_out(knowledge: Knowledge) -> str:
     return f" Not drawn: {'; '.join(said)}." if said else ""
 
 
-def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
+def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
     """Profile likelihood of every value with the thresholds of its intervals.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
     title = "Profile likelihood: how far each value can go"
-    shown = _curved(knowledge)
+    shown = _curved(found)
     rows = math.ceil(len(shown) / PER_ROW)
     figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 1.75 * rows)
-    for k, (panel, (name, profile)) in enumerate(
+    for k, (panel, (name, value)) in enumerate(
         zip(panels(figure, len(shown), PER_ROW), shown.items(), strict=True)
     ):
-        plot.profile(profile, name, ax=panel)
+        plot.profile(value, found.scans[name], ax=panel)
         if k % PER_ROW:
             panel.set_ylabel("")
     handles = [
@@ -129,23 +131,23 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         Line2D([], [], color=GREY, linestyle="--", label="thresholds 68 % (1) and 95 % (3.84)"),
         *(
             Line2D([], [], color=colour, linewidth=5.0, alpha=0.35, label=f"95 %: {words}")
-            for colour, words in _colours([profile.verdict for profile in shown.values()]).items()
+            for colour, words in _colours([value.status for value in shown.values()]).items()
         ),
     ]
     legend_below(figure, handles, ncols=3)
-    words = [f"{name} {profile.verdict}{profile.condition}" for name, profile in shown.items()]
+    words = [f"{name} {value.status}{value.condition}" for name, value in shown.items()]
     caption = (
         "Least Δχ² that fits of all other parameters reach at each value. Where the curve stays "
         "below 3.84 the value fits the data at 95 %; a curve that stays there from end to end says "
         "that the data do not determine the value. The band is the 95 % interval, drawn over the "
         "range that the box leaves where the data end it nowhere."
     )
-    if any(profile.simulation > WORTH_SAYING * profile.sigma for profile in shown.values()):
+    if any(v.simulation > WORTH_SAYING * found.scans[n].sigma for n, v in shown.items()):
         caption += (
             " It is wider than the curve says: what the simulation may be off by is in it, and not "
             "in the curve."
         )
-    caption += _left_out(knowledge)
+    caption += _left_out(found)
     return Drawing(
         name=PROFILES,
         title=title,
@@ -155,31 +157,36 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
     )
 
 
-def _together(knowledge: Knowledge) -> list[str]:
+def _drawn(found: Values, values: Mapping[str, Estimate]) -> list[str]:
+    """Values whose profile has points enough for a plane."""
+    return [n for n in values if n in found.scans and len(found.scans[n].values) > 1]
+
+
+def _together(found: Values) -> list[str]:
     """Parameters that are drawn against each other: those least determined, few of them."""
-    names = [n for n, p in knowledge.parameters.items() if len(p.values) > 1]
-    ranked = sorted(names, key=lambda name: knowledge.parameters[name].shrinkage)
+    names = _drawn(found, found.parameters)
+    ranked = sorted(names, key=lambda name: found.parameters[name].shrinkage)
     return [name for name in names if name in ranked[:MOST_TOGETHER]]
 
 
-def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
+def draw_together(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
     """Parameters against each other over all fits that the profiles went through.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
     title = "Which parameter values go together"
-    pairs = list(itertools.combinations(_together(knowledge), 2))
+    pairs = list(itertools.combinations(_together(found), 2))
     rows = math.ceil(len(pairs) / PER_ROW)
     figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
     axes = panels(figure, len(pairs), PER_ROW)
     for panel, (one, other) in zip(axes, pairs, strict=True):
-        plot.together(knowledge, one, other, ax=panel)
+        plot.together(found, one, other, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
-    names = list(_together(knowledge))
-    around = [name for name in names if knowledge.parameters[name].is_all_round]
+    names = list(_together(found))
+    around = [name for name in names if found.parameters[name].is_all_round]
     period = f", of {listed(around)} one period is drawn" if around else ""
     caption = (
         "Every point of every profile: filled where it fits the data at 95 % (Δχ² ≤ 3.84), pale "
@@ -191,34 +198,34 @@ def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
     return Drawing(name=TOGETHER, title=title, caption=caption, alt=alt, figure=figure)
 
 
-def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
+def _along(found: Values) -> tuple[str, list[str]] | None:
     """The least determined parameter and the outputs that are drawn over it."""
-    outputs = [n for n, p in knowledge.derived.items() if len(p.values) > 1]
-    outputs.sort(key=lambda name: knowledge.derived[name].shrinkage)
-    names = [n for n, p in knowledge.parameters.items() if len(p.values) > 1]
+    outputs = _drawn(found, found.derived)
+    outputs.sort(key=lambda name: found.derived[name].shrinkage)
+    names = _drawn(found, found.parameters)
     if not outputs or not names:
         return None
     # one that goes round is an angle, and what hangs on an angle is best seen over it
     names.sort(
         key=lambda n: (
-            not knowledge.parameters[n].is_all_round,
-            knowledge.parameters[n].shrinkage,
+            not found.parameters[n].is_all_round,
+            found.parameters[n].shrinkage,
         )
     )
     kept = outputs[:MOST_OUTPUTS]
-    return names[0], [name for name in knowledge.derived if name in kept]
+    return names[0], [name for name in found.derived if name in kept]
 
 
-def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
+def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
     """Derived outputs over the least determined parameter, with their prior and data intervals.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
     title = "What the least determined parameter leaves open"
-    chosen = _along(knowledge)
+    chosen = _along(found)
     if chosen is None:
         raise ValueError("no output to draw over a parameter")
     parameter, outputs = chosen
@@ -226,12 +233,12 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
     figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
     axes = panels(figure, len(outputs), 2)
     for panel, name in zip(axes, outputs, strict=True):
-        plot.output(knowledge, name, parameter, ax=panel)
+        plot.output(found, name, parameter, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
-    shown = {name: knowledge.derived[name] for name in outputs}
-    words = [f"{name} {p.verdict}{p.condition}" for name, p in shown.items()]
+    shown = {name: found.derived[name] for name in outputs}
+    words = [f"{name} {p.status}{p.condition}" for name, p in shown.items()]
     caption = (
-        f"Outputs over {parameter} at every point of every profile{_no_value(knowledge, outputs)}. "
+        f"Outputs over {parameter} at every point of every profile{_no_value(found, outputs)}. "
         "The bars at the right edge are the range without data (grey) and the 95 % interval with "
         "them (blue): where both are alike, the data say nothing of that output. A side that no "
         "data end is told to the end of the box; points beyond it fit as well."
@@ -241,9 +248,9 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
     )
 
 
-def _no_value(knowledge: Knowledge, outputs: Sequence[str]) -> str:
+def _no_value(found: Values, outputs: Sequence[str]) -> str:
     """Of which outputs points are missing, as they have no value there; mostly empty."""
-    paths = [p.path for p in knowledge.profiles.values()]
+    paths = [scan.path for scan in found.scans.values()]
     gaps = [n for n in outputs if any(math.isnan(v) for path in paths for v in path.get(n, ()))]
     return f", of {listed(gaps)} where there is a value" if gaps else ""
 

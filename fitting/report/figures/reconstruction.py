@@ -144,7 +144,7 @@ def planned_figures(result: Result, data: ShownCampaign) -> list[Planned]:
         for described in data.figures
     ]
     if result.knowledge is not None:
-        planned += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
+        planned += knowledge_figures(result, data.title, synthetic=data.synthetic)
     return numbered(planned, result, [described.name for described in data.figures])
 
 

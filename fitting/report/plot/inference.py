@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
+from fitting.inference.likelihood.knowledge import NuChoice, Scan, Values
 from fitting.report.plot.axes import (
     BLUE,
     GREEN,
@@ -21,7 +21,7 @@ from fitting.report.plot.axes import (
     say_empty,
     series_look,
 )
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Interval, Verdict
 from fitting.text.notation import mathtext, on_log_axis, scaling_for
 
 #: Dchi^2 at the ends of the 68 % and 95 % intervals, and the highest that is drawn.
@@ -38,35 +38,37 @@ VERDICT_COLOURS = {
 MOST_SERIES = 6
 
 
-def profile(found: Profile, name: str = "value", *, ax: Axes | None = None) -> Axes:
+def profile(found: Estimate, scan: Scan, *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood: the least Δχ² that fits reach at each value.
 
     Dashed lines are the thresholds of the 68 % and 95 % intervals, 1 and 3.84; the band is the 95 %
     interval, its colour and the title the verdict.
 
     Args:
-        found: the profile, drawn in its unit.
-        name: of the value.
+        found: the value, drawn in its unit.
+        scan: the points of its profile.
         ax: where to draw; pyplot's current axes if not given.
     """
     axes = axes_of(ax)
-    values = [v for v in (*found.values, *found.interval95) if math.isfinite(v)]
-    colour = VERDICT_COLOURS.get(found.verdict, GREY)
+    values = [v for v in (*scan.values, *found.ci95) if math.isfinite(v)]
+    colour = VERDICT_COLOURS.get(found.status, GREY)
     # what it holds under would not fit beside the next title: tables and sentences tell it
-    axes.set_title(f"{mathtext(name)}: {found.verdict}", color=colour, loc="left", fontsize="small")
+    axes.set_title(
+        f"{mathtext(found.name)}: {found.status}", color=colour, loc="left", fontsize="small"
+    )
     axes.set_ylim(-0.35, HIGHEST)
     axes.set_ylabel("Δχ²")
     if not values:
         say_empty(axes, "no value")
         return axes
     scaling = scaling_for(values, found.unit)
-    if all(map(math.isfinite, found.interval95)):
-        low, high = (scaling(v) for v in found.interval95)
+    if all(map(math.isfinite, found.ci95)):
+        low, high = (scaling(v) for v in found.ci95)
         axes.axvspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
     for level in (AT_68, AT_95):
         axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
-    kept = _near(found)
-    xs, ys = [scaling(found.values[k]) for k in kept], [found.delta[k] for k in kept]
+    kept = _near(found, scan)
+    xs, ys = [scaling(scan.values[k]) for k in kept], [scan.delta_chi2[k] for k in kept]
     axes.plot(
         xs,
         np.minimum(ys, 2 * HIGHEST),
@@ -76,26 +78,26 @@ def profile(found: Profile, name: str = "value", *, ax: Axes | None = None) -> A
         linewidth=1,
         label="profile",
     )
-    axes.set_xlabel(scaling.label(mathtext(name)))
+    axes.set_xlabel(scaling.label(mathtext(found.name)))
     plain_ticks(axes, x=3)
     axes.set_yticks([0.0, AT_68, AT_95, HIGHEST], ["0", "1", "3.84", "8"])
     return axes
 
 
-def _near(found: Profile) -> list[int]:
+def _near(found: Estimate, scan: Scan) -> list[int]:
     """Points of a profile worth drawing: not those far beyond the threshold."""
-    low, high = found.interval95
+    low, high = found.ci95
     if math.isnan(low):
-        low, high = found.box
+        low, high = found.bounds
     room = 0.25 * (high - low)
     return [
         k
-        for k, value in enumerate(found.values)
-        if found.delta[k] <= 2.0 * HIGHEST and low - room <= value <= high + room
+        for k, value in enumerate(scan.values)
+        if scan.delta_chi2[k] <= 2.0 * HIGHEST and low - room <= value <= high + room
     ]
 
 
-def together(knowledge: Knowledge, one: str, other: str, *, ax: Axes | None = None) -> Axes:
+def together(found: Values, one: str, other: str, *, ax: Axes | None = None) -> Axes:
     """Draw two parameters against each other over all fits that the profiles went through.
 
     Filled where a point fits the data at 95 % (Δχ² ≤ 3.84), pale where it does not; the star is the
@@ -103,50 +105,50 @@ def together(knowledge: Knowledge, one: str, other: str, *, ax: Axes | None = No
     such lines: its profile holds one period, wherever its box ends.
 
     Args:
-        knowledge: profiles of a result.
+        found: values with their profiles.
         one: name of the parameter along x, drawn in its unit.
         other: name of the parameter along y, drawn in its unit.
         ax: where to draw; pyplot's current axes if not given.
     """
-    axes, profiles = axes_of(ax), knowledge.parameters
-    (x, delta), (y, _) = _cloud(knowledge, one), _cloud(knowledge, other)
-    across = scaling_for([*profiles[one].box], profiles[one].unit)
-    up = scaling_for([*profiles[other].box], profiles[other].unit)
+    axes, known = axes_of(ax), found.parameters
+    (x, delta), (y, _) = _cloud(found, one), _cloud(found, other)
+    across = scaling_for([*_range(known[one])], known[one].unit)
+    up = scaling_for([*_range(known[other])], known[other].unit)
     _scatter(axes, [across(v) for v in x], [up(v) for v in y], delta)
-    _star(axes, across(profiles[one].best), up(profiles[other].best))
-    if not profiles[one].is_all_round:
-        _frame(axes, [across(v) for v in x], [across(v) for v in profiles[one].box], vertical=False)
-    if not profiles[other].is_all_round:
-        _frame(axes, [up(v) for v in y], [up(v) for v in profiles[other].box], vertical=True)
+    _star(axes, across(known[one].likely), up(known[other].likely))
+    if not known[one].is_all_round:
+        _frame(axes, [across(v) for v in x], [across(v) for v in known[one].bounds], vertical=False)
+    if not known[other].is_all_round:
+        _frame(axes, [up(v) for v in y], [up(v) for v in known[other].bounds], vertical=True)
     plain_ticks(axes, x=4)
     axes.set_xlabel(across.label(mathtext(one)))
     axes.set_ylabel(up.label(mathtext(other)))
     return axes
 
 
-def output(knowledge: Knowledge, name: str, parameter: str, *, ax: Axes | None = None) -> Axes:
+def output(found: Values, name: str, parameter: str, *, ax: Axes | None = None) -> Axes:
     """Draw a derived output over a parameter at every fit that the profiles went through.
 
     The bars at the right edge are the range of the output without data (grey) and its 95 % interval
     with them (blue).
 
     Args:
-        knowledge: profiles of a result.
+        found: values with their profiles.
         name: of the output, drawn in its unit.
         parameter: name of the parameter along x, drawn in its unit.
         ax: where to draw; pyplot's current axes if not given.
     """
     axes = axes_of(ax)
-    found, own = knowledge.derived[name], knowledge.parameters[parameter]
-    (x, delta), (y, _) = _cloud(knowledge, parameter), _cloud(knowledge, name)
-    across = scaling_for([*own.box], own.unit)
-    up = scaling_for([*found.box, found.best], found.unit)
+    read, own = found.derived[name], found.parameters[parameter]
+    (x, delta), (y, _) = _cloud(found, parameter), _cloud(found, name)
+    across = scaling_for([*_range(own)], own.unit)
+    up = scaling_for([*read.bounds, read.likely], read.unit)
     exists = np.isfinite(y)
     _scatter(axes, [across(v) for v in x[exists]], [up(v) for v in y[exists]], delta[exists])
-    _star(axes, across(own.best), up(found.best))
+    _star(axes, across(own.likely), up(read.likely))
     for at, bar, colour, label in (
-        (1.02, found.box, GREY, "without data: range over the box"),
-        (1.05, found.interval95, BLUE, "with data: 95 % interval"),
+        (1.02, read.bounds, GREY, "without data: range over the box"),
+        (1.05, read.ci95, BLUE, "with data: 95 % interval"),
     ):
         axes.plot(
             [at, at],
@@ -164,18 +166,25 @@ def output(knowledge: Knowledge, name: str, parameter: str, *, ax: Axes | None =
     return axes
 
 
-def _cloud(knowledge: Knowledge, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _range(value: Estimate) -> Interval:
+    """Where a parameter was looked for: its bounds, or the period in which its profile lies."""
+    if not value.is_all_round:
+        return value.bounds
+    low, high = value.ci95
+    return (low, high) if math.isfinite(low) else value.bounds
+
+
+def _cloud(found: Values, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Values of a parameter or output at all points of all profiles, and Dchi^2 there."""
     values, deltas = [], []
-    for found in knowledge.profiles.values():
-        if name in found.path:
-            values += list(found.path[name])
-            deltas += list(found.delta)
+    for scan in found.scans.values():
+        if name in scan.path:
+            values += list(scan.path[name])
+            deltas += list(scan.delta_chi2)
     cloud, delta = np.array(values), np.array(deltas)
-    own = knowledge.parameters.get(name)
-    if own is not None and own.is_all_round:
-        low, high = own.box
-        cloud = low + np.mod(cloud - low, high - low)
+    own = found.parameters.get(name)
+    if own is not None and own.is_all_round and own.period is not None:
+        cloud = _range(own)[0] + np.mod(cloud - _range(own)[0], own.period)
     return cloud, delta
 
 

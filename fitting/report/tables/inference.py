@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 from fitting.inference.likelihood.knowledge import (
+    Bootstrap,
     Direction,
     Equivalent,
     Knowledge,
@@ -13,10 +14,11 @@ from fitting.inference.likelihood.knowledge import (
     NuRow,
     PartAlone,
     Percentiles,
-    Profile,
+    Values,
 )
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.tables.values import WHOLE, interval, verdict
+from fitting.text.estimate import Estimate
 from fitting.text.notation import (
     as_its_error,
     error_number,
@@ -26,7 +28,7 @@ from fitting.text.notation import (
     unit_text,
 )
 
-Named = tuple[str, Profile]
+Named = tuple[str, Estimate]
 #: What closes a side of an interval, by how its profile ended.
 ENDS = {
     "crossed": "closed by the data",
@@ -39,26 +41,28 @@ ENDS = {
 }
 
 
-def knowledge_tables(knowledge: Knowledge) -> tuple[Table, ...]:
+def knowledge_tables(found: Values, knowledge: Knowledge) -> tuple[Table, ...]:
     """Profiles, directions, equivalent minima, choice of nu, bootstrap: those that exist.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
+        knowledge: what was found beside them.
     """
-    made = [profile_table(knowledge), direction_table(knowledge), equivalent_table(knowledge)]
+    made = [profile_table(found), direction_table(knowledge), equivalent_table(knowledge)]
     if knowledge.nu is not None and knowledge.nu.rows:
         made.append(nu_table(knowledge.nu))
-    made.append(bootstrap_table(knowledge))
+    if knowledge.bootstrap is not None and knowledge.bootstrap.values:
+        made.append(bootstrap_table(found, knowledge.bootstrap))
     return tuple(table for table in made if table is not None)
 
 
-def _best(profile: Profile) -> Cell:
+def _best(value: Estimate) -> Cell:
     """The most likely value, where the data determine one, rounded as the smaller of its errors."""
-    if not profile.verdict.has_value:
+    if not value.status.has_value:
         return Cell("–")
-    low, high = profile.interval68
-    error = min(profile.best - low, high - profile.best)
-    return Cell(as_its_error(profile.best, error, 8), value=profile.best)
+    low, high = value.ci68
+    error = min(value.likely - low, high - value.likely)
+    return Cell(as_its_error(value.likely, error, 8), value=value.likely)
 
 
 def _median(found: Percentiles) -> Cell:
@@ -72,48 +76,48 @@ def _std(found: Percentiles) -> Cell:
     return Cell(error_number(found.std), value=value)
 
 
-def _interval(profile: Profile, bounds: tuple[float, float]) -> Cell:
-    return Cell(WHOLE) if profile.is_all_round else interval(bounds)
+def _interval(value: Estimate, bounds: tuple[float, float]) -> Cell:
+    return Cell(WHOLE) if value.is_all_round else interval(bounds)
 
 
-def _precision(profile: Profile) -> Cell:
+def _precision(value: Estimate) -> Cell:
     """Half the width over the value (or period), in per cent."""
-    if not math.isfinite(profile.precision):
+    if not math.isfinite(value.precision):
         return Cell("–")
-    return Cell(f"{number(100.0 * profile.precision, 2)} %", value=profile.precision)
+    return Cell(f"{number(100.0 * value.precision, 2)} %", value=value.precision)
 
 
 PROFILES: tuple[Column[Named], ...] = (
     Column("value", lambda row: symbol(row[0]), role="name"),
     Column("unit", lambda row: unit_text(row[1].unit)),
     Column("most likely", lambda row: _best(row[1])),
-    Column("68 %", lambda row: _interval(row[1], row[1].interval68)),
-    Column("95 %", lambda row: _interval(row[1], row[1].interval95)),
-    Column("without data", lambda row: interval(row[1].box)),
-    Column("ends below", lambda row: ENDS.get(row[1].ends[0], row[1].ends[0])),
-    Column("ends above", lambda row: ENDS.get(row[1].ends[1], row[1].ends[1])),
+    Column("68 %", lambda row: _interval(row[1], row[1].ci68)),
+    Column("95 %", lambda row: _interval(row[1], row[1].ci95)),
+    Column("without data", lambda row: interval(row[1].bounds)),
+    Column("ends below", lambda row: ENDS.get(row[1].closed_by[0], row[1].closed_by[0])),
+    Column("ends above", lambda row: ENDS.get(row[1].closed_by[1], row[1].closed_by[1])),
     Column("precision", lambda row: _precision(row[1])),
-    Column("verdict", lambda row: verdict(row[1].verdict, row[1].condition)),
+    Column("verdict", lambda row: verdict(row[1].status, row[1].condition)),
 )
 
 
-def profile_table(knowledge: Knowledge) -> Table:
+def profile_table(found: Values) -> Table:
     """A row per parameter and output: intervals, how they end, precision, verdict.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
     """
     return tabulate(
         "Profile likelihood",
         PROFILES,
-        knowledge.profiles.items(),
+        found.profiled.items(),
         "Precision is half the width of the 95 % interval over the value, of an angle over its "
         "period. Verdicts follow from the ends that the data cut, inside the box or outside; where "
         "they cut none, the interval is what the box leaves, as far as it was walked.",
     )
 
 
-def part_table(whole: Knowledge, part: PartAlone) -> Table:
+def part_table(whole: Values, part: PartAlone) -> Table:
     """A row per value: what some of the measurements say alone, and what all say.
 
     Args:
@@ -121,14 +125,14 @@ def part_table(whole: Knowledge, part: PartAlone) -> Table:
         part: what some of them determine.
     """
     where = settings_words(part.settings)
-    pairs = [(name, part.knowledge.profiles[name], p) for name, p in whole.profiles.items()]
-    columns: tuple[Column[tuple[str, Profile, Profile]], ...] = (
+    pairs = [(name, part.profiled[name], p) for name, p in whole.profiled.items()]
+    columns: tuple[Column[tuple[str, Estimate, Estimate]], ...] = (
         Column("value", lambda row: symbol(row[0]), role="name"),
         Column("unit", lambda row: unit_text(row[2].unit)),
-        Column(f"95 %, {where} alone", lambda row: interval(row[1].interval95)),
-        Column(f"verdict, {where} alone", lambda row: verdict(row[1].verdict, row[1].condition)),
-        Column("95 %, all", lambda row: interval(row[2].interval95)),
-        Column("verdict, all", lambda row: verdict(row[2].verdict, row[2].condition)),
+        Column(f"95 %, {where} alone", lambda row: interval(row[1].ci95)),
+        Column(f"verdict, {where} alone", lambda row: verdict(row[1].status, row[1].condition)),
+        Column("95 %, all", lambda row: interval(row[2].ci95)),
+        Column("verdict, all", lambda row: verdict(row[2].status, row[2].condition)),
     )
     return tabulate(
         f"What was measured at {where} determines alone, and what all of it determines",
@@ -238,22 +242,20 @@ def _criteria(nu: NuChoice, row: NuRow) -> str:
     return ", ".join(word for word, at in chosen.items() if row.nu == at)
 
 
-def bootstrap_table(knowledge: Knowledge) -> Table | None:
-    """Percentile intervals of the bootstrap beside those of the profiles; None without one.
+def bootstrap_table(found: Values, bootstrap: Bootstrap) -> Table:
+    """Percentile intervals of the bootstrap beside those of the profiles.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
+        bootstrap: resampled fits.
     """
-    found = knowledge.bootstrap
-    if found is None or not found.values:
-        return None
-    profiles = knowledge.profiles
+    known = found.profiled
     columns: tuple[Column[tuple[str, Percentiles]], ...] = (
         Column("value", lambda row: symbol(row[0]), role="name"),
-        Column("unit", lambda row: unit_text(profiles[row[0]].unit)),
+        Column("unit", lambda row: unit_text(known[row[0]].unit)),
         Column("median", lambda row: _median(row[1])),
         Column("std", lambda row: _std(row[1])),
         Column("95 %, bootstrap", lambda row: interval(row[1].interval95)),
-        Column("95 %, profile", lambda row: interval(profiles[row[0]].interval95)),
+        Column("95 %, profile", lambda row: interval(known[row[0]].ci95)),
     )
-    return tabulate("Parametric bootstrap", columns, found.values.items(), found.sentence)
+    return tabulate("Parametric bootstrap", columns, bootstrap.values.items(), bootstrap.sentence)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from fitting.inference.likelihood.knowledge import Identification, Knowledge, PartAlone, Profile
+from fitting.inference.likelihood.knowledge import Identification, PartAlone, Values
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table, part_table
 from fitting.report.words.inference import knowledge_lines
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import listed, settings_words
 
 
@@ -26,14 +26,14 @@ def identification_lines(found: Identification) -> list[str]:
     directions = direction_table(found.knowledge)
     if directions is not None:  # what was tried along them is told below
         lines += text_lines(directions.without("what was tried"))
-    lines += ["", *knowledge_lines(found.knowledge)]
+    lines += ["", *knowledge_lines(found)]
     if found.part is None:
         return lines
-    lines += ["", *part_sentences(found.knowledge, found.part), ""]
-    return lines + text_lines(part_table(found.knowledge, found.part))
+    lines += ["", *part_sentences(found, found.part), ""]
+    return lines + text_lines(part_table(found, found.part))
 
 
-def part_sentences(whole: Knowledge, part: PartAlone) -> tuple[str, ...]:
+def part_sentences(whole: Values, part: PartAlone) -> tuple[str, ...]:
     """What a part of the measurements determines alone, and what all of them determine beyond it.
 
     Args:
@@ -41,7 +41,7 @@ def part_sentences(whole: Knowledge, part: PartAlone) -> tuple[str, ...]:
         part: what some of them determine.
     """
     where = settings_words(part.settings)
-    before, after = _determined(part.knowledge), _determined(whole)
+    before, after = _determined(part), _determined(whole)
     more, fewer = [n for n in after if n not in before], [n for n in before if n not in after]
     said = [
         f"Measured at {where} ({part.places} of {part.total} places) alone: "
@@ -56,19 +56,19 @@ def part_sentences(whole: Knowledge, part: PartAlone) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _determined(knowledge: Knowledge) -> dict[str, str]:
+def _determined(found: Values) -> dict[str, str]:
     """What is determined, by name: the name with the box that this rests on, if it does."""
-    profiles = knowledge.profiles
-    return {n: f"{n}{p.condition}" for n, p in profiles.items() if p.verdict is Verdict.DETERMINED}
+    values = found.profiled
+    return {n: f"{n}{p.condition}" for n, p in values.items() if p.status is Verdict.DETERMINED}
 
 
 def _open_sentences(part: PartAlone) -> list[str]:
     """Why the rest is not determined by a part alone: what fits, or what was not searched."""
-    profiles = part.knowledge.profiles
-    free = [n for n, p in profiles.items() if p.ends == ("bound", "bound")]
-    near = [n for n, p in profiles.items() if p.verdict is Verdict.OPEN and _is_cut(p)]
-    cut = [n for n, p in profiles.items() if "cost" in p.ends and n not in near]
-    lost = [n for n, p in profiles.items() if "lost" in p.ends and n not in (*cut, *near)]
+    values = part.profiled
+    free = [n for n, p in values.items() if p.closed_by == ("bound", "bound")]
+    near = [n for n, p in values.items() if p.status is Verdict.OPEN and _is_cut(p)]
+    cut = [n for n, p in values.items() if "cost" in p.closed_by and n not in near]
+    lost = [n for n, p in values.items() if "lost" in p.closed_by and n not in (*cut, *near)]
     said = []
     if free:
         said.append(
@@ -89,5 +89,5 @@ def _open_sentences(part: PartAlone) -> list[str]:
     return said
 
 
-def _is_cut(profile: Profile) -> bool:
-    return "cost" in profile.ends or "lost" in profile.ends
+def _is_cut(value: Estimate) -> bool:
+    return "cost" in value.closed_by or "lost" in value.closed_by

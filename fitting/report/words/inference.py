@@ -7,61 +7,58 @@ from __future__ import annotations
 
 import math
 
-from fitting.inference.likelihood.knowledge import Bootstrap, Knowledge, Profile
-from fitting.text.estimate import Verdict
+from fitting.inference.likelihood.knowledge import Bootstrap, Determined, Knowledge, Values
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import bound, how_many, number, prefixed, span
 
 
-def profile_words(name: str, profile: Profile) -> str:
+def profile_words(value: Estimate) -> str:
     """One value: its 95 % interval, or that it is not determined and what it could be.
 
     Args:
-        name: of the value.
-        profile: profile likelihood of a value.
+        value: with the interval of its profile.
     """
-    verdict = profile.verdict
-    where = profile.condition
+    name, verdict = value.name, value.status
+    where = value.condition
     if verdict in (Verdict.UNKNOWN, Verdict.WITHDRAWN):
-        return f"{name}: {verdict}{where} ({profile.reason})"
-    if verdict is Verdict.OPEN and profile.is_all_round:
-        return f"{name}: {verdict}{where} ({profile.reason})"
+        return f"{name}: {verdict}{where} ({value.reason})"
+    if verdict is Verdict.OPEN and value.is_all_round:
+        return f"{name}: {verdict}{where} ({value.reason})"
     if verdict is Verdict.OPEN:
-        return f"{name}: {verdict}{where}, {_range(profile)} fits ({profile.reason})"
-    low, high = profile.interval95
-    factor, unit = _size(profile)
+        return f"{name}: {verdict}{where}, {_range(value)} fits ({value.reason})"
+    low, high = value.ci95
+    factor, unit = _size(value)
     if verdict is Verdict.ABOVE:
         most = f"{bound(high / factor, 4, up=True)} {unit}".rstrip()
-        return f"{name}: {verdict}{where}, {most} at most at 95 % ({profile.reason})"
+        return f"{name}: {verdict}{where}, {most} at most at 95 % ({value.reason})"
     if verdict is Verdict.BELOW:
         least = f"{bound(low / factor, 4, up=False)} {unit}".rstrip()
-        return f"{name}: {verdict}{where}, {least} at least at 95 % ({profile.reason})"
-    up, down = (high - profile.best) / factor, (profile.best - low) / factor
+        return f"{name}: {verdict}{where}, {least} at least at 95 % ({value.reason})"
+    up, down = (high - value.likely) / factor, (value.likely - low) / factor
     narrow = verdict is Verdict.DETERMINED
-    word, tail = (
-        (f"{verdict} {profile.reason}", "") if narrow else (verdict, f" ({profile.reason})")
-    )
+    word, tail = (f"{verdict} {value.reason}", "") if narrow else (verdict, f" ({value.reason})")
     return (
         f"{name}: {word}{where}, {span(low / factor, high / factor, unit)} at 95 % "
-        f"(most likely {number(profile.best / factor, 7)}, +{number(up, 2)} -{number(down, 2)} to "
+        f"(most likely {number(value.likely / factor, 7)}, +{number(up, 2)} -{number(down, 2)} to "
         "its ends)"
         f"{tail}"
     )
 
 
-def _size(profile: Profile) -> tuple[float, str]:
+def _size(value: Estimate) -> tuple[float, str]:
     """Prefix for an interval, none where its width would be all zeros in it."""
-    low, high = profile.interval95
-    factor, unit = prefixed(max(abs(low), abs(high)), profile.unit)
-    if high - low < 1e-3 * factor or not profile.unit:
-        return 1.0, profile.unit
+    low, high = value.ci95
+    factor, unit = prefixed(max(abs(low), abs(high)), value.unit)
+    if high - low < 1e-3 * factor or not value.unit:
+        return 1.0, value.unit
     return factor, unit
 
 
-def _range(profile: Profile) -> str:
-    low, high = profile.interval95
+def _range(value: Estimate) -> str:
+    low, high = value.ci95
     if not (math.isfinite(low) and math.isfinite(high)):
         return "anything"
-    factor, unit = _size(profile)
+    factor, unit = _size(value)
     return f"anything from {span(low / factor, high / factor, unit)}"
 
 
@@ -76,14 +73,15 @@ def knowledge_heading(knowledge: Knowledge) -> str:
     return f"Nothing is determined: {knowledge.adequacy.why_not}"
 
 
-def knowledge_lines(knowledge: Knowledge) -> list[str]:
+def knowledge_lines(found: Determined) -> list[str]:
     """Lines for a terminal: a line per value, then what was found about directions and minima.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles, and what was found besides.
     """
+    knowledge = found.knowledge
     lines = [f"{knowledge_heading(knowledge)} (profile likelihood):"]
-    lines += [f"  {profile_words(name, p)}" for name, p in knowledge.profiles.items()]
+    lines += [f"  {profile_words(value)}" for value in found.profiled.values()]
     lines += [f"  {said}" for said in knowledge.sentences]
     if knowledge.nu is not None:
         lines += [f"  {said}" for said in knowledge.nu.sentences]
@@ -110,16 +108,16 @@ def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:
     return lines
 
 
-def open_values_sentence(knowledge: Knowledge) -> str:
+def open_values_sentence(found: Values) -> str:
     """What the data leave open, and apart from it what nobody knows.
 
     Args:
-        knowledge: what the data determine: profiles, directions, verdicts.
+        found: values with their profiles.
     """
-    profiles = knowledge.profiles
-    unknown = [n for n, p in profiles.items() if p.verdict is Verdict.UNKNOWN]
+    values = found.profiled
+    unknown = [n for n, p in values.items() if p.status is Verdict.UNKNOWN]
     sure = (Verdict.DETERMINED, Verdict.UNKNOWN)
-    names = [n for n, p in profiles.items() if p.verdict not in sure]
+    names = [n for n, p in values.items() if p.status not in sure]
     said = [f"Not determined, or not wholly: {', '.join(names)}."] if names else []
     said += [f"Not known: {', '.join(unknown)}."] if unknown else []
     return " ".join(said) or "These data determine every value."

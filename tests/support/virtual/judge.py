@@ -163,7 +163,7 @@ def judged(laboratory: Laboratory, solve: Solve, *, widened: bool = True) -> Jud
         if widened:
             with tempfile.TemporaryDirectory() as folder:
                 again = solve(laboratory.widened(10.0), Path(folder))
-            wide = {name: value.verdict for name, value in again.values.items()}
+            wide = {name: value.status for name, value in again.values.items()}
     except Exception as error:  # whatever it is, it is a finding
         return _failed(laboratory, error, time.process_time() - begun)
     return _compared(laboratory, inference, wide, seconds)
@@ -215,7 +215,7 @@ def _compared(
         statements.append(
             Statement(
                 name=name,
-                verdict=value.verdict,
+                verdict=value.status,
                 value=value.value,
                 std=value.std,
                 low=low,
@@ -297,10 +297,10 @@ def _nearest(theta: float, middle: float) -> float:
 def _best(inference: ff.Inference) -> dict[str, float]:
     """Where the profiles have their lowest point, by parameter."""
     for value in inference.values.values():
-        profile = value.profile
-        if profile is not None and profile.values and profile.path:
-            k = int(np.argmin(np.abs(np.array(profile.delta))))
-            return {name: column[k] for name, column in profile.path.items()}
+        scan = value.scan
+        if scan is not None and scan.values and scan.path:
+            k = int(np.argmin(np.abs(np.array(scan.delta_chi2))))
+            return {name: column[k] for name, column in scan.path.items()}
     return {}
 
 
