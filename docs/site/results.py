@@ -15,7 +15,12 @@ from fitting.design.result import Design
 from fitting.design.ways import Ways
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.inference.posterior.summary import PosteriorSummary
+from fitting.resonance.line import Line
+from fitting.resonance.noise_line import NoiseLine
+from fitting.resonance.ringdown import Ringdown
 from fitting.result.result import Result
+from fitting.signal import line_record
+from fitting.text import estimate
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import Verdict
 from fitting.text.schema import words_below_fields
@@ -35,7 +40,22 @@ ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("design.json", Design),
     ("ways.json", Ways),
     ("posterior.json", PosteriorSummary),
+    ("line.json of a sweep", Line),
+    ("line.json of a ringdown", Ringdown),
+    ("line.json of a noise spectrum", NoiseLine),
 )
+#: Sections of old keys: of which records, and where each is.
+RENAMED: tuple[tuple[str, Mapping[str, str]], ...] = (
+    ("values", estimate.RENAMED),
+    ("lines (`line.json`, `line --json`, `line` of result.json)", line_record.RENAMED),
+)
+OLD_KEYS = """\
+## Keys of 0.2.0
+
+`result.json` of 0.2.0 (schema 1) is read. In Python the old names work until 0.4, with a warning;
+`q`, `amplitude`, `power`, `rms` and qualities of a dip work as numbers until then, with a warning.
+A number of a line is a value with `value`, `std`, `ci95` and `unit`; its keys that only fits use
+are left out."""
 PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "anything"}
 
 
@@ -51,6 +71,10 @@ def page() -> str:
             if record is not root:
                 parts.append(f"### {_anchor(record)}")
             parts += [_told(record), _fields(record)]
+    parts.append(OLD_KEYS)
+    for name, renamed in RENAMED:
+        rows = [(code(old), code(new)) for old, new in renamed.items()]
+        parts += [f"Of {name}:", table(("0.2.0", "now"), rows)]
     return "\n\n".join(parts)
 
 

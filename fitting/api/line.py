@@ -16,9 +16,10 @@ from fitting.api.ringdown import Ringdown
 from fitting.report.resonance import text
 from fitting.resonance.decay_reading import read_decay_of
 from fitting.resonance.dip_reading import DipReading
-from fitting.resonance.line import WIRINGS, LineForm, LinePoints, line_of
+from fitting.resonance.line import WIRINGS, line_of
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.resonance.trace import trace_of
+from fitting.signal.line_record import fields_of
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -29,8 +30,6 @@ __all__ = [
     "Columns",
     "DipReading",
     "Line",
-    "LineForm",
-    "LinePoints",
     "line",
     "write_line",
 ]
@@ -43,18 +42,19 @@ LINE_FILES = ("line.json", "line.csv", "line.png", "line.svg")
 class Line(resonance.Line):
     """One resonance of a measured response; printed, it says what the command ``line`` says.
 
-    Errors (``_std``) are half of the interval that holds the truth in 68 of 100 such sweeps, the
-    others (``_ci95``) in 95.
+    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
+    68 of 100 such sweeps, ``ci95`` that holds it in 95, and ``unit``.
 
     Attributes:
-        frequency_hz: eigenfrequency, Hz; ``frequency_std_hz`` and ``frequency_ci95_hz`` its errors.
-        width_hz: full width at half of the power, Hz; ``width_std_hz``, ``width_ci95_hz``.
-        q: their ratio; ``q_std``, ``q_ci95``.
-        amplitude: of the line alone at its eigenfrequency, in ``unit``; ``amplitude_std``.
+        frequency: eigenfrequency, Hz.
+        width: full width at half of the power, Hz.
+        q: their ratio.
+        amplitude: of the line alone at its eigenfrequency, in ``unit``.
         wiring: the form that was taken.
         forms: every form that was tried, the one that was taken first.
         readings: where the line is a dip, what it means in each wiring.
-        residual: root mean square of what is left, over ``amplitude``.
+        structure: what the residuals show of the noise, ``dof`` its degrees of freedom.
+        residual: root mean square of the residuals, over ``amplitude``.
         points: what was measured and fitted.
 
     `fitting.resonance.line.Line` has the rest.
@@ -92,8 +92,8 @@ def line(
         columns: Of a file, what it does not tell.
 
     Returns:
-        ``frequency_hz``, ``width_hz``, ``q`` and ``amplitude``, each with its ``_std``; ``forms``
-        has what else was tried.
+        ``frequency``, ``width``, ``q`` and ``amplitude``, each with its ``std`` and ``ci95``;
+        ``forms`` has what else was tried.
 
     Raises:
         BadInput: a file that is not read, no resonance, one that the ends of the sweep cut off, two
@@ -110,7 +110,7 @@ def line(
     else:
         trace = trace_of(source, values, unit)
     found = line_of(trace.within(*within_hz), wiring)
-    return Line(**{of.name: getattr(found, of.name) for of in fields(found)})
+    return Line(**fields_of(found, resonance.Line))
 
 
 def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, float]:
@@ -131,14 +131,14 @@ def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, 
     return float(axis[0]), float(axis[-1])
 
 
-def columns_of(**told: Any) -> Columns:
-    """What is told of a file's columns, without what is not.
+def columns_of(**given: Any) -> Columns:
+    """The columns of a file, as far as they are given.
 
     Args:
-        **told: fields of `Columns`; None counts as not told.
+        **given: fields of `Columns`; None counts as not given.
     """
     known = {field.name for field in fields(Columns)}
-    return Columns(**{k: v for k, v in told.items() if k in known and v is not None})
+    return Columns(**{k: v for k, v in given.items() if k in known and v is not None})
 
 
 def write_line(found: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Path, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from fitting.report.resonance import text
 from fitting.resonance.noise_line import noise_line_of, noise_record_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns
+from fitting.signal.line_record import fields_of
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
@@ -23,18 +24,18 @@ __all__ = ["NoiseLine", "is_noise_spectrum", "noise_line"]
 class NoiseLine(resonance.NoiseLine):
     """One resonance of a noise spectrum; printed, it says what the command ``line`` says.
 
-    Errors (``_std``) are half of the interval that holds the truth in 68 of 100 such spectra, the
-    others (``_ci95``) in 95.
+    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
+    68 of 100 such spectra, ``ci95`` that holds it in 95, and ``unit``.
 
     Attributes:
-        frequency_hz: eigenfrequency, Hz; ``frequency_std_hz`` and ``frequency_ci95_hz`` its errors.
-        width_hz: full width at half of the density, Hz; ``width_std_hz``, ``width_ci95_hz``.
-        q: their ratio; ``q_std``, ``q_ci95``.
-        rms: root mean square of the line over all frequencies, in ``unit``; ``rms_std``.
-        floor: white density beside it, ``unit`` squared per Hz.
+        frequency: eigenfrequency, Hz.
+        width: full width at half of the density, Hz.
+        q: their ratio.
+        rms: root mean square of the line over all frequencies, in ``unit``.
+        floor: white density under it, ``unit`` squared per Hz.
         averages: of how many periodograms the points are averages, as they scatter.
         second: a further line; None without.
-        describes: whether what is left is the scatter of such averages, by all tests.
+        is_noise: whether the residuals are the scatter of such averages, by all tests.
         points: what was measured and fitted.
 
     `fitting.resonance.noise_line.NoiseLine` has the rest.
@@ -67,7 +68,7 @@ def noise_line(
         columns: Of a file, what it does not tell.
 
     Returns:
-        ``frequency_hz``, ``width_hz``, ``q`` and ``rms``, each with its ``_std``.
+        ``frequency``, ``width``, ``q`` and ``rms``, each with its ``std`` and ``ci95``.
 
     Raises:
         BadInput: a file that is not read, no line, a density that is not above zero, or too few
@@ -87,4 +88,4 @@ def noise_line(
     else:
         record = noise_record_of(source, density, unit)
     found = noise_line_of(record.within(*within_hz))
-    return NoiseLine(**{of.name: getattr(found, of.name) for of in fields(found)})
+    return NoiseLine(**fields_of(found, resonance.NoiseLine))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from fitting.resonance.decay_reading import is_over_time, read_decay_of
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, decay_record_of
 from fitting.resonance.reading import Columns
 from fitting.resonance.ringdown import ringdown_of
+from fitting.signal.line_record import fields_of
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
@@ -25,20 +26,18 @@ __all__ = ["Ringdown", "is_over_time", "ringdown"]
 class Ringdown(resonance.Ringdown):
     """One resonance of a ringdown; printed, it says what the command ``line`` says.
 
-    Errors (``_std``) are half of the interval that holds the truth in 68 of 100 such records, the
-    others (``_ci95``) in 95.
+    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
+    68 of 100 such records, ``ci95`` that holds it in 95, and ``unit``.
 
     Attributes:
-        frequency_hz: eigenfrequency, Hz; ``frequency_std_hz`` and ``frequency_ci95_hz`` its errors;
-            NaN where the record does not tell it.
-        offset_hz: of demodulated values, from the reference, Hz; ``offset_std_hz``.
-        width_hz: full width at half of the power, Hz; ``width_std_hz``, ``width_ci95_hz``.
-        q: their ratio; ``q_std``, ``q_ci95``.
-        decay_time_s: in which the amplitude falls to 1/e, s; ``decay_time_std_s``,
-            ``decay_time_ci95_s``.
-        amplitude: at the first sample that is used, in ``unit``; ``amplitude_std``.
-        describes: whether what is left is noise, by all tests.
-        residual: root mean square of what is left, over ``amplitude``.
+        frequency: eigenfrequency, Hz; NaN where the record does not determine it.
+        offset: of demodulated values, from the reference, Hz.
+        width: full width at half of the power, Hz.
+        q: their ratio.
+        decay_time: in which the amplitude falls to 1/e, s.
+        amplitude: at the first sample that is used, in ``unit``.
+        is_noise: whether the residuals are noise, by all tests.
+        residual: root mean square of the residuals, over ``amplitude``.
         points: what was recorded and fitted.
 
     `fitting.resonance.ringdown.Ringdown` has the rest.
@@ -76,8 +75,9 @@ def ringdown(
         columns: Of a file, what it does not tell.
 
     Returns:
-        ``width_hz``, ``decay_time_s``, ``amplitude`` and, where they are told, ``frequency_hz`` and
-        ``q``, each with its ``_std``; ``forms`` has what else was tried.
+        ``width``, ``decay_time``, ``amplitude`` and, where the record determines them,
+        ``frequency`` and ``q``, each with its ``std`` and ``ci95``; ``forms`` has what else was
+        tried.
 
     Raises:
         BadInput: a file that is not read, no free decay, or too little of one.
@@ -104,4 +104,4 @@ def ringdown(
         kind = PHASORS if record.is_complex else AMPLITUDES
         record = replace(record, reference_hz=demodulated_at_hz, kind=kind)
     found = ringdown_of(record.within(*within_s))
-    return Ringdown(**{of.name: getattr(found, of.name) for of in fields(found)})
+    return Ringdown(**fields_of(found, resonance.Ringdown))

@@ -331,7 +331,7 @@ def _complex(
     if sweep.two is not None:
         made["background"] = "constant"
         remarks[(*at, "background")] = "complex, beside the lines: solved inside"
-    if sweep.turned:
+    if sweep.phases_reversed:
         made["conjugate"] = True
         remarks[(*at, "conjugate")] = "the phase rises over the resonance"
     if sweep.driven_line is None:

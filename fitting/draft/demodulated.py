@@ -15,7 +15,7 @@ from fitting.draft.campaign import Remarks, in_file
 from fitting.draft.decays import Decay
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
-from fitting.draft.ringdown import DecayingLine, line_boxes, width_box
+from fitting.draft.ringdown import DecayingLine, line_boxes, lines_of_ringdown, width_box
 from fitting.draft.source import Source, relative_path
 from fitting.draft.trace_draft import TimeDraft
 from fitting.draft.values import Box
@@ -135,7 +135,7 @@ class DemodulatedDraft(TimeDraft):
         remarks[table, k, "input"] = "a pulse at it spans the states that ring down"
         if self.modes > 1:
             made["modes"] = self.modes
-        if found.kind == PHASORS and abs(found.beside) > SEEN * found.beside_std > 0.0:
+        if found.kind == PHASORS and abs(found.background) > SEEN * found.background_std > 0.0:
             made["offset"] = True
             remarks[table, k, "offset"] = "a constant is seen, as of a reference that leaks"
         if found.left_out > LATEST * file.record.values.size:
@@ -164,7 +164,7 @@ def demodulated_draft_of(
     """
     known = tuple(_with_reference(file, answers) for file in files)
     found = tuple(ringdown_of(file.record) for file in known)
-    lines = _lines(found[0])
+    lines = lines_of_ringdown(found[0])
     of_amplitudes = found[0].kind == AMPLITUDES
     boxes = _boxes(found[0], lines, offer, of_amplitudes=of_amplitudes)
     if not boxes or not (offer.inputs and offer.outputs):
@@ -186,7 +186,7 @@ def demodulated_draft_of(
         found=found,
         boxes=decay.boxes_of(names),
         start=start,
-        seen=(*(words for each in found for words in each.said), *_said(found[0], decay)),
+        seen=(*(words for each in found for words in each.reading), *_said(found[0], decay)),
         taken=tuple(name for name in decay.taken() if name not in names),
         derived=() if of_amplitudes else decay.derived,
     )
@@ -201,7 +201,7 @@ def modes_of(file: DemodulatedFile) -> int:
     Raises:
         BadInput: no free decay.
     """
-    return len(_lines(ringdown_of(file.record)))
+    return len(lines_of_ringdown(ringdown_of(file.record)))
 
 
 def _with_reference(file: DemodulatedFile, answers: Answers) -> DemodulatedFile:
@@ -211,15 +211,6 @@ def _with_reference(file: DemodulatedFile, answers: Answers) -> DemodulatedFile:
     words, why = (f"{file.path}: {text}" for text in (QUESTION.words, QUESTION.why))
     [told] = answers.of(replace(QUESTION, words=words, why=why))
     return replace(file, record=replace(file.record, reference_hz=float(told)))
-
-
-def _lines(found: Ringdown) -> tuple[DecayingLine, ...]:
-    """The lines of a ringdown that decay, the lower one first."""
-    lines = [DecayingLine(frequency_hz=found.frequency_hz, width_hz=found.width_hz)]
-    if found.second is not None and found.second.decays:
-        f, width = found.second.frequency_hz, found.second.width_hz
-        lines.append(DecayingLine(frequency_hz=f, width_hz=width, amplitude=found.second.share))
-    return tuple(sorted(lines, key=lambda line: line.frequency_hz))
 
 
 def _boxes(
@@ -237,7 +228,7 @@ def _said(found: Ringdown, decay: Decay) -> tuple[str, ...]:
     """What the record was found to be."""
     at = hertz(found.reference_hz, digits=9)
     if found.kind == AMPLITUDES:
-        width = hertz(found.width_hz, digits=3)
+        width = hertz(found.width.value, digits=3)
         off = ", the FMU's own tones are off" if decay.offer.tones else ""
         return (
             f"A ringdown, amplitudes demodulated at {at}: one line decays, {width} wide. They tell "

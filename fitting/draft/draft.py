@@ -188,11 +188,11 @@ def check_one_line(files: Files) -> None:
     shown = [(sweep.path, sweep.line) for sweep in files.sweeps if sweep.line is not None]
     for path, line in shown[1:]:
         first_path, first = shown[0]
-        apart = abs(line.frequency_hz - first.frequency_hz)
-        if apart > APART * (line.width_hz + first.width_hz):
+        apart = abs(line.frequency.value - first.frequency.value)
+        if apart > APART * (line.width.value + first.width.value):
             raise BadInput(
-                f"{path}: shows a line at {hertz(line.frequency_hz, digits=7)}, {first_path} one "
-                f"at {hertz(first.frequency_hz, digits=7)}; wanted sweeps of one line, or "
+                f"{path}: shows a line at {hertz(line.frequency.value, digits=7)}, {first_path} "
+                f"one at {hertz(first.frequency.value, digits=7)}; wanted sweeps of one line, or "
                 "--control, the quantity that moves it, as --control Vg=-6:6:1, or --fmu"
             )
 
@@ -261,7 +261,7 @@ def _beside(line: Line) -> list[str]:
 
 def _beyond_fmu(line: Line) -> list[str]:
     """What stands beside a line of amplitudes is in no FMU: what the campaign does about it."""
-    size = f"{number(line.beside, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
+    size = f"{number(line.background, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
     if line.forms[0].name == SLOPED:
         return [f"The campaign solves for it beside the FMU's amplitudes; here it is {size} at f."]
     if line.forms[0].name == OFFSET:
@@ -289,7 +289,7 @@ def _undescribed(files: Files, source: Source) -> str:
         own = "its FMU describes only if it has that itself"
         has = "its FMU does not have" if source.is_model or noise else own
         if form == FLOOR:
-            size = f"{number(line.beside, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
+            size = f"{number(line.background, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
             way = f"the square of {size} taken off their squares, or {way}"
         return (
             f"Not described by this campaign: {WORDS_BESIDE[form]}, beside the line of the sweep, "
@@ -309,8 +309,8 @@ def _said(files: Files) -> list[str]:
             said += [*sweep.noise.words, NOISE]
             continue
         if line is not None:
-            f = quantity(line.frequency_hz, line.frequency_std_hz, "Hz")
-            width = quantity(line.width_hz, line.width_std_hz, "Hz")
+            f = quantity(line.frequency.value, line.frequency.std, "Hz")
+            width = quantity(line.width.value, line.width.std, "Hz")
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
             said += _beside(line)
             said += [] if sweep.is_complex else _beyond_fmu(line)
@@ -408,8 +408,8 @@ def _trial(
         start=start,
         tone=tones[0],
         output=output,
-        frequency_hz=files.line.frequency_hz,
-        width_hz=files.line.width_hz,
+        frequency_hz=files.line.frequency.value,
+        width_hz=files.line.width.value,
     )
 
 
@@ -564,7 +564,7 @@ def _fitted(
         def far(name: str) -> float:
             start = offer.description.variables[name].start
             known = same_kind(offer.unit(name), "Hz") and start
-            return abs(float(start or 0.0) / line.frequency_hz - 1.0) if known else 1e300
+            return abs(float(start or 0.0) / line.frequency.value - 1.0) if known else 1e300
 
         places.sort(key=far)
     pair = next(((place, width) for place in places for n, width in shown if n == place), ())

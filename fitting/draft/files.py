@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,6 +29,7 @@ from fitting.resonance.reading import (
 )
 from fitting.resonance.spikes import spike_words, spikes_in
 from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
+from fitting.signal.line_record import LineResult, line_numbers
 from fitting.signal.noise_lines import TOGETHER
 from fitting.text.errors import BadInput, gathered
 from fitting.text.notation import listed
@@ -49,19 +51,19 @@ class SweepFile:
     """A response over frequency: amplitudes or complex values.
 
     ``line`` is the resonance that it shows, None where it shows no single one, as ``trouble`` says;
-    ``two`` are those that it shows if there are two, ``modes`` what describes them, and ``turned``
-    whether their phases rise over a resonance. ``noise`` is what it shows if it is a noise
-    spectrum, ``is_noise`` whether it is taken for one: then the rest is of that, too.
+    ``two`` are those that it shows if there are two, ``modes`` what describes them, and
+    ``phases_reversed`` whether their phases rise over a resonance. ``noise`` is what it shows if it
+    is a noise spectrum, ``is_noise`` whether it is taken for one: then the rest is of that, too.
     """
 
     path: Path
     roles: Roles
     said: tuple[str, ...]
-    line: Line | NoiseLine | None
+    line: LineResult | None
     trouble: str = ""
     two: TwoLines | None = None
     modes: TwoModes | None = None
-    turned: bool = False
+    phases_reversed: bool = False
     noise: NoiseLook | None = None
     is_noise: bool = False
 
@@ -91,7 +93,6 @@ class SweepFile:
         if kind != NOISE or self.noise is None:
             return self
         lines, two = self.noise.lines, self.noise.two
-        single = lines is not None and two is None
         of_amplitudes, what = values_in(self.roles)[2], self.noise.column
         return replace(
             self,
@@ -103,10 +104,10 @@ class SweepFile:
                 for words in self.said
                 if words not in of_amplitudes
             ),
-            line=NoiseLine.of(self.noise) if single else None,
+            line=_line_of_noise(self.noise),
             two=two,
             modes=self.noise.modes,
-            turned=False,
+            phases_reversed=False,
             trouble=f"{self.path}: shows no line as a noise spectrum: its density is level within "
             "its scatter"
             if lines is None
@@ -114,27 +115,13 @@ class SweepFile:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class NoiseLine:
-    """The single line of a noise spectrum: frequency and full width, Hz, and its scatter."""
-
-    frequency_hz: float
-    width_hz: float
-    residual: float
-
-    @classmethod
-    def of(cls, look: NoiseLook) -> NoiseLine:
-        """The first line of a look.
-
-        Args:
-            look: with a line.
-        """
-        assert look.lines is not None  # noqa: S101 - asked by the caller
-        return cls(
-            frequency_hz=look.lines.frequency_hz[0],
-            width_hz=look.lines.width_hz[0],
-            residual=look.residual,
-        )
+def _line_of_noise(look: NoiseLook) -> LineResult | None:
+    """The single line of a noise spectrum, without errors, and its scatter; None without one."""
+    if look.lines is None or look.two is not None:
+        return None
+    f, width = look.lines.frequency_hz[0], look.lines.width_hz[0]
+    numbers = line_numbers((f, math.nan), (width, math.nan), (f / width, math.nan))
+    return LineResult(**numbers, unit="1", residual=look.residual)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +171,7 @@ class Files:
     pattern: str = ""
 
     @property
-    def line(self) -> Line | NoiseLine | None:
+    def line(self) -> LineResult | None:
         """The resonance of the first sweep that shows one."""
         return next((sweep.line for sweep in self.sweeps if sweep.line is not None), None)
 
@@ -304,21 +291,21 @@ def _map(path: Path, columns: Columns, *, alone: bool) -> list[MapFile]:
 
 def _sweep(path: Path, columns: Columns) -> SweepFile:
     roles, trace = roles_of(path, columns), read_trace_of(path, columns)
-    line, trouble, two, modes, turned = None, "", None, None, False
-    said = [*trace.said, *(f"{spike_words(s, trace.unit)} {COUNTED}" for s in spikes_in(trace))]
+    line, trouble, two, modes, rising = None, "", None, None, False
+    said = [*trace.reading, *(f"{spike_words(s, trace.unit)} {COUNTED}" for s in spikes_in(trace))]
     try:
         line = line_of(trace)
-        turned = line.turned
-        said += [each for each in line.said if each.startswith(LEFT_OUT)]
+        rising = line.phases_reversed
+        said += [each for each in line.reading if each.startswith(LEFT_OUT)]
         if line.second is not None:  # a model of two modes describes both
-            two = as_two(line.frequency_hz, line.width_hz, line.second)
+            two = as_two(line, line.second)
             line = None
     except TwoResonances as error:
-        trouble, two, turned = str(error), error.lines, error.turned
+        trouble, two, rising = str(error), error.lines, error.phases_reversed
     except BadInput as error:
         trouble = str(error)
     if two is not None:
-        values = np.conj(trace.values) if turned else trace.values
+        values = np.conj(trace.values) if rising else trace.values
         modes = two_modes_of(replace(trace, values=values))
     return SweepFile(
         path=path,
@@ -328,7 +315,7 @@ def _sweep(path: Path, columns: Columns) -> SweepFile:
         trouble=trouble,
         two=two,
         modes=modes,
-        turned=turned,
+        phases_reversed=rising,
         noise=noise_look(roles, hertz_in(roles)),
     )
 

@@ -20,6 +20,7 @@ import numpy as np
 from fitting.draft.model import Offer
 from fitting.draft.values import Box
 from fitting.resonance.decay_record import SAMPLES, decay_record_of
+from fitting.resonance.ringdown import Ringdown
 from fitting.resonance.ringdown import ringdown_of as lines_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -85,13 +86,21 @@ def _fitted(time_s: FloatArray, values: FloatArray) -> tuple[DecayingLine, ...]:
         line = lines_of(replace(record, kind=SAMPLES))
     except BadInput:
         return ()
-    found = [DecayingLine(frequency_hz=line.frequency_hz, width_hz=line.width_hz)]
-    if line.second is not None and line.second.decays:
-        one = line.second
-        found.append(
-            DecayingLine(frequency_hz=one.frequency_hz, width_hz=one.width_hz, amplitude=one.share)
-        )
-    return tuple(sorted(found, key=lambda each: each.frequency_hz))
+    return lines_of_ringdown(line)
+
+
+def lines_of_ringdown(line: Ringdown) -> tuple[DecayingLine, ...]:
+    """The lines of a ringdown that decay, the lower one first.
+
+    Args:
+        line: as it was fitted.
+    """
+    decaying = [DecayingLine(frequency_hz=line.frequency.value, width_hz=line.width.value)]
+    one = line.second
+    if one is not None and one.decays:
+        f, width = one.frequency.value, one.width.value
+        decaying.append(DecayingLine(frequency_hz=f, width_hz=width, amplitude=one.share))
+    return tuple(sorted(decaying, key=lambda each: each.frequency_hz))
 
 
 def _highest(y: FloatArray) -> float:

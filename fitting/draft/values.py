@@ -12,12 +12,12 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from fitting.draft.model import Offer
 from fitting.draft.two_modes import TwoModes
 from fitting.fmu import FmuWorkers, Run
 from fitting.resonance.two_lines import TwoLines
+from fitting.signal.line_record import LineValues
 from fitting.text.arrays import Scalar
 from fitting.text.units import convert, same_kind
 
@@ -43,18 +43,6 @@ class Seen:
     width_hz: float
     reach_hz: float
     words: str = "the line in the sweep"
-
-
-class OneLine(Protocol):
-    """A single line: of a sweep, or of a noise spectrum."""
-
-    @property
-    def frequency_hz(self) -> float:
-        """Its frequency, Hz."""
-
-    @property
-    def width_hz(self) -> float:
-        """Its full width, Hz."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +87,7 @@ def boxes_of(
     return [made[name] for name in names]
 
 
-def seen_of(line: OneLine | None, two: TwoLines | None, where: str = "sweep") -> list[Seen]:
+def seen_of(line: LineValues | None, two: TwoLines | None, where: str = "sweep") -> list[Seen]:
     """The lines of a sweep, the lower one first; none where neither is known.
 
     Args:
@@ -110,9 +98,9 @@ def seen_of(line: OneLine | None, two: TwoLines | None, where: str = "sweep") ->
     if line is not None:
         return [
             Seen(
-                frequency_hz=line.frequency_hz,
-                width_hz=line.width_hz,
-                reach_hz=REACH * line.width_hz,
+                frequency_hz=line.frequency.value,
+                width_hz=line.width.value,
+                reach_hz=REACH * line.width.value,
                 words=f"the line in the {where}",
             )
         ]

@@ -436,7 +436,7 @@ def _of_drift(
         own = tuple(o for o in offsets if o.experiments[0] in labels)
         line = sweeps.lines.get(name)
         # of the sweep's fit, else the declared one; NaN where neither is known
-        width_hz = line.width_hz if line is not None and line.width_hz > 0.0 else math.nan
+        width_hz = line.width.value if line is not None and line.width.value > 0.0 else math.nan
         if math.isnan(width_hz):
             width_hz = bound.setup.line_width_hz or math.nan
         yield from drift_findings(bound, own, width_hz, describes, name)

@@ -111,9 +111,9 @@ def _shown(frequency_hz: FloatArray, simulated: Values) -> dict[str, tuple[float
     except BadInput:
         return {}
     return {
-        "frequency": (own.eta_hz, "Hz", own.width_hz),
-        "width": (own.width_hz, "Hz", own.width_hz),
-        "q": (own.q, "", own.q),
+        "frequency": (own.frequency.value, "Hz", own.width.value),
+        "width": (own.width.value, "Hz", own.width.value),
+        "q": (own.q.value, "", own.q.value),
     }
 
 

@@ -287,7 +287,7 @@ def slipped_findings(problem: Problem, lines: Mapping[str, SweepLine]) -> Iterat
         sweep = problem.campaigns[name].sweep
         boxes = [(p.name, *_box_hz(p)) for p in problem.parameters]
         boxes = [box for box in boxes if 0.0 < box[1] < box[2] < NARROW * box[1]]
-        slips = [_slip(line.frequency_hz, low, high) for _, low, high in boxes]
+        slips = [_slip(line.frequency.value, low, high) for _, low, high in boxes]
         if sweep is None or not slips or not all(slips):
             continue
         (parameter, low, high), factor = boxes[0], slips[0]
@@ -296,7 +296,7 @@ def slipped_findings(problem: Problem, lines: Mapping[str, SweepLine]) -> Iterat
             severity="warning",
             subject=parameter,
             numbers={
-                "frequency_hz": line.frequency_hz,
+                "frequency_hz": line.frequency.value,
                 "lower_hz": low,
                 "upper_hz": high,
                 "factor": factor,

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import fdtrc
 
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
+from fitting.signal.line_record import (
+    LineResult,
+    LineValues,
+    TriedForm,
+    fields_of,
+    no_line,
+    number_of_line,
+)
 from fitting.signal.peaks import (
     ADDED,
     BESIDE_WORDS,
@@ -20,9 +29,10 @@ from fitting.signal.peaks import (
     Resonance,
     fit_resonance,
 )
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOLD, found_words
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number, quantity, with_error
 
@@ -36,81 +46,35 @@ APART_SIGMA = 3.0
 FAR_MORE = 2.0
 #: Widening of the errors from which it is worth a warning.
 WORTH_TELLING = 1.5
-#: Numbers of a fit of the line that a finding repeats.
-PRINTED = (
-    "frequency_hz",
-    "frequency_std_hz",
-    "width_hz",
-    "width_std_hz",
-    "q",
-    "q_std",
-    "residual",
-)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineFit:
-    """The sweep's line with one form of background; NaN where that fit failed (`message`).
+class SweepLine(LineResult):
+    """One damped mode fitted to the sweep itself, without the FMU; NaN where it shows none.
 
-    `structure_p` is the probability that white noise leaves such residuals, `sizes_p` that noise
-    of one size does, `points` how many independent and equal points they are worth, `widening` the
-    factor that the errors carry for it.
+    ``forms`` are the fits without and with a complex background, whatever the campaign chose, and
+    with an offset, or one with a slope, if it chose that or that leaves less.
+
+    Attributes:
+        amplitude: peak, in ``unit``, at the eigenfrequency.
+        background: of the campaign, with which the line was fitted.
+        message: why there is no line, or how the fit ended.
+        notes: all that the head of the file contains.
+        background_p: probability that noise alone lets the last form gain as much (F-test); NaN
+            where one of them failed or nothing is left to gain.
+        values: names of values of the fit that are this line's "frequency", "width" or "q"
+            (`line_values`).
+        mirrored: the other amplitude with which, with a complex background, the sweep has the same
+            curve; None where there is none.
     """
 
-    background: str
-    frequency_hz: float
-    frequency_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    q: float
-    q_std: float
-    residual: float
-    structure_p: float
-    points: float
-    widening: float
-    message: str
-    sizes_p: float = math.nan
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepLine:
-    """One damped mode fitted to the sweep itself, without the FMU, beside what the instrument says.
-
-    ``frequency_hz`` its eigenfrequency, ``width_hz`` the full width at half maximum of the squared
-    amplitude, ``q`` their ratio, ``amplitude`` (in ``unit``, peak) at the eigenfrequency, each with
-    half of its 68 % interval (Student's, with ``freedom``
-    degrees of freedom); ``residual`` the root mean square of what the fit leaves, over the
-    amplitude. NaN where the sweep shows no such line: ``message`` says why, or how the fit ended.
-    ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
-    the head of its file says. ``fits`` are the fits without and with a complex background, whatever
-    the campaign chose, and with an offset, or one with a slope, if it chose that or that leaves
-    less; ``background_p`` is the probability that noise alone lets the last of them gain as much
-    (F-test), NaN where one of them failed or nothing is left to gain. ``values`` names values of
-    the fit that are this line's "frequency", "width" or "q" (`line_values`).
-    ``amplitude_mirrored`` is the other amplitude with which, beside a complex background, the sweep
-    has the same curve, and its error, NaN where there is none.
-    """
-
-    frequency_hz: float
-    frequency_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    q: float
-    q_std: float
-    amplitude: float
-    amplitude_std: float
-    unit: str
-    residual: float
+    amplitude: Estimate
     background: str
     message: str
-    instrument: Mapping[str, float]
     notes: Mapping[str, str]
-    freedom: float = math.inf
-    fits: tuple[LineFit, ...] = ()
-    background_p: float = float("nan")
+    background_p: float = math.nan
     values: Mapping[str, str] = field(default_factory=dict)
-    amplitude_mirrored: float = math.nan
-    amplitude_mirrored_std: float = math.nan
+    mirrored: Estimate | None = None
 
 
 def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
@@ -126,67 +90,47 @@ def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
             is noise; where one line leaves far more, the sweep shows no single one.
     """
     notes = dict(sweep.notes or {})
-    instrument = own_estimates(notes)
-    tried = _tried(sweep)
-    fit = _held_against(tried[sweep.background], sweep, left)
-    fits = tuple(_line_fit(background, found) for background, found in tried.items())
-    nan = math.nan
+    fits = _fits(sweep)
+    fit = _held_against(fits[sweep.background], sweep, left)
+    shared: dict[str, Any] = {
+        "source": sweep.source.name,
+        "unit": sweep.unit,
+        "background": sweep.background,
+        "instrument": own_estimates(notes),
+        "notes": notes,
+        "forms": tuple(_tried(background, each) for background, each in fits.items()),
+    }
     if isinstance(fit, str):
-        return SweepLine(
-            frequency_hz=nan,
-            frequency_std_hz=nan,
-            width_hz=nan,
-            width_std_hz=nan,
-            q=nan,
-            q_std=nan,
-            amplitude=nan,
-            amplitude_std=nan,
-            unit=sweep.unit,
-            residual=nan,
-            background=sweep.background,
-            message=fit,
-            instrument=instrument,
-            notes=notes,
-            fits=fits,
-        )
+        none = number_of_line("amplitude", math.nan, unit=sweep.unit)
+        return SweepLine(**no_line(), **shared, amplitude=none, message=fit)
     return SweepLine(
-        frequency_hz=fit.eta_hz,
-        frequency_std_hz=fit.eta_std_hz,
-        width_hz=fit.width_hz,
-        width_std_hz=fit.width_std_hz,
-        q=fit.q,
-        q_std=fit.q_std,
-        amplitude=fit.amplitude,
-        amplitude_std=fit.amplitude_std,
-        unit=sweep.unit,
-        residual=fit.residual_rms,
-        background=sweep.background,
+        **fields_of(fit, LineValues),
+        **shared,
+        amplitude=replace(fit.amplitude, unit=sweep.unit),
+        residual=fit.residual,
         message=fit.message,
-        instrument=instrument,
-        notes=notes,
-        fits=fits,
-        freedom=fit.freedom,
-        amplitude_mirrored=fit.mirrored,
-        amplitude_mirrored_std=fit.mirrored_std,
-        background_p=background_p(sweep.of_line[1], tried["none"], *list(tried.items())[-1]),
+        dof=fit.dof,
+        structure=fit.structure,
+        mirrored=None if fit.mirrored is None else replace(fit.mirrored, unit=sweep.unit),
+        background_p=background_p(sweep.of_line[1], fits["none"], *list(fits.items())[-1]),
     )
 
 
-def _tried(sweep: SweepData) -> dict[str, Resonance | str]:
+def _fits(sweep: SweepData) -> dict[str, Resonance | str]:
     """The fits without and with a complex background; last one with an offset, where that is more.
 
     An offset is tried where the campaign names it or it leaves less than a complex background; one
     with a slope where the campaign names it, or noise alone would not let it gain as much over all
     of them.
     """
-    tried = {background: _fit(sweep, background) for background in COMPARED}
+    fits = {background: _fit(sweep, background) for background in COMPARED}
     offset, slope = _fit(sweep, OFFSET), _fit(sweep, SLOPE)
-    if sweep.background == OFFSET or _is_less(offset, tried["complex"]):
-        tried[OFFSET] = offset
-    seen = background_p(sweep.of_line[1], offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
-    if sweep.background == SLOPE or (seen and _is_less(slope, tried["complex"])):
-        tried[SLOPE] = slope
-    return tried
+    if sweep.background == OFFSET or _is_less(offset, fits["complex"]):
+        fits[OFFSET] = offset
+    gains = background_p(sweep.of_line[1], offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
+    if sweep.background == SLOPE or (gains and _is_less(slope, fits["complex"])):
+        fits[SLOPE] = slope
+    return fits
 
 
 def _is_less(fit: Resonance | str, other: Resonance | str) -> bool:
@@ -196,7 +140,7 @@ def _is_less(fit: Resonance | str, other: Resonance | str) -> bool:
 
 def _left(fit: Resonance) -> float:
     """Root mean square of what a fit leaves, in the sweep's unit."""
-    return fit.residual_rms * fit.amplitude
+    return fit.residual * fit.amplitude.value
 
 
 def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resonance | str:
@@ -220,37 +164,14 @@ def _fit(sweep: SweepData, background: str) -> Resonance | str:
         return str(error)
 
 
-def _line_fit(background: str, fit: Resonance | str) -> LineFit:
-    nan = math.nan
+def _tried(background: str, fit: Resonance | str) -> TriedForm:
     if isinstance(fit, str):
-        return LineFit(
-            background=background,
-            frequency_hz=nan,
-            frequency_std_hz=nan,
-            width_hz=nan,
-            width_std_hz=nan,
-            q=nan,
-            q_std=nan,
-            residual=nan,
-            structure_p=nan,
-            points=nan,
-            widening=nan,
-            message=fit,
-        )
-    found = fit.structure
-    return LineFit(
-        background=background,
-        frequency_hz=fit.eta_hz,
-        frequency_std_hz=fit.eta_std_hz,
-        width_hz=fit.width_hz,
-        width_std_hz=fit.width_std_hz,
-        q=fit.q,
-        q_std=fit.q_std,
-        residual=fit.residual_rms,
-        structure_p=found.p_value,
-        points=found.points,
-        widening=found.widening,
-        sizes_p=found.sizes_p,
+        return TriedForm(**no_line(), name=background, message=fit)
+    return TriedForm(
+        **fields_of(fit, LineValues),
+        name=background,
+        residual=fit.residual,
+        structure=fit.structure,
         message=fit.message,
     )
 
@@ -279,7 +200,7 @@ def background_p(
     """
     if isinstance(plain, str) or isinstance(full, str):
         return math.nan
-    if plain.residual_rms < SMALLEST_RESIDUAL:
+    if plain.residual < SMALLEST_RESIDUAL:
         return math.nan
     largest = float(np.max(amplitude_v))  # shares of it: squares of any unit stay numbers
     without, left = (
@@ -300,36 +221,42 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
         fitted: whether the campaign fits the FMU to this sweep; its structure is then told with the
             parameters and not here.
     """
-    chosen = next((fit for fit in line.fits if fit.background == line.background), None)
-    if chosen is not None and chosen.widening > WORTH_TELLING and not fitted:
+    chosen = next((form for form in line.forms if form.name == line.background), None)
+    if chosen is not None and chosen.structure.widening > WORTH_TELLING and not fitted:
+        structure = chosen.structure
         yield Finding(
             kind=Kind.line_residuals,
             severity="warning",
             subject="sweep",
-            numbers={"widening": chosen.widening, "points": chosen.points},
-            names={"tests": (found_words(chosen.structure_p, chosen.sizes_p),)},
+            numbers={"widening": structure.widening, "points": structure.points},
+            names={"tests": (structure.told,)},
         )
     if depends_on_background(line):
-        plain, full = line.fits[0], line.fits[-1]
-        parts = {"plain_": plain, "full_": full}
-        numbers = {
-            f"{part}{name}": float(getattr(fit, name))
-            for part, fit in parts.items()
-            for name in PRINTED
-        }
+        plain, full = line.forms[0], line.forms[-1]
+        numbers: dict[str, float] = {}
+        for part, form in (("plain_", plain), ("full_", full)):
+            numbers |= {
+                f"{part}frequency_hz": form.frequency.value,
+                f"{part}frequency_std_hz": form.frequency.std,
+                f"{part}width_hz": form.width.value,
+                f"{part}width_std_hz": form.width.std,
+                f"{part}q": form.q.value,
+                f"{part}q_std": form.q.std,
+                f"{part}residual": form.residual,
+            }
         numbers |= {
-            "shift_hz": full.frequency_hz - plain.frequency_hz,
+            "shift_hz": full.frequency.value - plain.frequency.value,
             "sigmas": _apart(plain, full),
             "p_value": line.background_p,
             "fitted": float(fitted),
         }
-        key = (full.background,) if full.background in ADDED else ()
+        key = (full.name,) if full.name in ADDED else ()
         yield Finding(
             kind=Kind.line_background,
             severity="warning",
             subject="sweep",
             numbers=numbers,
-            names={"background": (_background_words(full.background),), "key": key},
+            names={"background": (_background_words(full.name),), "key": key},
         )
 
 
@@ -339,46 +266,52 @@ def line_sentences(line: SweepLine) -> list[str]:
     Args:
         line: that the sweep shows by itself.
     """
-    if math.isnan(line.frequency_hz):
+    if math.isnan(line.frequency.value):
         return [f"Sweep by itself: {line.message}."]
-    said = [
-        f"Sweep by itself: f = {with_error(line.frequency_hz, line.frequency_std_hz, 'Hz')}, "
-        f"width {with_error(line.width_hz, line.width_std_hz, 'Hz')}, "
-        f"Q = {with_error(line.q, line.q_std)}, "
-        f"A = {quantity(line.amplitude, line.amplitude_std, line.unit)}{_or_mirrored(line)}, "
+    sentences = [
+        f"Sweep by itself: {_numbers(line)}, "
+        f"A = {quantity(line.amplitude.value, line.amplitude.std, line.unit)}{_or_mirrored(line)}, "
         f"residual {100.0 * line.residual:.2g} % of the peak."
     ]
     own = []
     if "frequency_hz" in line.instrument:
         there = line.instrument["frequency_hz"]
-        own.append(f"f = {there:.9g} Hz ({there - line.frequency_hz:+.3g} Hz from this fit)")
+        apart = there - line.frequency.value
+        own.append(f"f = {there:.9g} Hz ({apart:+.3g} Hz from this fit)")
     if "q" in line.instrument:
         there = line.instrument["q"]
-        own.append(f"Q = {there:g} ({100.0 * (there / line.q - 1.0):+.2g} %)")
+        own.append(f"Q = {there:g} ({100.0 * (there / line.q.value - 1.0):+.2g} %)")
     if own:
-        said.append(f"The instrument's own estimate: {', '.join(own)}.")
-    for fit in line.fits:
-        if fit.background != line.background:
-            said.append(f"The same sweep {_fit_words(fit)}.")
-        elif fit.widening > TOLD:
-            said.append(f"{_structure_words(fit).capitalize()}.")
-    return said
+        sentences.append(f"The instrument's own estimate: {', '.join(own)}.")
+    for form in line.forms:
+        if form.name != line.background:
+            sentences.append(f"The same sweep {_form_words(form)}.")
+        elif form.structure.widening > TOLD:
+            sentences.append(f"{_structure_words(form.structure).capitalize()}.")
+    return sentences
+
+
+def _numbers(line: LineValues) -> str:
+    return (
+        f"f = {with_error(line.frequency.value, line.frequency.std, 'Hz')}, "
+        f"width {with_error(line.width.value, line.width.std, 'Hz')}, "
+        f"Q = {with_error(line.q.value, line.q.std)}"
+    )
 
 
 def _or_mirrored(line: SweepLine) -> str:
     """The other amplitude of the same curve, where it is another one."""
-    other = line.amplitude_mirrored
-    if not abs(other - line.amplitude) > line.amplitude_std:
+    other = line.mirrored
+    if other is None or not abs(other.value - line.amplitude.value) > line.amplitude.std:
         return ""
-    same = quantity(other, line.amplitude_mirrored_std, line.unit)
-    return f" or, the curve being the same, {same}"
+    return f" or, the curve being the same, {quantity(other.value, other.std, line.unit)}"
 
 
-def _structure_words(fit: LineFit) -> str:
+def _structure_words(structure: Structure) -> str:
     return (
-        f"a single line leaves residuals that {found_words(fit.structure_p, fit.sizes_p)}: the "
-        f"points are worth {fit.points:.3g} independent and equal ones, and the errors are "
-        f"{fit.widening:.3g} times as wide for it"
+        f"a single line leaves residuals that {structure.told}: the "
+        f"points are worth {structure.points:.3g} independent and equal ones, and the errors are "
+        f"{structure.widening:.3g} times as wide for it"
     )
 
 
@@ -386,17 +319,13 @@ def _background_words(background: str) -> str:
     return "a complex background" if background == "complex" else BESIDE_WORDS[background]
 
 
-def _fit_words(fit: LineFit) -> str:
+def _form_words(form: TriedForm) -> str:
     name = "without background"
-    if fit.background != "none":
-        name = f"with {_background_words(fit.background)}"
-    if math.isnan(fit.frequency_hz):
-        return f"{name} cannot be fitted ({fit.message})"
-    return (
-        f"{name}: f = {with_error(fit.frequency_hz, fit.frequency_std_hz, 'Hz')}, "
-        f"width {with_error(fit.width_hz, fit.width_std_hz, 'Hz')}, "
-        f"Q = {with_error(fit.q, fit.q_std)}, residual {100.0 * fit.residual:.2g} % of the peak"
-    )
+    if form.name != "none":
+        name = f"with {_background_words(form.name)}"
+    if math.isnan(form.frequency.value):
+        return f"{name} cannot be fitted ({form.message})"
+    return f"{name}: {_numbers(form)}, residual {100.0 * form.residual:.2g} % of the peak"
 
 
 def depends_on_background(line: SweepLine) -> bool:
@@ -407,12 +336,13 @@ def depends_on_background(line: SweepLine) -> bool:
     """
     if line.background in ADDED or math.isnan(line.background_p):
         return False
-    plain, full = line.fits[0], line.fits[-1]
-    apart = abs(full.width_hz - plain.width_hz) / math.hypot(plain.width_std_hz, full.width_std_hz)
+    plain, full = line.forms[0], line.forms[-1]
+    error = math.hypot(plain.width.std, full.width.std)
+    apart = abs(full.width.value - plain.width.value) / error
     return max(apart, _apart(plain, full)) > APART_SIGMA or line.background_p < BACKGROUND_P
 
 
-def _apart(plain: LineFit, full: LineFit) -> float:
+def _apart(plain: TriedForm, full: TriedForm) -> float:
     """Difference of the frequencies over its standard error."""
-    error = math.hypot(plain.frequency_std_hz, full.frequency_std_hz)
-    return abs(full.frequency_hz - plain.frequency_hz) / error
+    error = math.hypot(plain.frequency.std, full.frequency.std)
+    return abs(full.frequency.value - plain.frequency.value) / error

@@ -164,8 +164,8 @@ def _linear(tables: Tables, series: Series) -> None:
         drift = {"model": "offsets", "prior": BENT, **between}
         put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
     damping = tables["parameters"][1 + bench.observed]
-    width = round(fit.width_hz, 3)
-    put(damping, "start", width, f"width of the sweep, +- {fit.width_std_hz:.2g} Hz")
+    width = round(fit.width.value, 3)
+    put(damping, "start", width, f"width of the sweep, +- {fit.width.std:.2g} Hz")
     damping["reference"] = width
 
 
@@ -174,9 +174,9 @@ def _start_as_published(tables: Tables, fit: Resonance) -> None:
 
     The drift stays a straight line, as the paper interpolates it, although it bends.
     """
-    start = round(fit.width_hz / (2.0 * math.pi), 3)
+    start = round(fit.width.value / (2.0 * math.pi), 3)
     for damping in tables["parameters"][1:]:
-        put(damping, "start", start, f"the sweep's width of {fit.width_hz:.2f} Hz over 2 pi")
+        put(damping, "start", start, f"the sweep's width of {fit.width.value:.2f} Hz over 2 pi")
         damping["reference"] = start
     tables["continuation"]["starts"] = 1
 
@@ -187,7 +187,7 @@ def _cubic(tables: Tables, series: Series) -> None:
     tables["fmu"]["start"]["eta_minus"] = written_mhz(bench.modes.eta_minus_hz)
     tables["drive"]["level"] = f"{bench.weak_level!r} m/s2"
     fit = _line(series)
-    width, eta = round(fit.width_hz, 3), round(fit.eta_hz, 3)
+    width, eta = round(fit.width.value, 3), round(fit.frequency.value, 3)
     alpha = _one_digit(_alpha_of_a_width(width, eta, bench))
     boxes = (
         (_one_digit(0.5 * width), _one_digit(2.0 * width), _one_digit(0.1 * width)),
@@ -196,8 +196,8 @@ def _cubic(tables: Tables, series: Series) -> None:
     )
     for parameter, box in zip(tables["parameters"], boxes, strict=True):
         parameter["lower"], parameter["upper"], parameter["scale"] = box
-    put(tables["parameters"][0], "start", width, f"of the sweep, +- {fit.width_std_hz:.2g} Hz")
-    put(tables["parameters"][1], "start", eta, f"of the sweep, +- {fit.eta_std_hz:.2g} Hz")
+    put(tables["parameters"][0], "start", width, f"of the sweep, +- {fit.width.std:.2g} Hz")
+    put(tables["parameters"][1], "start", eta, f"of the sweep, +- {fit.frequency.std:.2g} Hz")
 
 
 def _alpha_of_a_width(width_hz: float, eta_hz: float, bench: Bench) -> float:

@@ -453,7 +453,7 @@ class Sweep(MeasurementKind):
             line = (
                 "The fit of one damped mode to the laboratory points gives "
                 f"{', '.join(resonance_words(resonance))}; its residual is "
-                f"{100 * resonance.residual_rms:.2g} % of its amplitude."
+                f"{100 * resonance.residual:.2g} % of its amplitude."
             )
         said = "." if resonance is None else f"; {', '.join(resonance_words(resonance))}."
         figure = Figure(
@@ -517,7 +517,9 @@ def response_panel(curves: ShownResponse, resonance: Resonance | None = None) ->
     ]
     notes: tuple[str, ...] = ()
     if resonance is not None:
-        layers.append(Layer(Role.OTHER, Form.CURVE, f, resonance.curve, label="resonance fit"))
+        layers.append(
+            Layer(Role.OTHER, Form.CURVE, f, np.real(resonance.curve), label="resonance fit")
+        )
         notes = ("resonance fit:", *resonance_words(resonance))
     fitted = "simulated × χ, fitted parameters"
     layers.append(Layer(Role.SIMULATED, Form.CURVE, f, curves.after, label=fitted))
@@ -539,7 +541,7 @@ def residual_panel(curves: ShownResponse, resonance: Resonance | None = None) ->
     f, percent = curves.frequency_hz, 100.0 / float(np.max(curves.measured))
     layers = []
     if resonance is not None:
-        left = percent * (resonance.curve - curves.measured)
+        left = percent * (np.real(resonance.curve) - curves.measured)
         layers.append(Layer(Role.OTHER, Form.CURVE, f, left, label="resonance fit"))
     left = percent * (curves.after - curves.measured)
     layers.append(Layer(Role.SIMULATED, Form.POINTS, f, left, label="simulated"))
@@ -559,9 +561,9 @@ def resonance_words(resonance: Resonance) -> list[str]:
         resonance: fitted to the sweep.
     """
     return [
-        f"η = {with_error(resonance.eta_hz, resonance.eta_std_hz, 'Hz')}",
-        f"full width = {with_error(resonance.width_hz, resonance.width_std_hz, 'Hz')}",
-        f"Q = {with_error(resonance.q, resonance.q_std)}",
+        f"η = {with_error(resonance.frequency.value, resonance.frequency.std, 'Hz')}",
+        f"full width = {with_error(resonance.width.value, resonance.width.std, 'Hz')}",
+        f"Q = {with_error(resonance.q.value, resonance.q.std)}",
     ]
 
 

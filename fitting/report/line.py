@@ -12,6 +12,7 @@ from fitting.resonance.figure import line_figure
 from fitting.resonance.line import Line
 from fitting.resonance.noise_line import NoiseLine
 from fitting.resonance.noise_line_figure import noise_line_figure
+from fitting.resonance.record import MeasuredLine
 from fitting.resonance.ringdown import Ringdown
 from fitting.resonance.ringdown_figure import ringdown_figure
 from fitting.text.csv_cells import csv_text
@@ -19,7 +20,7 @@ from fitting.text.files import write_whole
 from fitting.text.records import write_json
 
 
-def write_line(line: Line | Ringdown | NoiseLine, out: Path) -> tuple[Path, ...]:
+def write_line(line: MeasuredLine, out: Path) -> tuple[Path, ...]:
     """Write line.json, line.csv and the figure; the files written.
 
     Args:
@@ -37,29 +38,28 @@ def write_line(line: Line | Ringdown | NoiseLine, out: Path) -> tuple[Path, ...]
     return (out / "line.json", out / "line.csv", figure.png, figure.svg)
 
 
-def _figure(line: Line | Ringdown | NoiseLine) -> Figure:
+def _figure(line: MeasuredLine) -> Figure:
     if isinstance(line, Line):
         return line_figure(line)
-    return ringdown_figure(line) if isinstance(line, Ringdown) else noise_line_figure(line)
+    if isinstance(line, Ringdown):
+        return ringdown_figure(line)
+    assert isinstance(line, NoiseLine)  # noqa: S101 - there is no fourth kind
+    return noise_line_figure(line)
 
 
-def _table(line: Line | Ringdown | NoiseLine) -> str:
-    unit = f"({line.unit})"
+def _table(line: MeasuredLine) -> str:
+    unit, points = f"({line.unit})", line.points
     if isinstance(line, NoiseLine):
         unit = "(relative)" if line.unit == "1" else f"({line.unit}**2/Hz)"
-    columns = {f"measured {unit}": line.points.measured, f"fitted {unit}": line.points.fitted}
-    if not isinstance(line, NoiseLine) and line.is_complex:
-        columns = {
-            f"measured X {unit}": line.points.measured,
-            f"measured Y {unit}": line.points.measured_imaginary,
-            f"fitted X {unit}": line.points.fitted,
-            f"fitted Y {unit}": line.points.fitted_imaginary,
+    columns = {"time (s)" if points.time_s else "frequency (Hz)": points.place}
+    if line.is_complex:
+        columns |= {
+            f"measured X {unit}": points.measured,
+            f"measured Y {unit}": points.measured_imaginary,
+            f"fitted X {unit}": points.fitted,
+            f"fitted Y {unit}": points.fitted_imaginary,
         }
-    axis = (
-        {"time (s)": line.points.time_s}
-        if isinstance(line, Ringdown)
-        else {"frequency (Hz)": line.points.frequency_hz}
-    )
-    columns = {**axis, **columns}
+    else:
+        columns |= {f"measured {unit}": points.measured, f"fitted {unit}": points.fitted}
     rows = zip(*columns.values(), strict=True)
     return csv_text([columns, *(map(repr, row) for row in rows)])

@@ -29,19 +29,21 @@ from fitting.resonance.form import (
     WORDS_BESIDE_COMPLEX,
 )
 from fitting.resonance.form_choice import AS_GOOD
-from fitting.resonance.line import Line, LineForm
+from fitting.resonance.line import Line
 from fitting.resonance.noise_line import NoiseLine
-from fitting.resonance.ringdown import ALONE, FORM_WORDS, MOVING, NOISE, DecayForm, Ringdown
+from fitting.resonance.record import MeasuredLine
+from fitting.resonance.ringdown import ALONE, FORM_WORDS, MOVING, NOISE, Ringdown
+from fitting.signal.line_record import TriedForm
 from fitting.signal.noise_lines import COUPLED, TOGETHER
 from fitting.signal.peaks import TAIL
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
-from fitting.signal.residual_tests import TOLD, found_words
-from fitting.text.notation import hertz, number, percent, prefixed, with_error
+from fitting.signal.residual_tests import TOLD
+from fitting.text.estimate import Estimate
+from fitting.text.notation import hertz, number, percent, prefixed, quantity, with_error
 from fitting.text.once import made_once
 from fitting.text.rendering import with_prefix
 from fitting.text.sentences import sentence
 
-Resonance = Line | Ringdown | NoiseLine
 #: What each wiring is, in words.
 WIRINGS = {
     TRANSMISSION: "the line alone",
@@ -62,7 +64,7 @@ SECOND_DIFFERS = 0.05
 MOVES = 2.0
 
 
-def answer(found: Resonance) -> list[str]:
+def answer(found: MeasuredLine) -> list[str]:
     """Frequency, width, quality and amplitude, a line each, as far as they are known.
 
     Args:
@@ -71,7 +73,7 @@ def answer(found: Resonance) -> list[str]:
     return _rendered(found, "answer")
 
 
-def sentences(found: Resonance) -> list[str]:
+def sentences(found: MeasuredLine) -> list[str]:
     """What the numbers rest on, and what contradicts them, an entry for each fact.
 
     Args:
@@ -80,23 +82,22 @@ def sentences(found: Resonance) -> list[str]:
     return _rendered(found, "sentences")
 
 
-def forms_table(found: Resonance) -> Table | None:
+def forms_table(found: MeasuredLine) -> Table | None:
     """Every form that was compared, the one that was taken first; None of a noise spectrum.
 
     Args:
         found: as it was fitted.
     """
-    if isinstance(found, NoiseLine):
+    if not found.forms:
         return None
-    first = (form for form in found.forms if math.isfinite(getattr(form, "frequency_hz", math.nan)))
     columns: list[Column[Any]] = [Column("form", lambda form: _row_name(found, form), role="name")]
-    if isinstance(found, Line) or any(first):
-        columns.append(Column("f (Hz)", lambda f: _value(f.frequency_hz, f.frequency_std_hz)))
-    elif found.kind == PHASORS:
-        columns.append(Column("offset (Hz)", lambda f: _value(f.offset_hz, f.offset_std_hz)))
-    columns.append(Column("FWHM (Hz)", lambda form: _value(form.width_hz, form.width_std_hz)))
-    if isinstance(found, Line) or any(math.isfinite(form.q) for form in found.forms):
-        columns.append(Column("Q", lambda form: _value(form.q, form.q_std)))
+    if any(math.isfinite(form.frequency.value) for form in found.forms):
+        columns.append(Column("f (Hz)", lambda form: _value(form.frequency)))
+    elif any(form.offset is not None for form in found.forms):
+        columns.append(Column("offset (Hz)", lambda form: _value(form.offset)))
+    columns.append(Column("FWHM (Hz)", lambda form: _value(form.width)))
+    if any(math.isfinite(form.q.value) for form in found.forms):
+        columns.append(Column("Q", lambda form: _value(form.q)))
     columns += [
         Column("residual (%)", lambda form: number(100.0 * form.residual, 2)),
         Column("AIC", lambda form: number(round(form.criterion, 1), 4)),
@@ -104,7 +105,7 @@ def forms_table(found: Resonance) -> Table | None:
     return tabulate("Forms that were compared", columns, found.forms)
 
 
-def text(found: Resonance) -> str:
+def text(found: MeasuredLine) -> str:
     """What the command prints: numbers and sentences; `forms_table` has the forms compared.
 
     Args:
@@ -116,7 +117,7 @@ def text(found: Resonance) -> str:
     return "\n".join(lines)
 
 
-def _rendered(found: Resonance, part: str) -> list[str]:
+def _rendered(found: MeasuredLine, part: str) -> list[str]:
     """The lines of a part of the template."""
     kind, decided = "line", _of_line(found) if isinstance(found, Line) else {}
     if isinstance(found, Ringdown):
@@ -164,7 +165,7 @@ def _of_ringdown(found: Ringdown) -> dict[str, Any]:
         "alone": ALONE,
         "noise": NOISE,
         "moving": MOVING,
-        "correlated": CORRELATED in found_words(found.structure_p, found.sizes_p),
+        "correlated": CORRELATED in found.structure.found,
     }
 
 
@@ -176,13 +177,13 @@ def _model(line: Line) -> str:
     if line.second is not None:
         words = f"the line, a second one and {beside}" if beside else "the line and a second one"
     delay = ", and the delay of a cable" if line.forms[0].delayed else ""
-    return f"{line.wiring if line.asked else _name(line.forms[0])}, {words}{delay}"
+    return f"{line.wiring if line.is_requested else _name(line.forms[0])}, {words}{delay}"
 
 
 def _choice(line: Line) -> str:
     """Why this form was taken; empty where it is the only one, or was requested."""
     fitted = [form for form in line.forms if not math.isnan(form.criterion)]
-    if line.asked or len(fitted) < 2:
+    if line.is_requested or len(fitted) < 2:
         return ""
     chosen, best = line.forms[0].criterion, min(fitted, key=lambda form: form.criterion)
     lowest, near = f"lowest AIC of {len(fitted)} forms", number(AS_GOOD, 1)
@@ -200,9 +201,10 @@ def _choice(line: Line) -> str:
 
 def _other_amplitude(line: Line) -> str:
     """The amplitude that these points do not distinguish from the one printed; mostly empty."""
-    if not abs(line.amplitude_mirrored - line.amplitude) > MOVES * line.amplitude_std:
+    other = line.mirrored
+    if other is None or not abs(other.value - line.amplitude.value) > MOVES * line.amplitude.std:
         return ""
-    return scaled(line.amplitude_mirrored, line.amplitude_mirrored_std, line.unit)
+    return scaled(other)
 
 
 def _moving(line: Line) -> list[tuple[str, list[str]]]:
@@ -210,12 +212,12 @@ def _moving(line: Line) -> list[tuple[str, list[str]]]:
     chosen, found = line.forms[0], []
     for form in line.forms[1:]:
         moved = [
-            f"{what} by {number(there - here, 2)} Hz"
-            for what, there, here, std in (
-                ("the line", form.frequency_hz, line.frequency_hz, chosen.frequency_std_hz),
-                ("its FWHM", form.width_hz, line.width_hz, chosen.width_std_hz),
+            f"{what} by {number(there.value - here.value, 2)} Hz"
+            for what, there, here, own in (
+                ("the line", form.frequency, line.frequency, chosen.frequency),
+                ("its FWHM", form.width, line.width, chosen.width),
             )
-            if abs(there - here) > MOVES * std
+            if abs(there.value - here.value) > MOVES * own.std
         ]
         if moved and form.criterion - chosen.criterion < AS_GOOD:
             found.append((form.name, moved))
@@ -226,41 +228,56 @@ def _instrument(line: Line) -> list[str]:
     own = []
     if "frequency_hz" in line.instrument:
         there = line.instrument["frequency_hz"]
-        apart = there - line.frequency_hz
+        apart = there - line.frequency.value
         way = "above" if apart > 0.0 else "below"
         own.append(f"f = {number(there, 9)} Hz ({number(abs(apart), 2)} Hz {way} this one)")
     if "q" in line.instrument:
         there = line.instrument["q"]
-        own.append(f"Q = {number(there, 6)} ({percent(there / line.q - 1.0)})")
+        own.append(f"Q = {number(there, 6)} ({percent(there / line.q.value - 1.0)})")
     return own
 
 
-def _row_name(found: Line | Ringdown, form: LineForm | DecayForm) -> str:
+def _row_name(found: MeasuredLine, form: TriedForm) -> str:
     """A form as its row is called: a requested wiring with the form that is its curve."""
-    if isinstance(form, DecayForm) or isinstance(found, Ringdown):
-        return form.name
-    if found.wiring in (NOTCH, REFLECTION) and form.name == FANO:
+    if isinstance(found, Line) and found.wiring in (NOTCH, REFLECTION) and form.name == FANO:
         return f"{_name(replace(form, name=found.wiring))} ({FANO})"
     return _name(form)
 
 
-def _name(form: LineForm) -> str:
+def _name(form: TriedForm) -> str:
     return f"{form.name}{', delay' * form.delayed}{', second line' * form.second}"
 
 
 # --- numbers -------------------------------------------------------------------------------------
 
 
-def scaled(value: float, error: float, unit: str) -> str:
-    """A value with its error, under the prefix that suits it.
+def size(value: Estimate) -> str:
+    """A number with its error, under the prefix that suits it by its unit.
 
     Args:
-        value: in the unit.
-        error: of the value.
-        unit: of both; "1": none.
+        value: with its error and its unit.
     """
-    factor, shown = prefixed(value, "" if unit == "1" else unit)
-    return with_error(value / factor, error / factor, shown)
+    return quantity(value.value, value.std, "" if value.unit == "1" else value.unit)
+
+
+def plain(value: Estimate, unit: str = "") -> str:
+    """A number with its error, without a prefix.
+
+    Args:
+        value: with its error.
+        unit: that is printed.
+    """
+    return with_error(value.value, value.std, unit)
+
+
+def scaled(value: Estimate) -> str:
+    """A number with its error, under the prefix that suits the number.
+
+    Args:
+        value: with its error and its unit; "1": none.
+    """
+    factor, shown = prefixed(value.value, "" if value.unit == "1" else value.unit)
+    return with_error(value.value / factor, value.std / factor, shown)
 
 
 def size_of(value: float, error: float, unit: str) -> str:
@@ -277,8 +294,10 @@ def size_of(value: float, error: float, unit: str) -> str:
     return with_error(value / factor, error / factor, shown)
 
 
-FILTERS: tuple[Callable[..., str], ...] = (found_words, scaled, size_of)
+FILTERS: tuple[Callable[..., str], ...] = (plain, scaled, size, size_of)
 
 
-def _value(value: float, error: float) -> str:
-    return with_error(value, error) if math.isfinite(value) else "–"
+def _value(found: Estimate | None) -> str:
+    if found is None or not math.isfinite(found.value):
+        return "–"
+    return with_error(found.value, found.std)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fitting.campaign.laws import in_base
@@ -48,11 +48,11 @@ CAUSES = (
 )
 #: Kinds that say that the model lacks something, though its values may be right.
 STRUCTURED = (Kind.correlated_residuals, Kind.line_background, Kind.line_residuals)
-#: Value and standard deviation of a line, by what it is of the line.
-PARTS = {
-    "frequency": lambda line: (line.frequency_hz, line.frequency_std_hz),
-    "width": lambda line: (line.width_hz, line.width_std_hz),
-    "q": lambda line: (line.q, line.q_std),
+#: Numbers of a line, by what a value may be of it.
+PARTS: dict[str, Callable[[SweepLine], Estimate]] = {
+    "frequency": lambda line: line.frequency,
+    "width": lambda line: line.width,
+    "q": lambda line: line.q,
 }
 #: What is printed beside a value that is not determined by a profile.
 REMARKS = {Verdict.SEVERAL: "one of several", Verdict.LINEARISED: "1σ from the covariance"}
@@ -210,7 +210,8 @@ def by_line(name: str, found: Estimate, line: SweepLine | None) -> tuple[float, 
     """
     if line is None or name not in line.values or depends_on_background(line):
         return None
-    value, std = PARTS[line.values[name]](line)
+    part = PARTS[line.values[name]](line)
+    value, std = part.value, part.std
     if not (math.isfinite(value) and std > 0.0) or found.status is Verdict.WITHDRAWN:
         return None
     if not found.status.has_value or math.isnan(found.std):

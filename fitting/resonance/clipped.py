@@ -83,7 +83,7 @@ def without_clipped(trace: Trace) -> tuple[Trace, Clipped | None]:
         beside=int(np.sum(~kept & ~flat)),
         low_hz=float(left[0]),
         high_hz=float(left[-1]),
-        width_hz=math.nan if plain is None else plain.width_hz,
+        width_hz=math.nan if plain is None else plain.width.value,
     )
     return _rest(trace, kept, clipped_words(found, trace.unit)), found
 
@@ -116,7 +116,7 @@ def _rest(trace: Trace, kept: BoolArray, said: str) -> Trace:
     whole = trace.whole
     if whole is not None:
         whole = whole.points(~np.isin(whole.frequency_hz, trace.frequency_hz[~kept]))
-    return replace(replace(trace, whole=whole).points(kept), said=(*trace.said, said))
+    return replace(replace(trace, whole=whole).points(kept), reading=(*trace.reading, said))
 
 
 def _limit(found: Clipped, unit: str) -> str:
@@ -158,7 +158,7 @@ def _kept(trace: Trace, below: BoolArray, limit: float) -> BoolArray | None:
         if form is None or not (_no_chance(a, form) or _is_below(limit, form)):
             return None
         close = np.zeros(f.size, dtype=np.bool_)
-        close[kept] = form.curve > limit - CLOSE * form.residual * form.amplitude
+        close[kept] = form.curve > limit - CLOSE * form.residual * form.amplitude.value
         if not np.any(close) or np.sum(kept & ~close) < MIN_SWEEP_POINTS:
             break
         kept = kept & ~close
@@ -168,12 +168,12 @@ def _kept(trace: Trace, below: BoolArray, limit: float) -> BoolArray | None:
 def _no_chance(a: FloatArray, form: FittedForm) -> bool:
     """Whether noise is so much larger than steps of the scale that it makes no points equal."""
     steps = np.diff(np.unique(a))
-    return bool(np.min(steps) < FINE * form.residual * form.amplitude)
+    return bool(np.min(steps) < FINE * form.residual * form.amplitude.value)
 
 
 def _is_below(limit: float, form: FittedForm) -> bool:
     """Whether a limit is below the top of a line by more than its error."""
-    return form.amplitude + form.beside - limit > TOLD * form.amplitude_std
+    return form.amplitude.value + form.background.real - limit > TOLD * form.amplitude.std
 
 
 def _line(f: FloatArray, a: FloatArray, source: str) -> FittedForm | None:
@@ -184,6 +184,6 @@ def _line(f: FloatArray, a: FloatArray, source: str) -> FittedForm | None:
             forms.append(fit_amplitudes(f, a, name, source))
     return min(
         forms,
-        key=lambda form: f.size * np.log(form.residual * form.amplitude) + form.unknowns,
+        key=lambda form: f.size * np.log(form.residual * form.amplitude.value) + form.unknowns,
         default=None,
     )

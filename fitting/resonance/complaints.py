@@ -62,16 +62,16 @@ def check_one(
         worth = max(1.0, f.size / best.structure.together**2)
         raise BadInput(
             f"{trace.source}: no form of a line describes its points between {ends}: the residuals "
-            f"of the best one, {best.name}, at {hertz(best.frequency_hz, digits=8)}, {TOGETHER}, "
-            f"so that the {f.size} points are worth {number(worth, 2)} independent ones"
+            f"of the best one, {best.name}, at {hertz(best.frequency.value, digits=8)}, "
+            f"{TOGETHER}, so that the {f.size} points are worth {number(worth, 2)} independent ones"
         )
-    left, right = best.frequency_hz - f[0], f[-1] - best.frequency_hz
-    if min(left, right) < 0.5 * best.width_hz:
+    left, right = best.frequency.value - f[0], f[-1] - best.frequency.value
+    if min(left, right) < 0.5 * best.width.value:
         end, where = ("first", f[0]) if left < right else ("last", f[-1])
         raise BadInput(
-            f"{trace.source}: its resonance at {hertz(best.frequency_hz, digits=8)}, "
-            f"{hertz(best.width_hz, digits=3)} wide, is cut off by the {end} point of the sweep at "
-            f"{hertz(where, digits=8)}; wanted half a width on both sides at least"
+            f"{trace.source}: its resonance at {hertz(best.frequency.value, digits=8)}, "
+            f"{hertz(best.width.value, digits=3)} wide, is cut off by the {end} point of the sweep "
+            f"at {hertz(where, digits=8)}; wanted half a width on both sides at least"
         )
 
 
@@ -92,7 +92,7 @@ def not_one(trace: Trace, two: TwoLines) -> TwoResonances:
     return TwoResonances(
         f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}",
         lines=two,
-        turned=trace.turned,
+        phases_reversed=trace.phases_reversed,
     )
 
 
@@ -115,7 +115,7 @@ def check_overlap(trace: Trace, best: FittedForm, found: Sequence[FittedForm]) -
             f"squares). {_overlapping(two)} A campaign whose model has two modes fits both, as "
             "fmu-fit init drafts it",
             lines=two,
-            turned=trace.turned,
+            phases_reversed=trace.phases_reversed,
         )
 
 
@@ -254,7 +254,7 @@ def _chance(trace: Trace, best: FittedForm, widening: float) -> float:
     Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares), with
     Bonferroni's bound.
     """
-    before = _straight(trace, best.delay_s)
+    before = _straight(trace, math.nan if best.delay is None else best.delay.value)
     rows = trace.rows
     if best.squares <= rows * SMALLEST_RESIDUAL**2:
         return 0.0 if before > best.squares else 1.0

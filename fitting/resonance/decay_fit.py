@@ -21,6 +21,7 @@ from scipy.special import fdtrc
 from fitting.resonance.decay_record import DecayRecord
 from fitting.signal.decaying_lines import WIDEST, DecayingLines, decaying_lines, moving_line
 from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
+from fitting.signal.line_record import CurveFit
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
 from fitting.signal.rician import LOUD, rician_deviation, rician_mean, scatter_of
 from fitting.signal.student import ROOT_68, reach
@@ -44,8 +45,8 @@ ROUNDS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FittedDecay:
-    """A form of the decay as fitted; what enters the errors is widened by ``structure``.
+class FittedDecay(CurveFit):
+    """A form of the decay as fitted; errors are widened by ``structure``, ``curve`` is in a unit.
 
     Attributes:
         name: of the form.
@@ -57,15 +58,11 @@ class FittedDecay:
             ``amplitude``, in this order, (3 lines,).
         shift_hz: how far the frequency is moved at the first sample, Hz, and its error; zero where
             it does not.
-        beside: the constant, complex if phases were recorded; of ``noise`` that of X and Y each;
-            and its error, of complex ones that of either part.
-        unknowns: real numbers that were fitted.
-        freedom: degrees of freedom of the noise; samples that hang together count as fewer.
-        squares: sum of the squared residuals over the largest value.
+        background: the constant, complex if phases were recorded; of ``noise`` that of X and Y
+            each; and its error, of complex ones that of either part.
+        dof: degrees of freedom of the noise; correlated samples count as fewer.
         likely: twice the logarithm by which residuals of unequal sizes are less likely.
-        structure: what the order of the residuals tells.
-        curve: as fitted, (n,), in the record's unit.
-        lines: the same over the largest value; of amplitudes none.
+        lines: as fitted over the largest value; of amplitudes none.
         rival: another form for which the errors hold, too; mostly empty.
     """
 
@@ -76,14 +73,10 @@ class FittedDecay:
     errors: FloatArray
     shift_hz: float
     shift_std_hz: float
-    beside: complex
-    beside_std: float
-    unknowns: int
-    freedom: float
-    squares: float
+    background: complex
+    background_std: float
+    dof: float
     likely: float
-    structure: Structure
-    curve: FloatArray | ComplexArray
     lines: DecayingLines | None = None
     rival: str = ""
 
@@ -121,7 +114,7 @@ def _of_lines(record: DecayRecord, name: str, found: DecayingLines) -> FittedDec
     count = len(found.frequency_hz)
     structure = residual_structure(found.left, found.slopes, found.columns)
     design = np.hstack([found.slopes, found.columns])
-    covariance, freedom = _spread(found.left, design, structure)
+    covariance, dof = _spread(found.left, design, structure)
     factors = found.solved[0 : 2 * count : 2] + 1j * found.solved[1 : 2 * count : 2]
     order = np.argsort(-np.abs(factors), kind="stable")
     first = found.slopes.shape[1]
@@ -145,10 +138,10 @@ def _of_lines(record: DecayRecord, name: str, found: DecayingLines) -> FittedDec
         errors=np.concatenate([stds[2 * order], stds[2 * order + 1], record.top * of_sizes[order]]),
         shift_hz=found.shift_hz[0] if moved else 0.0,
         shift_std_hz=float(stds[2 * count]) if moved else 0.0,
-        beside=record.top * complex(*constants) if constants.size else 0j,
-        beside_std=record.top * float(np.mean(of_constants)) if constants.size else 0.0,
+        background=record.top * complex(*constants) if constants.size else 0j,
+        background_std=record.top * float(np.mean(of_constants)) if constants.size else 0.0,
         unknowns=found.unknowns,
-        freedom=freedom,
+        dof=dof,
         squares=found.squares,
         likely=0.0,
         structure=structure,
@@ -195,7 +188,7 @@ def fit_amplitudes(record: DecayRecord, name: str) -> FittedDecay:
     structure = residual_structure(
         fit.residuals[loud], fit.jacobian[loud, :1], fit.jacobian[loud, 1:]
     )
-    covariance, freedom = _spread(fit.residuals, fit.jacobian, structure)
+    covariance, dof = _spread(fit.residuals, fit.jacobian, structure)
     wide, height, *beside = (float(value) for value in fit.values)
     stds, span_s = np.sqrt(np.maximum(np.diag(covariance), 0.0)), y.size * record.spacing_s
     width = math.exp(_clipped(wide)) / span_s
@@ -207,10 +200,10 @@ def fit_amplitudes(record: DecayRecord, name: str) -> FittedDecay:
         errors=np.array([math.nan, width * stds[0], record.top * stds[1]]),
         shift_hz=0.0,
         shift_std_hz=0.0,
-        beside=complex(record.top * model.beside(beside)),
-        beside_std=record.top * float(stds[2]) if beside else 0.0,
+        background=complex(record.top * model.beside(beside)),
+        background_std=record.top * float(stds[2]) if beside else 0.0,
         unknowns=fit.values.size,
-        freedom=freedom,
+        dof=dof,
         squares=float(fit.residuals @ fit.residuals),
         likely=model.likely,
         structure=structure,
@@ -344,8 +337,8 @@ def gain_chance(before: FittedDecay, after: FittedDecay) -> float:
     if after.squares <= rows * SMALLEST_RESIDUAL**2:
         return 0.0
     more = max(1, after.unknowns - before.unknowns)
-    gain = max(0.0, before.squares / after.squares - 1.0) / more * after.freedom
-    return min(1.0, rows * float(fdtrc(more, after.freedom, gain)))
+    gain = max(0.0, before.squares / after.squares - 1.0) / more * after.dof
+    return min(1.0, rows * float(fdtrc(more, after.dof, gain)))
 
 
 def least_chance(record: DecayRecord, found: FittedDecay) -> float:
@@ -360,5 +353,5 @@ def least_chance(record: DecayRecord, found: FittedDecay) -> float:
     if found.squares <= found.rows * SMALLEST_RESIDUAL**2:
         return 0.0 if squares > found.squares else 1.0
     more = max(1, found.unknowns - (2 if record.is_complex else 1))
-    gain = max(0.0, squares / found.squares - 1.0) / more * found.freedom
-    return min(1.0, found.rows * float(fdtrc(more, found.freedom, gain)))
+    gain = max(0.0, squares / found.squares - 1.0) / more * found.dof
+    return min(1.0, found.rows * float(fdtrc(more, found.dof, gain)))

@@ -110,7 +110,7 @@ def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
         made,
         kind=kind,
         reference_hz=reference_hz,
-        said=(
+        reading=(
             f"{path.name}: {known.words}.",
             f"Read: {columns_words({'time': time, **_value_names(roles, kind)})}.",
             *words,

@@ -29,7 +29,7 @@ class DecayRecord:
         unit: of the values.
         kind: one of `KINDS`; empty: samples or amplitudes, as the values tell.
         reference_hz: what was demodulated at, Hz; NaN: nobody told.
-        said: how the file was read, in sentences.
+        reading: how the file was read, in sentences.
     """
 
     source: str
@@ -38,7 +38,7 @@ class DecayRecord:
     unit: str
     kind: str = ""
     reference_hz: float = math.nan
-    said: tuple[str, ...] = ()
+    reading: tuple[str, ...] = ()
 
     @property
     def is_complex(self) -> bool:
@@ -78,7 +78,7 @@ class DecayRecord:
                 f"to {last} s"
             )
         words = f"Taken: {kept.size} of {self.time_s.size} samples."
-        return replace(self.part(int(kept[0]), int(kept[-1]) + 1), said=(*self.said, words))
+        return replace(self.part(int(kept[0]), int(kept[-1]) + 1), reading=(*self.reading, words))
 
     def part(self, first: int, end: int) -> DecayRecord:
         """The samples from one to another.

@@ -19,28 +19,26 @@ import numpy as np
 from fitting.measurements.dip import Dip
 from fitting.resonance.form import SLOPED, FittedForm
 from fitting.resonance.trace import Trace
+from fitting.signal.line_record import Renamed, number_of_line
 from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.estimate import Estimate
 
 NOTCH, REFLECTION = DIPS = ("notch", "reflection")
 
 
 @dataclass(frozen=True, kw_only=True)
-class DipReading:
-    """What a line means that is a dip: beside a feed line (notch) or at its end (reflection).
+class DipReading(Renamed):
+    """What a line means that is a dip: next to a feed line (notch) or at its end (reflection).
 
-    Errors (``_std``) are half of 68 % intervals; the others (``_ci95``) are symmetric in 1/Q, and
-    infinite above where no loss at all would suit the points as well. A quality is NaN where its
-    loss is negative, and the lower end where it is negative all over the interval.
+    Intervals of both quality factors are symmetric in 1/Q, and infinite above where no loss at all
+    fits the points as well. A value is NaN where its loss is negative, and the lower end where it
+    is negative all over the interval.
     """
 
     wiring: str
-    q_coupling: float
-    q_coupling_std: float
-    q_coupling_ci95: tuple[float, float]
-    q_internal: float
-    q_internal_std: float
-    q_internal_ci95: tuple[float, float]
+    q_coupling: Estimate
+    q_internal: Estimate
 
 
 def dip_readings(trace: Trace, best: FittedForm, wiring: str) -> tuple[DipReading, ...]:
@@ -49,25 +47,25 @@ def dip_readings(trace: Trace, best: FittedForm, wiring: str) -> tuple[DipReadin
     Args:
         trace: what was measured.
         best: the form that was taken.
-        wiring: "notch" or "reflection" if that was asked for, another form, or empty.
+        wiring: "notch" or "reflection" if that was requested, another form, or empty.
     """
-    asked = wiring in DIPS
-    if not trace.is_complex or best.coefficients.size < 2 or (wiring and not asked):
+    requested = wiring in DIPS
+    if not trace.is_complex or best.coefficients.size < 2 or (wiring and not requested):
         return ()
     depth, slopes = _depth(trace, best)
-    if not asked and abs(1.0 - depth) >= 1.0:
+    if not requested and abs(1.0 - depth) >= 1.0:
         return ()
-    kinds = (wiring,) if asked else DIPS
-    dips = [Dip(kind=kind, loaded_q=best.q, depth=depth) for kind in kinds]
+    kinds = (wiring,) if requested else DIPS
+    dips = [Dip(kind=kind, loaded_q=best.q.value, depth=depth) for kind in kinds]
     made = [_reading(dip, slopes, best) for dip in dips]
-    return tuple(each for each in made if asked or not math.isnan(each.q_internal))
+    return tuple(each for each in made if requested or not math.isnan(each.q_internal.value))
 
 
 def _depth(trace: Trace, best: FittedForm) -> tuple[complex, ComplexArray]:
     """The dip D at the eigenfrequency, and its derivatives by all that was fitted."""
     f, coefficients = trace.frequency_hz, best.coefficients
     half = 0.5 * float(np.ptp(f))
-    powers = np.array([1.0, (best.frequency_hz - float(f[0]) - half) / half])
+    powers = np.array([1.0, (best.frequency.value - float(f[0]) - half) / half])
     powers = powers[: coefficients.size - 1]
     baseline = complex(coefficients[1:] @ powers)
     depth = complex(1j * coefficients[0] / baseline)  # g is -i at the eigenfrequency
@@ -82,33 +80,26 @@ def _depth(trace: Trace, best: FittedForm) -> tuple[complex, ComplexArray]:
 def _reading(dip: Dip, slopes: ComplexArray, best: FittedForm) -> DipReading:
     """Both qualities with the errors of their losses; `slopes` are the derivatives of the dip."""
     of_log_q = np.zeros(slopes.size)
-    of_log_q[:2] = 1.0 / best.frequency_hz, -1.0 / best.width_hz
+    of_log_q[:2] = 1.0 / best.frequency.value, -1.0 / best.width.value
     share, of_share = dip.depth.real / dip.divisor, slopes.real / dip.divisor
-    coupling = _quality(share, of_share - share * of_log_q, best)
-    internal = _quality(1.0 - share, -of_share - (1.0 - share) * of_log_q, best)
+    parts = {
+        "q_coupling": (share, of_share - share * of_log_q),
+        "q_internal": (1.0 - share, -of_share - (1.0 - share) * of_log_q),
+    }
     return DipReading(
-        wiring=dip.kind,
-        q_coupling=coupling[0],
-        q_coupling_std=coupling[1],
-        q_coupling_ci95=coupling[2],
-        q_internal=internal[0],
-        q_internal_std=internal[1],
-        q_internal_ci95=internal[2],
+        wiring=dip.kind, **{name: _quality(name, *part, best) for name, part in parts.items()}
     )
 
 
-def _quality(
-    share: float, slopes: FloatArray, best: FittedForm
-) -> tuple[float, float, tuple[float, float]]:
+def _quality(name: str, share: float, slopes: FloatArray, best: FittedForm) -> Estimate:
     """1/loss of the loss share/Q, its error and its 95 % interval; slopes are those of loss Q."""
-    loss = share / best.q
-    error = math.sqrt(max(0.0, float(slopes @ best.covariance @ slopes))) / best.q
-    half = error * ratio95(best.freedom)
+    loss = share / best.q.value
+    error = math.sqrt(max(0.0, float(slopes @ best.covariance @ slopes))) / best.q.value
+    half = error * ratio95(best.dof)
     most, least = loss + half, loss - half
     interval = (
         1.0 / most if most > 0.0 else math.nan,
         1.0 / least if least > 0.0 else math.inf,
     )
-    if not loss > 0.0:
-        return math.nan, math.nan, interval
-    return 1.0 / loss, error / loss**2, interval
+    value, std = (1.0 / loss, error / loss**2) if loss > 0.0 else (math.nan, math.nan)
+    return number_of_line(name, value, std, "1", ci95=interval)

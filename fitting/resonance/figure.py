@@ -20,8 +20,8 @@ def line_figure(line: Line) -> Figure:
     x = Axis("frequency f", "Hz")
     rows = [(panel,) for panel in (_amplitude(line, f, x), *_phase(line, f, x), _rest(line, f, x))]
     words = (
-        f"f = {quantity(line.frequency_hz, line.frequency_std_hz, 'Hz')}, width "
-        f"{quantity(line.width_hz, line.width_std_hz, 'Hz')}"
+        f"f = {quantity(line.frequency.value, line.frequency.std, 'Hz')}, width "
+        f"{quantity(line.width.value, line.width.std, 'Hz')}"
     )
     return Figure(
         name="line",
@@ -30,25 +30,13 @@ def line_figure(line: Line) -> Figure:
             f"{f.size} points with the fitted line ({line.wiring}) and what the fit leaves of "
             f"them, {number(100.0 * line.residual, 2)} % of the line (rms). {words}."
         ),
-        alt=f"Resonance near {hertz(line.frequency_hz)} with its fit. {words}.",
+        alt=f"Resonance near {hertz(line.frequency.value)} with its fit. {words}.",
         rows=tuple(rows),
     )
 
 
-def _values(line: Line) -> tuple[np.ndarray, np.ndarray]:
-    """Measured and fitted, real or complex, (n,) each."""
-    points = line.points
-    measured, fitted = np.array(points.measured), np.array(points.fitted)
-    if not line.is_complex:
-        return measured, fitted
-    return (
-        measured + 1j * np.array(points.measured_imaginary),
-        fitted + 1j * np.array(points.fitted_imaginary),
-    )
-
-
 def _amplitude(line: Line, f: FloatArray, x: Axis) -> Panel:
-    measured, fitted = (np.abs(values) for values in _values(line))
+    measured, fitted = (np.abs(values) for values in line.points.arrays())
     return Panel(
         x=x,
         y=Axis("amplitude", "" if line.unit == "1" else line.unit),
@@ -56,7 +44,7 @@ def _amplitude(line: Line, f: FloatArray, x: Axis) -> Panel:
             Layer(Role.MEASURED, Form.POINTS, f, measured, label="measured"),
             Layer(Role.SIMULATED, Form.CURVE, f, fitted, label="fitted line"),
         ),
-        marked=(line.frequency_hz,),
+        marked=(line.frequency.value,),
     )
 
 
@@ -64,7 +52,7 @@ def _phase(line: Line, f: FloatArray, x: Axis) -> tuple[Panel, ...]:
     """Unwrapped phases of the fit, and measured ones within half a turn of them."""
     if not line.is_complex:
         return ()
-    measured, fitted = _values(line)
+    measured, fitted = line.points.arrays()
     phase = np.unwrap(np.angle(fitted))
     near = phase + np.angle(measured * np.conj(fitted))
     return (
@@ -75,15 +63,15 @@ def _phase(line: Line, f: FloatArray, x: Axis) -> tuple[Panel, ...]:
                 Layer(Role.MEASURED, Form.POINTS, f, np.rad2deg(near), label="measured"),
                 Layer(Role.SIMULATED, Form.CURVE, f, np.rad2deg(phase), label="fitted line"),
             ),
-            marked=(line.frequency_hz,),
+            marked=(line.frequency.value,),
             height=0.7,
         ),
     )
 
 
 def _rest(line: Line, f: FloatArray, x: Axis) -> Panel:
-    measured, fitted = _values(line)
-    left = 100.0 * (measured - fitted) / line.amplitude
+    measured, fitted = line.points.arrays()
+    left = 100.0 * (measured - fitted) / line.amplitude.value
     parts = [(Role.MEASURED, left.real, "measured minus fitted")]
     if line.is_complex:
         parts = [
@@ -95,6 +83,6 @@ def _rest(line: Line, f: FloatArray, x: Axis) -> Panel:
         y=Axis("residual", "% of line"),
         layers=tuple(Layer(role, Form.POINTS, f, part, label=text) for role, part, text in parts),
         level=0.0,
-        marked=(line.frequency_hz,),
+        marked=(line.frequency.value,),
         height=0.5,
     )

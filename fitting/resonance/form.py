@@ -16,10 +16,9 @@ reflection are curves of the form ``fano``: only what a and b mean is different 
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from fitting.signal.complex_line import (
     tops_and_bottoms,
 )
 from fitting.signal.least_squares import minimise_squares
+from fitting.signal.line_record import SecondLine, fields_of, line_numbers, number_of_line
 from fitting.signal.peaks import (
     BESIDE_WORDS,
     FLOOR,
@@ -44,17 +44,17 @@ from fitting.signal.peaks import (
     TAIL,
     UNKNOWNS,
     Resonance,
-    SecondLine,
     fit_beside_second,
     fit_beside_tail,
     fit_resonance,
     mode_response,
 )
-from fitting.signal.residual_tests import TOGETHER, Structure, residual_structure
+from fitting.signal.residual_tests import TOGETHER, residual_structure
 from fitting.signal.single_readings import fit_single_readings
-from fitting.signal.student import ROOT_68, reach
+from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 
 TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
 #: Of amplitudes, and what each is called where amplitudes are fitted.
@@ -81,31 +81,19 @@ _BACKGROUNDS = {TRANSMISSION: "none", FANO: "constant", SLOPED: "slope"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class FittedForm:
-    """A form of the line as fitted; errors are widened by ``structure``.
+class FittedForm(Resonance):
+    """A form of the line as fitted, to amplitudes or to complex values.
 
-    They are half of a 68 % interval: Student's, as the residuals tell the noise.
+    ``background`` is the constant c of amplitudes, of ``sloped`` at the eigenfrequency, of
+    ``single`` the noise of both quadratures each; zero in other forms.
 
     Attributes:
         name: one of `FORMS`, or of `AMPLITUDE_FORMS`.
-        frequency_hz: eigenfrequency of the mode, Hz, and its error.
-        width_hz: full width at half of the power, Hz, and its error.
-        q: their ratio, and its error.
-        amplitude: of the line alone at its eigenfrequency, in the trace's unit.
-        mirrored: the other amplitude with which amplitudes are the same curve, and its error; NaN
-            without one.
-        beside: the constant c of amplitudes, in their unit, of ``sloped`` at the eigenfrequency, of
-            ``single`` the noise of both quadratures each; zero in other forms.
-        slope: of amplitudes that are ``sloped``, what c changes by with every Hz.
-        delay_s: of the cable, s, and its error; NaN where it was not looked for.
+        delay: of the cable, s; None where it was not fitted.
         unknowns: real numbers that were fitted.
-        freedom: degrees of freedom of the noise; points that hang together count as fewer.
         squares: sum of the squared residuals over the largest value.
         likely_squares: those with which normal noise of one size is as likely, by which forms are
             compared: ``squares`` but where the noise is Rice's.
-        residual: their root mean square over ``amplitude``.
-        structure: what the order of the residuals tells.
-        curve: S (n,), or |S|, as fitted, in the trace's unit.
         coefficients: a, b and b' over the largest value, as many as there are; of amplitudes none.
         covariance: of frequency and width, Hz, of the delay over 1/span if it was fitted, and of
             both parts of each coefficient, scaled as the errors; of amplitudes none.
@@ -113,29 +101,12 @@ class FittedForm:
     """
 
     name: str
-    frequency_hz: float
-    frequency_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    q: float
-    q_std: float
-    amplitude: float
-    amplitude_std: float
-    mirrored: float
-    mirrored_std: float
-    beside: float
-    slope: float
-    delay_s: float
-    delay_std_s: float
+    delay: Estimate | None = None
     unknowns: int
-    freedom: float
     squares: float
     likely_squares: float
-    residual: float
-    structure: Structure
-    curve: FloatArray | ComplexArray
-    coefficients: ComplexArray
-    covariance: FloatArray
+    coefficients: ComplexArray = field(default_factory=lambda: np.empty(0, dtype=complex))
+    covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     second: SecondLine | None = None
 
 
@@ -176,7 +147,7 @@ def fit_amplitudes(
     else:
         background = AMPLITUDE_FORMS[name]
         found = fit_resonance(frequency_hz, amplitude, background=background, source=source)
-    if name in (FANO, TAIL) and not found.amplitude_std < found.amplitude:
+    if name in (FANO, TAIL) and not found.amplitude.std < found.amplitude.value:
         raise BadInput(
             f"{source}: the points do not tell how high its line is beside {WORDS_BESIDE[name]}"
         )
@@ -209,8 +180,8 @@ def fit_amplitudes_with_second(
     found, line = fit_beside_second(
         frequency_hz,
         amplitude,
-        (best.frequency_hz, best.width_hz),
-        (second.frequency_hz, second.width_hz, second.height),
+        (best.frequency.value, best.width.value),
+        (second.frequency.value, second.width.value, second.height),
         background=AMPLITUDE_FORMS[name],
         source=source,
     )
@@ -223,31 +194,14 @@ def _of_amplitudes(
 ) -> FittedForm:
     left = (found.curve - amplitude) / float(np.max(amplitude))
     squares = float(left @ left)
+    parts = fields_of(found, Resonance)
+    parts["background"] = 0j if name == FANO else complex(found.background.real)
     return FittedForm(
+        **parts,
         name=name,
-        frequency_hz=found.eta_hz,
-        frequency_std_hz=found.eta_std_hz,
-        width_hz=found.width_hz,
-        width_std_hz=found.width_std_hz,
-        q=found.q,
-        q_std=found.q_std,
-        amplitude=found.amplitude,
-        amplitude_std=found.amplitude_std,
-        mirrored=found.mirrored,
-        mirrored_std=found.mirrored_std,
-        beside=0.0 if name == FANO else found.background.real,
-        slope=found.slope,
-        delay_s=math.nan,
-        delay_std_s=math.nan,
         unknowns=UNKNOWNS[AMPLITUDE_FORMS[name]],
-        freedom=found.freedom,
         squares=squares,
         likely_squares=squares if likely_squares is None else likely_squares,
-        residual=found.residual_rms,
-        structure=found.structure,
-        curve=found.curve,
-        coefficients=np.empty(0, dtype=complex),
-        covariance=np.empty((0, 0)),
     )
 
 
@@ -446,44 +400,49 @@ class _ComplexFit:
         structure = residual_structure(fit.residuals, slopes)
         squares = float(fit.residuals @ fit.residuals)
         freedom = max(1, fit.residuals.size - slopes.shape[1])
-        independent = freedom / structure.widening**2
+        dof = freedom / structure.widening**2
         spread = structure.widening**2 * squares / freedom * covariance
         scales = np.ones(slopes.shape[1])
         scales[:2] = self.width0, width
-        spread = reach(ROOT_68, independent) ** 2 * np.outer(scales, scales) * spread
+        spread = reach(ROOT_68, dof) ** 2 * np.outer(scales, scales) * spread
         solved = self.solved(fit.values)
         gain = complex(solved.coefficients[0])
         along = np.zeros(slopes.shape[1])
         along[fit.values.size : fit.values.size + 2] = gain.real / abs(gain), gain.imag / abs(gain)
         quality = np.zeros(slopes.shape[1])
         quality[:2] = 1.0 / eta, -1.0 / width
-        # without other lines
-        told = [*range(own), *range(begin.size, begin.size + 2 * self.wiring.columns)]
+        std, half = np.sqrt(np.diag(spread)[:3]), ratio95(dof)
+        delayed = number_of_line("delay", delay, float(std[-1]) / self.span, "s", half=half)
+        # covariances but those of other lines
+        kept = [*range(own), *range(begin.size, begin.size + 2 * self.wiring.columns)]
         return FittedForm(
+            **line_numbers(
+                (eta, float(std[0])),
+                (width, float(std[1])),
+                (eta / width, eta / width * math.sqrt(max(0.0, float(quality @ spread @ quality)))),
+                dof,
+            ),
+            amplitude=number_of_line(
+                "amplitude",
+                self.top * abs(gain),
+                self.top * math.sqrt(float(along @ spread @ along)),
+                "",
+                half=half,
+            ),
+            background=0j,
+            residual=math.sqrt(squares / self.y.size) / abs(gain),
+            correlation=math.nan,
+            curve=self.top * solved.values,
+            message=fit.message,
+            structure=structure,
+            dof=dof,
             name=self.form.name,
-            frequency_hz=eta,
-            frequency_std_hz=math.sqrt(spread[0, 0]),
-            width_hz=width,
-            width_std_hz=math.sqrt(spread[1, 1]),
-            q=eta / width,
-            q_std=eta / width * math.sqrt(max(0.0, float(quality @ spread @ quality))),
-            amplitude=self.top * abs(gain),
-            amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
-            mirrored=math.nan,
-            mirrored_std=math.nan,
-            beside=0.0,
-            slope=0.0,
-            delay_s=delay if self.delayed else math.nan,
-            delay_std_s=math.sqrt(spread[2, 2]) / self.span if self.delayed else math.nan,
+            delay=delayed if self.delayed else None,
             unknowns=slopes.shape[1],
-            freedom=independent,
             squares=squares,
             likely_squares=squares,
-            residual=math.sqrt(squares / self.y.size) / abs(gain),
-            structure=structure,
-            curve=self.top * solved.values,
             coefficients=solved.coefficients[: self.wiring.columns],
-            covariance=spread[np.ix_(told, told)],
+            covariance=spread[np.ix_(kept, kept)],
             second=self.second_line(fit.values, solved),
         )
 
@@ -496,8 +455,7 @@ class _ComplexFit:
         """
         for eta, width in self.second(x):
             height = complex(solved.coefficients[-1] / solved.coefficients[0])
-            share, phase = cmath.polar(height)
-            return SecondLine(frequency_hz=eta, width_hz=width, share=share, phase_rad=phase)
+            return SecondLine.at(eta, width, height)
         return None
 
     def slopes(self, x: FloatArray) -> FloatArray:

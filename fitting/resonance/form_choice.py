@@ -50,7 +50,7 @@ def criteria_of(found: Sequence[FittedForm], rows: int) -> FloatArray:
 
 
 def without_doubtful_delay(
-    found: Sequence[FittedForm], criteria: FloatArray, order: list[int], asked: str
+    found: Sequence[FittedForm], criteria: FloatArray, order: list[int], requested: str
 ) -> list[int]:
     """The order in which forms are taken: a delay that is not plainly seen is none.
 
@@ -60,9 +60,9 @@ def without_doubtful_delay(
         found: the forms.
         criteria: `criteria_of`, one for each.
         order: so far, indices of the forms.
-        asked: name of the form that is wanted; empty: any.
+        requested: name of the form that is wanted; empty: any.
     """
-    plain = [k for k in order if math.isnan(found[k].delay_s) and asked in ("", found[k].name)]
+    plain = [k for k in order if found[k].delay is None and requested in ("", found[k].name)]
     if not plain or criteria[plain[0]] - criteria[order[0]] >= PLAINLY:
         return order
     return [plain[0], *(k for k in order if k != plain[0])]

@@ -25,8 +25,8 @@ def noise_line_figure(found: NoiseLine) -> Figure:
         for values in (points.frequency_hz, points.measured, points.fitted)
     )
     words = (
-        f"f = {quantity(found.frequency_hz, found.frequency_std_hz, 'Hz')}, "
-        f"width {quantity(found.width_hz, found.width_std_hz, 'Hz')}"
+        f"f = {quantity(found.frequency.value, found.frequency.std, 'Hz')}, "
+        f"width {quantity(found.width.value, found.width.std, 'Hz')}"
     )
     some = "" if every == 1 else f" (every {every}th is drawn)"
     unit = "relative" if found.unit == "1" else f"{found.unit}²/Hz"

@@ -100,5 +100,5 @@ def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
     read = columns_words({"frequency": roles.frequency, what: roles.sizes})
     beside = (roles.left_out,) if roles.left_out else ()
     return replace(
-        made, said=(f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *beside)
+        made, reading=(f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *beside)
     )

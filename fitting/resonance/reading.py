@@ -355,7 +355,7 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     elif np.any(steps < 0.0):
         said.append("The rows are not in the order of their frequencies; they were sorted.")
     made = trace_of(frequency_hz, values, unit, source=str(path), places=recording.places)
-    return replace(made, read=read, said=tuple(said), notes=dict(recording.notes))
+    return replace(made, read=read, reading=tuple(said), notes=dict(recording.notes))
 
 
 def _map_beside_cells(roles: Roles) -> ControlMap | None:

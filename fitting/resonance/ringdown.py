@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,9 +33,19 @@ from fitting.resonance.decay_fit import (
 )
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, SAMPLES, DecayRecord
 from fitting.resonance.reading import TIME_WAY
+from fitting.resonance.record import MeasuredLine, Points
+from fitting.signal.line_record import (
+    LineValues,
+    SecondLine,
+    TriedForm,
+    fields_of,
+    line_numbers,
+    number_of_line,
+)
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, STRUCTURED
 from fitting.signal.student import ratio95
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 from fitting.text.notation import number, quantity
 
 __all__ = [
@@ -65,153 +75,44 @@ PLAINLY, ALLOWED = 10.0, 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class DecayingLine:
-    """A further line of a ringdown, fitted beside the first one.
-
-    Attributes:
-        frequency_hz: eigenfrequency, Hz, and its error; NaN where the record does not tell it.
-        offset_hz: from the frequency of the demodulator, Hz, and its error; NaN for samples.
-        width_hz: full width at half of the power, Hz, and its error.
-        q: their ratio, and its error.
-        decay_time_s: in which the amplitude falls to 1/e, s, and its error.
-        share: its amplitude over that of the first one, at the first sample.
-        decays: whether it is seen to decay; else it is a tone that stays.
-    """
-
-    frequency_hz: float
-    frequency_std_hz: float
-    offset_hz: float
-    offset_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    q: float
-    q_std: float
-    decay_time_s: float
-    decay_time_std_s: float
-    share: float
-    decays: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class DecayForm:
-    """A form of the decay and what it gives, NaN where the record does not tell it.
-
-    Attributes:
-        name: "alone", "constant", "second", "moving"; of amplitudes "noise" or "constant".
-        residual: root mean square of what is left, over the amplitude at the first sample.
-        criterion: Akaike's, over the least of all forms; 10 is plainly worse.
-    """
-
-    name: str
-    frequency_hz: float
-    frequency_std_hz: float
-    offset_hz: float
-    offset_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    q: float
-    q_std: float
-    residual: float
-    criterion: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class DecayPoints:
-    """What was recorded and what was fitted, (n,) each; imaginary parts empty without phases."""
-
-    time_s: tuple[float, ...]
-    measured: tuple[float, ...]
-    fitted: tuple[float, ...]
-    measured_imaginary: tuple[float, ...] = ()
-    fitted_imaginary: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ringdown:
+class Ringdown(MeasuredLine):
     """One resonance of a ringdown.
 
-    Errors (``_std``) are half of the interval that holds the truth in 68 of 100 such records, the
-    others (``_ci95``) in 95. Both are Student's, as the noise is known from the residuals alone.
+    The frequency is NaN where the record does not determine it: of amplitudes alone, and of phasors
+    without a demodulation frequency. The quality factor of amplitudes is that of the demodulation
+    frequency. ``residual`` is over the amplitude at the first sample.
 
     Attributes:
-        source: the file, or "arrays".
         kind: "samples" of the motion, "phasors" of a demodulator, or "amplitudes".
-        frequency_hz: eigenfrequency, Hz; NaN where the record does not tell it: demodulated, and
-            nobody told at what, or amplitudes alone.
-        offset_hz: of phasors, from what was demodulated at, Hz, and its error; else NaN.
-        width_hz: full width at half of the power, Hz.
-        q: their ratio; of amplitudes with the frequency that was demodulated at, where it is told.
-        decay_time_s: in which the amplitude falls to 1/e, s.
+        offset: of phasors, from the demodulation frequency, Hz; else None.
+        decay_time: in which the amplitude falls to 1/e, s.
         amplitude: of the line at its first sample, in ``unit``.
-        shift_hz: how far the frequency is moved at the first sample, by the square of the
-            amplitude, Hz, and its error; zero where that is not seen.
-        reference_hz: what was demodulated at, Hz; NaN: nobody told.
+        shift: how far the frequency is moved at the first sample, by the square of the amplitude,
+            Hz; zero where that is not fitted.
+        reference_hz: of the demodulator, Hz; NaN: not stated.
         form: the form that was taken, see ``forms``.
-        forms: every form that was tried, the one that was taken first.
         rival: another form of amplitudes that describes the samples nearly as well, for which the
             errors hold, too; mostly empty.
-        second: a further line that was fitted beside it; None without.
-        beside: the constant, its modulus if phases were recorded, in ``unit``; of "noise" the noise
-            of X, and of Y; and its error.
+        background: the constant, its modulus if phases were recorded, in ``unit``; of "noise" the
+            noise of X, and of Y; ``background_std`` its error.
         begin_s: time of the first sample that is used, s.
         left_out: samples before it: of a drive or a blow.
         spacing_s: between two samples, s.
-        residual: root mean square of what is left, over ``amplitude``.
-        describes: whether what is left is noise, by all tests.
-        freedom: degrees of freedom of the noise.
-        independent_samples: how many independent and equal samples the samples are worth.
-        widening: factor on the errors for residuals that are no noise of one size; else 1.
-        structure_p: probability that white noise leaves such residuals.
-        sizes_p: probability that noise of one size leaves such residuals.
-        said: how the file was read, in sentences.
-        points: what was recorded and fitted.
     """
 
-    source: str
     kind: str
-    frequency_hz: float
-    frequency_std_hz: float
-    frequency_ci95_hz: tuple[float, float]
-    offset_hz: float
-    offset_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    width_ci95_hz: tuple[float, float]
-    q: float
-    q_std: float
-    q_ci95: tuple[float, float]
-    decay_time_s: float
-    decay_time_std_s: float
-    decay_time_ci95_s: tuple[float, float]
-    amplitude: float
-    amplitude_std: float
-    shift_hz: float
-    shift_std_hz: float
-    unit: str
+    offset: Estimate | None
+    decay_time: Estimate
+    amplitude: Estimate
+    shift: Estimate
     reference_hz: float
     form: str
-    forms: tuple[DecayForm, ...]
     rival: str
-    second: DecayingLine | None
-    beside: float
-    beside_std: float
+    background: float
+    background_std: float
     begin_s: float
     left_out: int
     spacing_s: float
-    residual: float
-    describes: bool
-    freedom: float
-    independent_samples: float
-    widening: float
-    structure_p: float
-    sizes_p: float
-    said: tuple[str, ...]
-    points: DecayPoints = field(repr=False)
-
-    @property
-    def is_complex(self) -> bool:
-        """Whether phases were recorded."""
-        return bool(self.points.measured_imaginary)
 
 
 def ringdown_of(record: DecayRecord) -> Ringdown:
@@ -225,15 +126,15 @@ def ringdown_of(record: DecayRecord) -> Ringdown:
     """
     if not np.any(record.values):
         raise BadInput(f"{record.source}: holds nothing but zeros, wanted a ringdown")
-    told, record = record.kind, replace(record, kind=record.kind or _seen_kind(record))
+    known, record = bool(record.kind), replace(record, kind=record.kind or _apparent_kind(record))
     first = begin_of(record)
-    used, forms = _fitted(record, first, known=bool(told))
+    used, forms = _fitted(record, first, known=known)
     if len(forms[0].width_hz) > 1:  # lines that beat look like a begin, to one line
         earlier = begin_of(record, len(forms[0].width_hz))
         if earlier < first:
             first = earlier
-            used, forms = _fitted(record, first, known=bool(told))
-    return _told(used, forms, first)
+            used, forms = _fitted(record, first, known=known)
+    return _result(used, forms, first)
 
 
 def _fitted(
@@ -248,7 +149,7 @@ def _fitted(
     return used, _of_lines(used)
 
 
-def _seen_kind(record: DecayRecord) -> str:
+def _apparent_kind(record: DecayRecord) -> str:
     """Samples or amplitudes: which of both a decay follows closer."""
     if np.min(record.values.real) < -SWINGS * record.top:
         return SAMPLES
@@ -280,7 +181,7 @@ def _covering(form: FittedDecay, rival: FittedDecay) -> FittedDecay:
     Source: `fitting.resonance.rival_forms`, of sweeps.
     """
     here, there = (np.array([*f.frequency_hz, *f.width_hz, *f.amplitude]) for f in (form, rival))
-    wider = rival.errors + np.abs(there - here) / ratio95(form.freedom)
+    wider = rival.errors + np.abs(there - here) / ratio95(form.dof)
     return replace(form, errors=np.fmax(form.errors, wider), rival=rival.name)
 
 
@@ -290,27 +191,27 @@ def _of_lines(record: DecayRecord) -> list[FittedDecay]:
         one = fit_lines(record, CONSTANT)
     except ValueError as error:
         raise _no_decay(record) from error
-    found, closer = [one], []
-    seen = one.squares > one.rows * SMALLEST_RESIDUAL**2
+    forms, closer = [one], []
+    has_noise = one.squares > one.rows * SMALLEST_RESIDUAL**2
     structured = not _is_noise(one)
-    if seen and (structured or record.values.size <= MOST):
+    if has_noise and (structured or record.values.size <= MOST):
         closer = _fits(record, one, (SECOND, MOVING) if structured else (SECOND,))
         closer = [form for form in closer if gain_chance(one, form) < IMPROBABLE]
-    found += [*closer, *_fits(record, one, (ALONE,))]
+    forms += [*closer, *_fits(record, one, (ALONE,))]
     if not closer:
-        return found
-    criteria = _criteria(found)
+        return forms
+    criteria = _criteria(forms)
     best = min(range(1, 1 + len(closer)), key=lambda k: criteria[k])
-    return [found[best], *(form for k, form in enumerate(found) if k != best)]
+    return [forms[best], *(form for k, form in enumerate(forms) if k != best)]
 
 
 def _fits(record: DecayRecord, one: FittedDecay, names: Sequence[str]) -> list[FittedDecay]:
     """Those of some forms that can be fitted, from one line with a constant."""
-    found = []
+    forms = []
     for name in names:
         with contextlib.suppress(ValueError):
-            found.append(fit_lines(record, name, one))
-    return found
+            forms.append(fit_lines(record, name, one))
+    return forms
 
 
 def _criteria(forms: Sequence[FittedDecay]) -> list[float]:
@@ -338,190 +239,118 @@ def _no_decay(record: DecayRecord) -> BadInput:
     )
 
 
-def _too_short(record: DecayRecord, line: _Numbers) -> BadInput:
+def _too_short(record: DecayRecord, width: Estimate) -> BadInput:
     span_s = number(record.spacing_s * record.values.size, 3)
     what = f"does not fall within its {span_s} s"
-    if line.width_std_hz < line.width_hz:
-        width = quantity(line.width_hz, line.width_std_hz, "Hz")
-        what = f"falls too little within its {span_s} s to tell how fast: its width is {width}"
+    if width.std < width.value:
+        size = quantity(width.value, width.std, "Hz")
+        what = f"falls too little within its {span_s} s to tell how fast: its width is {size}"
     return BadInput(f"{record.source}: {what}; wanted a longer record of a free decay")
 
 
-def _told(record: DecayRecord, forms: Sequence[FittedDecay], first: int) -> Ringdown:
+def _result(record: DecayRecord, forms: Sequence[FittedDecay], first: int) -> Ringdown:
     best = forms[0]
     if least_chance(record, best) > SEEN_P:
         raise _no_decay(record)
-    lines = [_Numbers.of(record, best, k) for k in range(len(best.width_hz))]
-    lines.sort(key=lambda line: not line.decays)
-    line = lines[0]
+    lines = [_line(record, best, k) for k in range(len(best.width_hz))]
+    order = sorted(range(len(lines)), key=lambda k: not lines[k].decays)
+    line, height = lines[order[0]], best.amplitude[order[0]]
     if not line.decays:
-        raise _too_short(record, line)
-    half = ratio95(best.freedom)
-    width_ci95 = _interval(line.width_hz, line.width_std_hz, half)
-    slow, fast = (max(end, 1e-300) for end in width_ci95)
+        raise _too_short(record, line.width)
+    second = None
+    if len(order) > 1:
+        second = replace(lines[order[1]], share=best.amplitude[order[1]] / height)
+    half = ratio95(best.dof)
+    height_std = float(best.errors[2 * len(lines) + order[0]])
     criteria = _criteria(forms)
     rms = math.sqrt(best.squares / best.curve.size) * record.top
-    frequency_ci95 = _interval(line.frequency_hz, line.frequency_std_hz, half)
+    structure = best.structure
+    # of complex values both parts are rows: their samples are worth half of them
+    structure = replace(structure, points=structure.points / (2.0 if record.is_complex else 1.0))
     return Ringdown(
+        **fields_of(line, LineValues),
         source=record.source,
-        kind=record.kind,
-        frequency_hz=line.frequency_hz,
-        frequency_std_hz=line.frequency_std_hz,
-        frequency_ci95_hz=frequency_ci95,
-        offset_hz=line.offset_hz,
-        offset_std_hz=line.offset_std_hz,
-        width_hz=line.width_hz,
-        width_std_hz=line.width_std_hz,
-        width_ci95_hz=width_ci95,
-        q=line.q,
-        q_std=line.q_std,
-        q_ci95=(line.q * line.width_hz / fast, line.q * line.width_hz / slow),
-        decay_time_s=line.decay_time_s,
-        decay_time_std_s=line.decay_time_std_s,
-        decay_time_ci95_s=(1.0 / (math.pi * fast), 1.0 / (math.pi * slow)),
-        amplitude=line.amplitude,
-        amplitude_std=line.amplitude_std,
-        shift_hz=best.shift_hz,
-        shift_std_hz=best.shift_std_hz,
         unit=record.unit,
+        kind=record.kind,
+        offset=line.offset,
+        decay_time=_decay_time(line.width),
+        amplitude=number_of_line("amplitude", height, height_std, record.unit, half=half),
+        shift=number_of_line("shift", best.shift_hz, best.shift_std_hz, half=half),
         reference_hz=record.reference_hz,
         form=best.name,
         forms=tuple(
-            _form(record, form, criterion - min(criteria))
+            _tried(record, form, criterion - min(criteria))
             for form, criterion in zip(forms, criteria, strict=True)
         ),
         rival=best.rival,
-        second=_second(lines) if len(lines) > 1 else None,
-        beside=best.beside.real if record.kind != PHASORS else abs(best.beside),
-        beside_std=best.beside_std,
+        second=second,
+        background=best.background.real if record.kind != PHASORS else abs(best.background),
+        background_std=best.background_std,
         begin_s=float(record.time_s[0]),
         left_out=first,
         spacing_s=record.spacing_s,
-        residual=rms / line.amplitude,
-        describes=_is_noise(best),
-        freedom=best.freedom,
-        independent_samples=best.structure.points / (2.0 if record.is_complex else 1.0),
-        widening=best.structure.widening,
-        structure_p=best.structure.p_value,
-        sizes_p=best.structure.sizes_p,
-        said=record.said,
-        points=_points(record, best),
+        residual=rms / height,
+        dof=best.dof,
+        structure=structure,
+        reading=record.reading,
+        points=Points.of(record.values, best.curve, time_s=record.time_s),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Numbers:
-    """One line of a form: its numbers with their errors; NaN: the record does not tell them."""
-
-    frequency_hz: float
-    frequency_std_hz: float
-    offset_hz: float
-    offset_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    amplitude: float
-    amplitude_std: float
-    rings_hz: float
-    decays: bool
-
-    @classmethod
-    def of(cls, record: DecayRecord, form: FittedDecay, k: int) -> _Numbers:
-        """Numbers of the k-th line."""
-        count = len(form.width_hz)
-        seen, seen_std = form.frequency_hz[k], float(form.errors[k])
-        width, width_std = form.width_hz[k], float(form.errors[count + k])
-        offset, offset_std = math.nan, math.nan
-        if record.kind == PHASORS:
-            offset, offset_std = seen, seen_std
-            seen += record.reference_hz
-        eigen = math.hypot(seen, 0.5 * width)
-        span_s = record.spacing_s * record.values.size
-        return cls(
-            frequency_hz=eigen,
-            frequency_std_hz=math.hypot(seen * seen_std, 0.25 * width * width_std) / eigen
-            if eigen > 0.0
-            else seen_std,
-            offset_hz=offset,
-            offset_std_hz=offset_std,
-            width_hz=width,
-            width_std_hz=width_std,
-            amplitude=form.amplitude[k],
-            amplitude_std=float(form.errors[2 * count + k]),
-            rings_hz=record.reference_hz if record.kind == AMPLITUDES else eigen,
-            decays=width > DECAYS_SIGMA * width_std and math.pi * width * span_s > DECAYS,
-        )
-
-    @property
-    def q(self) -> float:
-        """Frequency over width."""
-        return self.rings_hz / self.width_hz
-
-    @property
-    def q_std(self) -> float:
-        """Its error; that of the width but for low quality."""
-        share = self.frequency_std_hz / self.frequency_hz if self.frequency_hz > 0.0 else 0.0
-        return self.q * math.hypot(self.width_std_hz / self.width_hz, share)
-
-    @property
-    def decay_time_s(self) -> float:
-        """In which the amplitude falls to 1/e, s."""
-        return 1.0 / (math.pi * self.width_hz)
-
-    @property
-    def decay_time_std_s(self) -> float:
-        """Its error, s."""
-        return self.decay_time_s * self.width_std_hz / self.width_hz
-
-
-def _second(lines: Sequence[_Numbers]) -> DecayingLine:
-    first, line = lines[:2]
-    return DecayingLine(
-        frequency_hz=line.frequency_hz,
-        frequency_std_hz=line.frequency_std_hz,
-        offset_hz=line.offset_hz,
-        offset_std_hz=line.offset_std_hz,
-        width_hz=line.width_hz,
-        width_std_hz=line.width_std_hz,
-        q=line.q,
-        q_std=line.q_std,
-        decay_time_s=line.decay_time_s,
-        decay_time_std_s=line.decay_time_std_s,
-        share=line.amplitude / first.amplitude,
-        decays=line.decays,
+def _line(record: DecayRecord, form: FittedDecay, k: int) -> SecondLine:
+    """The k-th line of a form; NaN: the record does not determine it."""
+    count, half = len(form.width_hz), ratio95(form.dof)
+    rings, rings_std = form.frequency_hz[k], float(form.errors[k])
+    width, width_std = form.width_hz[k], float(form.errors[count + k])
+    offset = None
+    if record.kind == PHASORS:
+        offset = number_of_line("offset", rings, rings_std, half=half)
+        rings += record.reference_hz
+    eigen, eigen_std = math.hypot(rings, 0.5 * width), rings_std
+    if eigen > 0.0:
+        eigen_std = math.hypot(rings * rings_std, 0.25 * width * width_std) / eigen
+    q = (record.reference_hz if record.kind == AMPLITUDES else eigen) / width
+    # its error is that of the width but for low quality
+    share = eigen_std / eigen if eigen > 0.0 else 0.0
+    numbers = line_numbers(
+        (eigen, eigen_std),
+        (width, width_std),
+        (q, q * math.hypot(width_std / width, share)),
+        form.dof,
+    )
+    numbers["q"] = replace(numbers["q"], ci95=_inverse(q * width, numbers["width"]))
+    span_s = record.spacing_s * record.values.size
+    return SecondLine(
+        **numbers,
+        share=1.0,
+        decays=width > DECAYS_SIGMA * width_std and math.pi * width * span_s > DECAYS,
+        offset=offset,
+        decay_time=_decay_time(numbers["width"]),
     )
 
 
-def _form(record: DecayRecord, form: FittedDecay, criterion: float) -> DecayForm:
-    line = _Numbers.of(record, form, 0)
-    return DecayForm(
+def _inverse(numerator: float, width: Estimate) -> tuple[float, float]:
+    """The 95 % interval of a number over the width."""
+    slow, fast = (max(end, 1e-300) for end in width.ci95)
+    return numerator / fast, numerator / slow
+
+
+def _decay_time(width: Estimate) -> Estimate:
+    """In which the amplitude falls to 1/e, s."""
+    value = 1.0 / (math.pi * width.value)
+    slow, fast = (max(end, 1e-300) for end in width.ci95)
+    ci95 = 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
+    return number_of_line("decay_time", value, value * width.std / width.value, "s", ci95=ci95)
+
+
+def _tried(record: DecayRecord, form: FittedDecay, criterion: float) -> TriedForm:
+    line = _line(record, form, 0)
+    rms = math.sqrt(form.squares / form.curve.size) * record.top
+    return TriedForm(
+        **fields_of(line, LineValues),
         name=form.name,
-        frequency_hz=line.frequency_hz,
-        frequency_std_hz=line.frequency_std_hz,
-        offset_hz=line.offset_hz,
-        offset_std_hz=line.offset_std_hz,
-        width_hz=line.width_hz,
-        width_std_hz=line.width_std_hz,
-        q=line.q,
-        q_std=line.q_std,
-        residual=math.sqrt(form.squares / form.curve.size) * record.top / line.amplitude,
+        residual=rms / form.amplitude[0],
         criterion=criterion,
-    )
-
-
-def _interval(value: float, error: float, half: float) -> tuple[float, float]:
-    return value - half * error, value + half * error
-
-
-def _points(record: DecayRecord, best: FittedDecay) -> DecayPoints:
-    points = DecayPoints(
-        time_s=tuple(record.time_s.tolist()),
-        measured=tuple(record.values.real.tolist()),
-        fitted=tuple(best.curve.real.tolist()),
-    )
-    if not record.is_complex:
-        return points
-    return replace(
-        points,
-        measured_imaginary=tuple(record.values.imag.tolist()),
-        fitted_imaginary=tuple(best.curve.imag.tolist()),
+        structure=form.structure,
+        offset=line.offset,
     )

@@ -24,13 +24,13 @@ def ringdown_figure(found: Ringdown) -> Figure:
     """
     every = -(-len(found.points.time_s) // DRAWN)
     t = np.array(found.points.time_s)[::every]
-    measured, fitted = (values[::every] for values in _values(found))
+    measured, fitted = (values[::every] for values in found.points.arrays())
     x = Axis("time t", "s")
-    frequency = quantity(found.frequency_hz, found.frequency_std_hz, "Hz")
-    short = f"f = {frequency}, " if math.isfinite(found.frequency_hz) else ""
-    short += f"width {quantity(found.width_hz, found.width_std_hz, 'Hz')}"
-    factor, unit = prefixed(found.decay_time_s, "s")
-    time = with_error(found.decay_time_s / factor, found.decay_time_std_s / factor, unit)
+    frequency = quantity(found.frequency.value, found.frequency.std, "Hz")
+    short = f"f = {frequency}, " if math.isfinite(found.frequency.value) else ""
+    short += f"width {quantity(found.width.value, found.width.std, 'Hz')}"
+    factor, unit = prefixed(found.decay_time.value, "s")
+    time = with_error(found.decay_time.value / factor, found.decay_time.std / factor, unit)
     words = f"{short}, decay time {time}"
     some = "" if every == 1 else f" (every {every}th is drawn)"
     return Figure(
@@ -43,18 +43,6 @@ def ringdown_figure(found: Ringdown) -> Figure:
         ),
         alt=f"Ringdown with its fit. {words}.",
         rows=((_record(found, t, measured, fitted, x),), (_rest(found, t, measured, fitted, x),)),
-    )
-
-
-def _values(found: Ringdown) -> tuple[FloatArray | ComplexArray, FloatArray | ComplexArray]:
-    """Recorded and fitted, real or complex, (n,) each."""
-    points = found.points
-    measured, fitted = np.array(points.measured), np.array(points.fitted)
-    if not found.is_complex:
-        return measured, fitted
-    return (
-        measured + 1j * np.array(points.measured_imaginary),
-        fitted + 1j * np.array(points.fitted_imaginary),
     )
 
 
@@ -88,7 +76,7 @@ def _rest(
     fitted: FloatArray | ComplexArray,
     x: Axis,
 ) -> Panel:
-    left = 100.0 * (measured - fitted) / found.amplitude
+    left = 100.0 * (measured - fitted) / found.amplitude.value
     parts = [(Role.MEASURED, left.real, "recorded minus fitted")]
     if found.is_complex:
         parts = [

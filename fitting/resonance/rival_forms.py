@@ -13,7 +13,6 @@ interval of 95 %.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -21,6 +20,7 @@ from fitting.resonance.form import SLOPED, TRANSMISSION, FittedForm
 from fitting.signal.peaks import OFFSET, TAIL
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Estimate
 
 #: Akaike's criterion below which noise alone may make another form the better one.
 ALLOWED = 4.0
@@ -59,24 +59,22 @@ def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Co
     ]
     if best.name == TRANSMISSION or not rivals:
         return Covered(best, (), 1.0)
-    half = ratio95(best.freedom)
+    half, forms = ratio95(best.dof), (best, *rivals)
 
-    def error(pairs: Sequence[tuple[float, float]]) -> float:
-        """Of values and errors, those of the form that was taken first."""
-        return max(std + abs(value - pairs[0][0]) / half for value, std in pairs)
+    def wider(here: Estimate, others: Sequence[Estimate]) -> Estimate:
+        """The number of the form that was taken, with an error that holds for the others'."""
+        std = max(e.std + abs(e.value - here.value) / half for e in (here, *others))
+        return replace(here, std=std, ci95=(here.value - half * std, here.value + half * std))
 
-    forms = (best, *rivals)
-    wider = replace(
+    covering = replace(
         best,
-        frequency_std_hz=error([(f.frequency_hz, f.frequency_std_hz) for f in forms]),
-        width_std_hz=error([(f.width_hz, f.width_std_hz) for f in forms]),
-        q_std=error([(f.q, f.q_std) for f in forms]),
-        amplitude_std=error([_nearest(f, best) for f in forms]),
+        frequency=wider(best.frequency, [form.frequency for form in rivals]),
+        width=wider(best.width, [form.width for form in rivals]),
+        q=wider(best.q, [form.q for form in rivals]),
+        amplitude=wider(best.amplitude, [_nearest(form, best) for form in forms]),
     )
-    factor = max(
-        wider.frequency_std_hz / best.frequency_std_hz, wider.width_std_hz / best.width_std_hz
-    )
-    return Covered(wider, tuple(form.name for form in rivals), factor)
+    factor = max(covering.frequency.std / best.frequency.std, covering.width.std / best.width.std)
+    return Covered(covering, tuple(form.name for form in rivals), factor)
 
 
 def _allowed(taken: str, other: str) -> float:
@@ -87,9 +85,7 @@ def _allowed(taken: str, other: str) -> float:
     return -ALLOWED if other == SLOPED and taken == TAIL else ALLOWED
 
 
-def _nearest(form: FittedForm, best: FittedForm) -> tuple[float, float]:
-    """The one of both amplitudes of a form that is nearer to that taken, and its error."""
-    both = [(form.amplitude, form.amplitude_std)]
-    if not math.isnan(form.mirrored):
-        both.append((form.mirrored, form.mirrored_std))
-    return min(both, key=lambda each: abs(each[0] - best.amplitude))
+def _nearest(form: FittedForm, best: FittedForm) -> Estimate:
+    """The one of both amplitudes of a form that is nearer to that taken."""
+    both = [each for each in (form.amplitude, form.mirrored) if each is not None]
+    return min(both, key=lambda each: abs(each.value - best.amplitude.value))

@@ -11,7 +11,6 @@ than `BY_CHANCE`; it hangs together, or is of unequal size, as what is left.
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -30,7 +29,8 @@ from fitting.resonance.form import (
     fit_complex,
 )
 from fitting.resonance.trace import Trace
-from fitting.signal.peaks import OFFSET, SINGLE, TAIL, SecondLine, mode_response
+from fitting.signal.line_record import SecondLine
+from fitting.signal.peaks import OFFSET, SINGLE, TAIL, mode_response
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -59,8 +59,8 @@ def second_place(trace: Trace, best: FittedForm) -> SecondLine | None:
     left = (trace.values - best.curve) / top
     span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
     found: list[tuple[float, SecondLine]] = []
-    width = max(LEAST_POINTS * spacing, NARROWEST * best.width_hz)
-    while width <= min(WIDEST * best.width_hz, OF_SPAN * span):
+    width = max(LEAST_POINTS * spacing, NARROWEST * best.width.value)
+    while width <= min(WIDEST * best.width.value, OF_SPAN * span):
         places = _places(f, width, best)
         if 0 < places.size * f.size <= MOST_PLACES:
             found.append(_best_of(f, left, places, width))
@@ -77,7 +77,7 @@ def _places(f: FloatArray, width: float, best: FittedForm) -> FloatArray:
     """Where a line of a width may be: among the points, and apart from the first one."""
     count = max(2, int(2.0 * float(np.ptp(f)) / width))
     places = np.linspace(f[0] + 0.5 * width, f[-1] - 0.5 * width, count)
-    apart = np.abs(places - best.frequency_hz) > 0.5 * APART * (width + best.width_hz)
+    apart = np.abs(places - best.frequency.value) > 0.5 * APART * (width + best.width.value)
     return np.asarray(places[apart])
 
 
@@ -98,9 +98,7 @@ def _best_of(
         heights = ((yy * xr - xy * yr) + 1j * (xx * yr - xy * xr)) / bottom
         gains = heights.real * xr + heights.imag * yr
     k = int(np.argmax(gains))
-    share, phase = cmath.polar(complex(heights[k]))
-    line = SecondLine(frequency_hz=float(places[k]), width_hz=width, share=share, phase_rad=phase)
-    return float(gains[k]), line
+    return float(gains[k]), SecondLine.at(float(places[k]), width, complex(heights[k]))
 
 
 #: A form of two lines, and its fit.
@@ -149,15 +147,14 @@ def _fitted(
 ) -> FittedForm | None:
     f = trace.frequency_hz
     if trace.is_complex:
-        delayed = bool(np.isfinite(best.delay_s))
         form = ComplexForm(
             name=name,
-            delayed=delayed,
+            delayed=best.delay is not None,
             tails_hz=tails_hz,
-            second_hz=(place.frequency_hz, place.width_hz),
+            second_hz=(place.frequency.value, place.width.value),
         )
-        delay = best.delay_s if delayed else 0.0
-        begin = [Guess(best.frequency_hz, best.width_hz, delay)]
+        delay = 0.0 if best.delay is None else best.delay.value
+        begin = [Guess(best.frequency.value, best.width.value, delay)]
         y = np.asarray(trace.values, dtype=complex)
         return fit_complex(f, y, form, begin, trace.source)
     if name in (FANO, SINGLE, TAIL) or name not in AMPLITUDE_FORMS:
@@ -171,13 +168,13 @@ def _is_seen(trace: Trace, forms: Sequence[FittedForm], both: FittedForm) -> boo
     if line is None:
         return False
     spacing, span = float(np.median(np.diff(f))), float(np.ptp(f))
-    apart = abs(line.frequency_hz - both.frequency_hz)
-    seen = (
-        f[0] + 0.5 * line.width_hz < line.frequency_hz < f[-1] - 0.5 * line.width_hz
-        and apart > 0.5 * APART * (line.width_hz + both.width_hz)
-        and spacing < line.width_hz < 2.0 * OF_SPAN * span
+    place, width = line.frequency.value, line.width.value
+    separate = (
+        f[0] + 0.5 * width < place < f[-1] - 0.5 * width
+        and abs(place - both.frequency.value) > 0.5 * APART * (width + both.width.value)
+        and spacing < width < 2.0 * OF_SPAN * span
     )
-    if not seen or line.share > 1.0:
+    if not separate or line.share > 1.0:
         return False
     least = min(form.squares for form in forms)
     if both.structure.order > 0 and both.squares > (1.0 - EXPLAINED) * least:

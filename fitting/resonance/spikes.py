@@ -57,7 +57,7 @@ def without_spikes(trace: Trace, spikes: Sequence[Spike]) -> Trace:
         return trace
     kept = ~np.isin(trace.frequency_hz, [spike.frequency_hz for spike in spikes])
     words = [spike_words(spike, trace.unit) for spike in spikes]
-    return replace(trace.points(kept), said=(*trace.said, *words))
+    return replace(trace.points(kept), reading=(*trace.reading, *words))
 
 
 def spike_words(spike: Spike, unit: str) -> str:

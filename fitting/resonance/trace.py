@@ -61,8 +61,8 @@ class Trace:
         values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
         unit: of the values.
         read: the columns that were taken for what, in words; empty for arrays.
-        turned: whether phases were counted the other way, and are turned.
-        said: how the file was read, in sentences.
+        phases_reversed: whether the file counts them the other way; here they are reversed.
+        reading: how the file was read, in sentences.
         notes: header entries of the file.
         places: where every point stands in the file, as "row 12", (n,); of arrays its number.
         whole: the trace of which this is a part; None: it is whole.
@@ -73,8 +73,8 @@ class Trace:
     values: FloatArray | ComplexArray
     unit: str
     read: str = ""
-    turned: bool = False
-    said: tuple[str, ...] = ()
+    phases_reversed: bool = False
+    reading: tuple[str, ...] = ()
     notes: Mapping[str, str] = field(default_factory=dict)
     places: tuple[str, ...] = ()
     whole: Trace | None = None
@@ -114,7 +114,7 @@ class Trace:
         return replace(
             self.points(kept),
             whole=self if count < self.frequency_hz.size else None,
-            said=(*self.said, f"Taken: {count} of {self.frequency_hz.size} points, {part}."),
+            reading=(*self.reading, f"Taken: {count} of {self.frequency_hz.size} points, {part}."),
         )
 
     def points(self, kept: npt.NDArray[np.bool_]) -> Trace:
@@ -219,4 +219,4 @@ def trace_of(
         raise BadInput(f"{source}: holds nothing but zeros, wanted a resonance")
     where = tuple(named[k] for k in order)
     said = () if np.all(kept) else (AT_ZERO,)
-    return Trace(source=source, frequency_hz=f, values=y, unit=unit, places=where, said=said)
+    return Trace(source=source, frequency_hz=f, values=y, unit=unit, places=where, reading=said)

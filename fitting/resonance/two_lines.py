@@ -17,9 +17,10 @@ from scipy.special import fdtrc
 from fitting.resonance.form import FittedForm
 from fitting.resonance.trace import Trace
 from fitting.signal.least_squares import minimise_squares
+from fitting.signal.line_record import LineValues, SecondLine
 from fitting.signal.lines_together import lines_together
 from fitting.signal.pair import bent_line, pair_of
-from fitting.signal.peaks import SecondLine, mode_response
+from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
@@ -60,28 +61,27 @@ class TwoLines:
         return min(size, 1.0 / size) if size > 0.0 else 0.0
 
 
-def as_two(frequency_hz: float, width_hz: float, second: SecondLine | None) -> TwoLines | None:
-    """A line and a second one beside it as two; None without a second one.
+def as_two(first: LineValues, second: SecondLine | None) -> TwoLines | None:
+    """A line and a second one as two; None without a second one.
 
     Args:
-        frequency_hz: of the first one, Hz.
-        width_hz: of the first one, Hz.
+        first: the line.
         second: the other one.
     """
     if second is None:
         return None
-    first, other = (frequency_hz, width_hz), (second.frequency_hz, second.width_hz)
-    lower, upper = sorted((first, other))
-    ratio = second.height if upper == other else 1.0 / second.height
+    lower, upper = sorted((each.frequency.value, each.width.value) for each in (first, second))
+    is_upper = upper == (second.frequency.value, second.width.value)
+    ratio = second.height if is_upper else 1.0 / second.height
     return TwoLines((lower[0], upper[0]), (lower[1], upper[1]), ratio)
 
 
 class TwoResonances(BadInput):
     """A trace shows two resonances where one is looked for: ``lines``."""
 
-    def __init__(self, *complaints: str, lines: TwoLines, turned: bool = False) -> None:
+    def __init__(self, *complaints: str, lines: TwoLines, phases_reversed: bool = False) -> None:
         super().__init__(*complaints)
-        self.lines, self.turned = lines, turned
+        self.lines, self.phases_reversed = lines, phases_reversed
 
 
 def overlapping(trace: Trace, forms: Sequence[FittedForm]) -> TwoLines | None:
@@ -186,12 +186,12 @@ def _of_amplitudes(f: FloatArray, y: FloatArray, best: FittedForm) -> tuple[floa
     left = y - np.abs(best.curve) / float(np.max(np.abs(best.curve)))
     spacing = float(np.median(np.diff(f)))
     top = float(f[int(np.argmax(y))])
-    width0 = max(min(best.width_hz, 0.2 * float(np.ptp(f))), 2.0 * spacing)
+    width0 = max(min(best.width.value, 0.2 * float(np.ptp(f))), 2.0 * spacing)
     found = None
     for first, second in {
         (top, float(f[int(np.argmax(np.where(np.abs(f - top) > width0, y, 0.0)))])),
         (top, float(f[int(np.argmax(left))])),
-        (best.frequency_hz, float(f[int(np.argmin(left))])),
+        (best.frequency.value, float(f[int(np.argmin(left))])),
     }:
         fit = _fitted(f, y, (first, second), max(0.5 * width0, spacing))
         if fit is not None and (found is None or fit[0] < found[0]):

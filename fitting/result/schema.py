@@ -5,10 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from fitting.text.estimate import Verdict
+
 #: Version of the keys of `result.json`; schema 1 is that of 0.2.0.
 SCHEMA = 2
 #: Keys of what the data determine in schema 1 whose numbers are those of values now.
 PROFILES = ("parameters", "derived", "findings")
+#: Numbers of a line in schema 1, by their names now; the key of the amplitude's unit is `unit`.
+OF_A_LINE = {
+    "frequency": ("frequency_hz", "frequency_std_hz", "Hz"),
+    "width": ("width_hz", "width_std_hz", "Hz"),
+    "q": ("q", "q_std", "1"),
+}
 #: Keys of a value in schema 1 that are computed from others now.
 COMPUTED = ("identifiable", "bars", "boxes", "box", "mean", "precision", "parameter")
 
@@ -19,16 +27,20 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     Schema 1 had three records for values: `identifiable` is `status` now, `boxes` are
     `active_bounds`, the range `box` of an output is `lower` and `upper`, and the sides `bars` of a
     68 % interval are the interval `ci68`. A profile repeated all that in `knowledge`; its points
-    are in `knowledge.scans` now.
+    are in `knowledge.scans` now. Numbers of the sweep's line became values, too; that is also read
+    where a file of schema 2 has it.
 
     Args:
         data: as it was read from the file.
     """
+    made = dict(data)
+    if "frequency_hz" in (data.get("line") or {}):
+        made["line"] = _line(data["line"])
     if data.get("schema", 1) != 1:
-        return dict(data)
+        return made
     knowledge = data.get("knowledge") or {}
     profiles = {**knowledge.get("parameters", {}), **knowledge.get("derived", {})}
-    made = {**data, "schema": SCHEMA}
+    made["schema"] = SCHEMA
     if knowledge:
         made["knowledge"] = {key: item for key, item in knowledge.items() if key not in PROFILES}
         made["knowledge"]["scans"] = {name: _scan(profile) for name, profile in profiles.items()}
@@ -66,6 +78,44 @@ def _estimate(
 def _scan(profile: Mapping[str, Any]) -> dict[str, Any]:
     kept = {key: profile[key] for key in ("sigma", "values", "path", "held")}
     return {**kept, "delta_chi2": profile["delta"]}
+
+
+def _line(old: Mapping[str, Any]) -> dict[str, Any]:
+    """The sweep's line of schema 1; intervals of 95 % were not stored, and are unknown."""
+    kept = ("unit", "residual", "background", "message", "instrument", "notes", "background_p")
+    made = {key: old[key] for key in (*kept, "values") if key in old}
+    amplitude = ("amplitude", "amplitude_std", old["unit"])
+    for name, (value, std, unit) in {**OF_A_LINE, "amplitude": amplitude}.items():
+        made[name] = _number(name, old.get(value), old.get(std), unit)
+    if old.get("amplitude_mirrored") is not None:
+        other = old["amplitude_mirrored"], old.get("amplitude_mirrored_std")
+        made["mirrored"] = _number("amplitude", *other, old["unit"])
+    made["dof"] = old.get("freedom", "inf")
+    made["forms"] = [_form(fit) for fit in old.get("fits", ())]
+    taken = [form for form in made["forms"] if form["name"] == old.get("background")]
+    return {**made, "structure": taken[0]["structure"]} if taken else made
+
+
+def _form(old: Mapping[str, Any]) -> dict[str, Any]:
+    numbers = {
+        name: _number(name, old[value], old[std], unit)
+        for name, (value, std, unit) in OF_A_LINE.items()
+    }
+    structure = {
+        "p_value": old["structure_p"],
+        "sizes_p": old.get("sizes_p"),
+        "order": 0,
+        "points": old["points"],
+        "widening": old["widening"],
+        "together": None,
+    }
+    rest = {"name": old["background"], "residual": old["residual"], "message": old["message"]}
+    return {**numbers, **rest, "structure": structure}
+
+
+def _number(name: str, value: float | None, std: float | None, unit: str) -> dict[str, Any]:
+    status = Verdict.UNKNOWN if value is None else Verdict.LINEARISED
+    return {"name": name, "value": value, "std": std, "unit": unit, "status": status.value}
 
 
 def json_schema(kind: type) -> dict[str, Any]:

@@ -38,9 +38,10 @@ import numpy as np
 from scipy.special import fdtrc
 
 from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
+from fitting.signal.line_record import CurveFit
 from fitting.signal.lines_together import lines_together
 from fitting.signal.peaks import mode_response
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, residual_structure
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 
 #: Fewer points do not tell two lines from one and noise.
@@ -60,24 +61,19 @@ NO_NOISE = 1e-4
 HALVINGS = 50
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pair:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pair(CurveFit):
     """Two lines, the lower one first, (2,) each: frequency and full width, Hz, complex height.
 
-    `covariance` (4, 4) of both frequencies, then both widths, in Hz^2, with errors widened for what
-    `structure` tells. `curve` (n,) over the largest value, `squares` what is left over it, of so
-    many `rows`, by so many `unknowns`.
+    `covariance` (4, 4) of both frequencies, then both widths, in Hz^2, with errors widened for
+    correlated residuals. `curve` is over the largest value; there are so many `rows` of residuals.
     """
 
     frequency_hz: FloatArray
     width_hz: FloatArray
     height: ComplexArray
     covariance: FloatArray
-    curve: FloatArray | ComplexArray
-    squares: float
     rows: int
-    unknowns: int
-    structure: Structure
 
     @property
     def std_hz(self) -> FloatArray:

@@ -5,7 +5,6 @@ Works on plain arrays in Hz and volts (or whatever unit the detector was declare
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,10 +13,12 @@ import numpy as np
 from scipy.special import ive
 
 from fitting.signal.least_squares import LeastSquaresFit, folded, minimise_squares
+from fitting.signal.line_record import LineValues, SecondLine, line_numbers, number_of_line
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
-from fitting.signal.student import ROOT_68, reach
+from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Estimate
 from fitting.text.notation import hertz, how_many
 
 FLOOR_KINDS = ("robust", "mean", "none")
@@ -102,37 +103,37 @@ class PeakReading:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Resonance:
-    """One damped mode fitted to a sweep; every value has half of its 68 % interval beside it.
+class Resonance(LineValues):
+    """One damped mode fitted to a sweep.
 
-    These are widened where the residuals hang together: ``structure`` tells. ``freedom`` is that
-    of the noise, which the residuals tell; infinite where it is known. They are Student's.
-    ``eta_hz`` undamped eigenfrequency, ``width_hz`` damping in Hz (the full width at half maximum
-    of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
-    constant (0 without; of noise its root mean square; of a slope its value at ``eta``, and
-    ``slope`` what it changes by with every Hz), ``residual_rms`` relative to the amplitude,
-    ``correlation`` between eta and width, ``curve`` (n,) the fitted amplitudes. ``mirrored`` is the
-    other amplitude that has the same curve, beside a complex constant, or about it, beside a tail;
-    NaN elsewhere. Of two with the same curve ``amplitude`` is the lower one.
+    Errors are widened for correlated residuals, see ``structure``; they are Student's, with ``dof``
+    degrees of freedom of the noise, infinite where it is known.
+
+    Attributes:
+        amplitude: of the line alone at its eigenfrequency, in the unit of the points. Of two with
+            the same curve the lower one.
+        background: the constant, zero without; of noise its root mean square, of a slope its value
+            at the eigenfrequency.
+        slope: what a slope changes by with every Hz.
+        residual: root mean square of the residuals over the amplitude.
+        correlation: between frequency and width.
+        curve: fitted values, shape (n,).
+        message: how the fit ended.
+        structure: what the order of the residuals shows.
+        dof: degrees of freedom of the noise.
+        mirrored: the other amplitude that has the same curve, with a complex constant, or about it,
+            with a tail; None elsewhere.
     """
 
-    eta_hz: float
-    eta_std_hz: float
-    width_hz: float
-    width_std_hz: float
-    q: float
-    q_std: float
-    amplitude: float
-    amplitude_std: float
+    amplitude: Estimate
     background: complex
-    residual_rms: float
+    residual: float
     correlation: float
-    curve: FloatArray
+    curve: FloatArray | ComplexArray
     message: str
     structure: Structure
-    freedom: float
-    mirrored: float = math.nan
-    mirrored_std: float = math.nan
+    dof: float
+    mirrored: Estimate | None = None
     slope: float = 0.0
 
 
@@ -396,20 +397,19 @@ def _lower_first(
     slopes = np.zeros(x.size)
     slopes[2:] = -turn.real, -2.0 * turn.imag, 2.0 * turn.real
     std = height * math.sqrt(max(0.0, float(slopes @ fit.covariance @ slopes)))
-    std *= reach(ROOT_68, found.freedom) * found.structure.widening
+    std *= reach(ROOT_68, found.dof) * found.structure.widening
     there = -beside.conjugate() * turn
     mirror = np.array([x[0], x[1], size, there.real, there.imag])
     off = float(np.sum(left(mirror) ** 2)) - _squares(fit)
-    if not (height * size < found.amplitude and off < fit.variance):
-        return replace(found, mirrored=height * size, mirrored_std=std)
+    mirrored = number_of_line("amplitude", height * size, std, "", half=ratio95(found.dof))
+    if not (height * size < found.amplitude.value and off < fit.variance):
+        return replace(found, mirrored=mirrored)
     return replace(
         found,
-        amplitude=height * size,
-        amplitude_std=std,
+        amplitude=mirrored,
         background=height * there,
-        residual_rms=found.residual_rms * found.amplitude / (height * size),
+        residual=found.residual * found.amplitude.value / (height * size),
         mirrored=found.amplitude,
-        mirrored_std=found.amplitude_std,
     )
 
 
@@ -499,26 +499,6 @@ def fit_beside_tail(
     return _with_mirrored(found, second, height)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SecondLine:
-    """A weaker line among the points of the first one: frequency and full width, Hz.
-
-    ``share`` is its height over that of the first one, ``phase_rad`` its phase from there,
-    ``mirrored`` the other share that amplitudes do not tell from it, NaN without.
-    """
-
-    frequency_hz: float
-    width_hz: float
-    share: float
-    phase_rad: float
-    mirrored: float = math.nan
-
-    @property
-    def height(self) -> complex:
-        """Complex height over that of the first one."""
-        return cmath.rect(self.share, self.phase_rad)
-
-
 def fit_beside_second(
     frequency_hz: FloatArray,
     amplitude_v: FloatArray,
@@ -568,27 +548,23 @@ def fit_beside_second(
         raise BadInput(f"{source}: has no second line among its points")
     curve = height * (fit.residuals + shares)
     found = as_resonance(frequency_hz, fit, curve, (*first, height), source)
-    if not found.amplitude_std < found.amplitude:
+    if not found.amplitude.std < found.amplitude.value:
         raise BadInput(f"{source}: the points do not tell how high its line is beside a second one")
     found = _with_added(found, background, fit.values[7:], frequency_hz, height)
     share = complex(*fit.values[3:5]) / float(fit.values[2])
-    told = SecondLine(
-        frequency_hz=eta, width_hz=width, share=abs(share), phase_rad=cmath.phase(share)
-    )
     if not (other.converged and _squares(other) - _squares(fit) < ALLOWED * fit.variance):
-        return found, told
+        return found, SecondLine.at(eta, width, share)
     mirrored = abs(complex(*other.values[3:5]) / float(other.values[2]))
-    return _with_mirrored(found, other, height), replace(told, mirrored=mirrored)
+    return _with_mirrored(found, other, height), SecondLine.at(eta, width, share, mirrored)
 
 
 def _with_mirrored(found: Resonance, other: LeastSquaresFit, height: float) -> Resonance:
     """A line with the other amplitude that describes the points, and its error."""
     std = height * math.sqrt(float(other.covariance[2, 2]))
-    return replace(
-        found,
-        mirrored=height * abs(float(other.values[2])),
-        mirrored_std=std * reach(ROOT_68, found.freedom) * found.structure.widening,
-    )
+    std = std * reach(ROOT_68, found.dof) * found.structure.widening
+    size = height * abs(float(other.values[2]))
+    mirrored = number_of_line("amplitude", size, std, "", half=ratio95(found.dof))
+    return replace(found, mirrored=mirrored)
 
 
 def _with_added(
@@ -600,7 +576,9 @@ def _with_added(
         return replace(found, background=constant)
     slope = 2.0 * height * float(beside[1]) / float(np.ptp(frequency_hz))
     middle = 0.5 * float(frequency_hz[0] + frequency_hz[-1])
-    return replace(found, background=constant + slope * (found.eta_hz - middle), slope=slope)
+    return replace(
+        found, background=constant + slope * (found.frequency.value - middle), slope=slope
+    )
 
 
 @dataclass(frozen=True)
@@ -789,8 +767,8 @@ def as_resonance(
     """
     eta0, width0, height = guess
     structure = residual_structure(fit.residuals, fit.jacobian)
-    freedom = fit.freedom / structure.widening**2
-    spread = (reach(ROOT_68, freedom) * structure.widening) ** 2 * fit.covariance
+    dof = fit.freedom / structure.widening**2
+    spread = (reach(ROOT_68, dof) * structure.widening) ** 2 * fit.covariance
     x, variance = fit.values, np.diag(spread)
     eta, width = eta0 + width0 * float(x[0]), width0 * math.exp(min(float(x[1]), 50.0))
     span = float(frequency_hz[-1] - frequency_hz[0])
@@ -811,19 +789,24 @@ def as_resonance(
     q = eta / width
     q_variance = (eta_std / eta) ** 2 + log_width_std**2 - 2.0 * covariance / (eta * width)
     return Resonance(
-        eta_hz=eta,
-        eta_std_hz=eta_std,
-        width_hz=width,
-        width_std_hz=width * log_width_std,
-        q=q,
-        q_std=q * math.sqrt(max(0.0, q_variance)),
-        amplitude=height * abs(float(x[2])),
-        amplitude_std=height * math.sqrt(variance[2]),
+        **line_numbers(
+            (eta, eta_std),
+            (width, width * log_width_std),
+            (q, q * math.sqrt(max(0.0, q_variance))),
+            dof,
+        ),
+        amplitude=number_of_line(
+            "amplitude",
+            height * abs(float(x[2])),
+            height * math.sqrt(variance[2]),
+            "",
+            half=ratio95(dof),
+        ),
         background=0j,
-        residual_rms=float(np.sqrt(np.mean(fit.residuals**2))) / abs(float(x[2])),
+        residual=float(np.sqrt(np.mean(fit.residuals**2))) / abs(float(x[2])),
         correlation=correlation,
         curve=curve,
         message=fit.message,
         structure=structure,
-        freedom=freedom,
+        dof=dof,
     )

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
+from fitting.text.as_number import AsNumber
 from fitting.text.error_bars import EVEN, ErrorBars, error_bars
 from fitting.text.notation import listed, span
 
@@ -44,6 +45,8 @@ RENAMED = {
 }
 #: What a value is of.
 Role = Literal["parameter", "derived", "offset", "value"]
+#: What files hold of a plain value; the rest, which is of fits, only where it is not the default.
+PLAIN = ("name", "value", "unit", "std", "ci95", "status")
 #: How errors and intervals were determined.
 Method = Literal["covariance", "linearised, verified", "profile", "posterior"]
 
@@ -107,7 +110,7 @@ class OldNames:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate(OldNames):
+class Estimate(OldNames, AsNumber):
     """One value, in ``unit``.
 
     Args:
@@ -172,6 +175,17 @@ class Estimate(OldNames):
     places: tuple[str, ...] = ()
     stds: Floats = ()
     halves95: Floats = ()
+
+    @property
+    def stored_fields(self) -> tuple[str, ...]:
+        """Fields that files hold; most are of fits, and at their defaults in a plain value."""
+        return tuple(
+            of.name
+            for of in fields(self)
+            if self.role != "value"
+            or of.name in PLAIN
+            or getattr(self, of.name) not in (of.default,)
+        )
 
     @property
     def bounds(self) -> Interval:

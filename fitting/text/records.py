@@ -32,7 +32,8 @@ def to_plain(value: Any) -> Any:
         TypeError: a value of a kind that JSON has no word for.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        names = getattr(value, "stored_fields", None) or [f.name for f in dataclasses.fields(value)]
+        return {name: to_plain(getattr(value, name)) for name in names}
     if isinstance(value, Mapping):
         return {str(key): to_plain(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):

@@ -73,7 +73,7 @@ def row(found: list[Resonance]) -> str:
     """
     off = np.array([pulls(line) for line in found])
     wider = np.array([[line.structure.widening] for line in found])
-    reach = np.array([[ratio95(line.freedom)] for line in found])
+    reach = np.array([[ratio95(line.dof)] for line in found])
     together = np.mean([line.structure.order > 0 for line in found])
     unequal = np.mean([line.structure.is_unequal for line in found])
     columns = (
@@ -93,8 +93,8 @@ def pulls(line: Resonance) -> FloatArray:
     Args:
         line: as it was fitted.
     """
-    errors = (line.eta_std_hz, line.width_std_hz, line.amplitude_std)
-    values = (line.eta_hz - ETA, line.width_hz - WIDTH, line.amplitude - 1.0)
+    errors = (line.frequency.std, line.width.std, line.amplitude.std)
+    values = (line.frequency.value - ETA, line.width.value - WIDTH, line.amplitude.value - 1.0)
     return np.asarray(np.abs(np.array(values) / np.array(errors)))
 
 

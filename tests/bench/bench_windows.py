@@ -51,9 +51,9 @@ def outcome(seed: int) -> str:
         found = ff.line(f, seen, within_hz=ends)
     except ff.BadInput as error:
         return "refused: two lines" if "two resonances" in str(error) else "refused"
-    if not found.amplitude_std < found.amplitude:
+    if not found.amplitude.std < found.amplitude.value:
         return "an amplitude without a value"
-    intervals = ((found.frequency_ci95_hz, ETA), (found.width_ci95_hz, WIDTH))
+    intervals = ((found.frequency.ci95, ETA), (found.width.ci95, WIDTH))
     return "holds" if all(low <= truth <= high for (low, high), truth in intervals) else "misses"
 
 

@@ -95,8 +95,8 @@ def test_the_sweep_that_is_named_is_read(name: str, tmp_path: Path) -> None:
     write(tmp_path / file)
     for group, (f0, width) in LINES.items():
         found = ff.line(tmp_path / file, columns=columns(names, group, told))
-        assert abs(found.frequency_hz - f0) < 5.0 * found.frequency_std_hz < 0.05 * width
-        assert found.width_hz == pytest.approx(width, rel=0.05)
+        assert abs(found.frequency.value - f0) < 5.0 * found.frequency.std < 0.05 * width
+        assert found.width.value == pytest.approx(width, rel=0.05)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -141,7 +141,7 @@ def test_two_recordings_over_time_are_two(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"one/time.*two/time"):
         ff.ringdown(tmp_path / "a.h5")
     found = ff.ringdown(tmp_path / "a.h5", columns=ff.Columns(time="two/time"))
-    assert found.frequency_hz == pytest.approx(80.0, rel=1e-3)
+    assert found.frequency.value == pytest.approx(80.0, rel=1e-3)
 
 
 def test_a_drafted_campaign_reads_the_sweep_that_was_chosen(tmp_path: Path) -> None:

@@ -229,7 +229,7 @@ def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) ->
     assert boxes["f1"]["upper"] == pytest.approx(boxes["f2"]["lower"], abs=0.5)
     # and nobody is told that they are one line
     assert found.line is not None
-    assert math.isnan(found.line.frequency_hz)
+    assert math.isnan(found.line.frequency.value)
     assert found.line.values == {}
 
 

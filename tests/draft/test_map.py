@@ -95,7 +95,7 @@ def test_one_sweep_with_a_column_of_few_values_is_one(tmp_path: Path) -> None:
     path = write_csv(
         tmp_path / "sweep.csv", head, np.where(f > 995.0, 1.0, 0.0), f, np.abs(mode(f, 1e3, 2.0))
     )
-    assert ff.line(path).frequency_hz == pytest.approx(1e3, abs=1e-3)
+    assert ff.line(path).frequency.value == pytest.approx(1e3, abs=1e-3)
 
 
 def test_a_sweep_up_and_down_is_no_map(tmp_path: Path) -> None:

@@ -75,8 +75,8 @@ SCANNER: dict[str, Write] = {
 def drafted(path: Path, centre_hz: float, q: float) -> None:
     """`line` finds the line, and `init` begins there."""
     found = ff.line(path)
-    assert found.frequency_hz == pytest.approx(centre_hz, abs=4.0 * found.frequency_std_hz)
-    assert found.q == pytest.approx(q, rel=0.02)
+    assert found.frequency.value == pytest.approx(centre_hz, abs=4.0 * found.frequency.std)
+    assert found.q.value == pytest.approx(q, rel=0.02)
     made, _ = init(path, out=path.parent / "o")
     starts = {p["name"]: p["start"] for p in tomllib.loads(made.read_text("utf-8"))["parameters"]}
     assert starts["f1"] == pytest.approx(centre_hz, rel=1e-5)
@@ -114,8 +114,8 @@ def test_a_recording_of_nanonis_is_a_ringdown(tmp_path: Path) -> None:
     head = PROBE.replace("Frequency Sweep", "History Data")
     path.write_text(head + "Time (s)\tCurrent (A)\n" + rows("\t", t, 1e-9 * y))
     found = ff.ringdown(path)
-    assert found.frequency_hz == pytest.approx(910.0, abs=0.1)
-    assert found.width_hz == pytest.approx(60.0 / np.pi, rel=0.02)
+    assert found.frequency.value == pytest.approx(910.0, abs=0.1)
+    assert found.width.value == pytest.approx(60.0 / np.pi, rel=0.02)
     made, _ = init(path, out=tmp_path / "o")
     [trace] = tomllib.loads(made.read_text("utf-8"))["trace"]
     assert trace["columns"] == {"time": "Time", "output": "Current"}

@@ -64,8 +64,8 @@ def test_a_ringdown_is_read_and_drafted_with_its_units(name: str, tmp_path: Path
     time_s = np.arange(2000) * 1e-5
     path.write_text(write(time_s, ringdown(time_s)))
     found = ff.ringdown(path)
-    assert found.frequency_hz == pytest.approx(F_HZ, abs=0.2)
-    assert found.width_hz == pytest.approx(WIDTH_HZ, abs=0.4)
+    assert found.frequency.value == pytest.approx(F_HZ, abs=0.2)
+    assert found.width.value == pytest.approx(WIDTH_HZ, abs=0.4)
     made, _ = init(path, out=tmp_path / "o")
     written = tomllib.loads(made.read_text("utf-8"))
     assert written["trace"][0]["columns"]["output"] == column
@@ -86,7 +86,7 @@ def test_a_sweep_behind_a_sign_of_a_remark_has_names_and_units(tmp_path: Path) -
     path.write_text("# f (kHz)\tR (mV)\n" + rows(f / 1e3, 1e3 * r, "\t"))
     _, said = init(path, out=tmp_path / "o")
     assert any("'f' (kHz)" in each and "'R' (mV)" in each for each in said)
-    assert ff.line(path).frequency_hz == pytest.approx(1e5, rel=1e-4)
+    assert ff.line(path).frequency.value == pytest.approx(1e5, rel=1e-4)
 
 
 @pytest.mark.parametrize("phases", [False, True], ids=["amplitudes", "phases"])

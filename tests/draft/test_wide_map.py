@@ -125,7 +125,7 @@ def test_one_column_of_it_is_a_sweep(tmp_path: Path) -> None:
     sizes = np.array([np.abs(mode(SWEPT_HZ, 1e3, width)) for width in widths])
     path = written(tmp_path / "map.csv", "frequency (Hz),T=1 K,T=2 K,T=3 K", SWEPT_HZ, sizes.T)
     found = ff.line(path, columns=Columns(amplitude="T=2 K"))
-    assert found.width_hz == pytest.approx(2.0, rel=1e-3)
+    assert found.width.value == pytest.approx(2.0, rel=1e-3)
     with pytest.raises(ff.BadInput, match=r"3 .*\bT\b"):
         ff.line(path)
 

@@ -157,7 +157,7 @@ def test_a_sweep_that_holds_two_peaks(fitted: Fit) -> None:
     scene = Scene(eta_minus=6.9404e6, sweep=(-4.0, 8.0))
     result = fitted(scene)
     assert result.line is not None
-    assert result.line.fits[0].structure_p < CORRELATED  # 6e-9 of 41 points, 1e-23 of 61
+    assert result.line.forms[0].structure.p_value < CORRELATED  # 6e-9 of 41 points, 1e-23 of 61
     assert said(result, "line_residuals")
     scene = replace(scene, scale="fit")
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-8)
@@ -195,7 +195,7 @@ def test_a_sweep_of_one_amplitude(scene: Scene, workers: FmuWorkers, tmp_path: P
     flattened(tmp_path / "sweep.csv")
     result = fit_bound(tmp_path / "campaign.toml", workers)
     assert result.line is not None
-    assert math.isnan(result.line.width_hz)
+    assert math.isnan(result.line.width.value)
     if scene.scale == "fit":
         assert result.status == "not converged"
     else:

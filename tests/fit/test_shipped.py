@@ -67,13 +67,13 @@ def test_a_measured_line_comes_out_as_another_program_has_it(sensor: Result) -> 
 
     (eta, width, crest), covariance = curve_fit(textbook, f, a, (f[np.argmax(a)], 30.0, a.max()))
     assert sensor.line is not None
-    plain = sensor.line.fits[0]
-    assert plain.widening == pytest.approx(12.0, rel=0.2)
+    plain = sensor.line.forms[0]
+    assert plain.structure.widening == pytest.approx(12.0, rel=0.2)
     assert (eta, width) == pytest.approx((30280.96, 24.90), abs=0.05)
     found = sensor.parameters["eta_plus"], sensor.parameters["d1"]
     for one, value, variance in zip(found, (eta, width), np.diag(covariance)[:2], strict=True):
         assert one.value == pytest.approx(value, abs=1e-3)
-        assert one.std == pytest.approx(plain.widening * math.sqrt(variance), rel=0.1)
+        assert one.std == pytest.approx(plain.structure.widening * math.sqrt(variance), rel=0.1)
         assert one.status == "determined"
     assert eta / width == pytest.approx(1216.0, abs=3.0)
     assert found[0].value / found[1].value == pytest.approx(eta / width, rel=1e-5)
@@ -81,8 +81,8 @@ def test_a_measured_line_comes_out_as_another_program_has_it(sensor: Result) -> 
     left = 1e9 * (np.array(sensor.sweep.final_v) - np.array(sensor.sweep.measured_v))
     assert np.sqrt(np.mean(left**2)) / crest == pytest.approx(0.0043, abs=5e-5)
     line = sensor.line
-    assert (line.frequency_hz, line.width_hz) == pytest.approx((eta, width), abs=1e-3)
-    assert (line.q, line.residual) == pytest.approx((eta / width, 0.0043), rel=0.01)
+    assert (line.frequency.value, line.width.value) == pytest.approx((eta, width), abs=1e-3)
+    assert (line.q.value, line.residual) == pytest.approx((eta / width, 0.0043), rel=0.01)
     assert line.unit == "m"
 
 
@@ -116,16 +116,16 @@ def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
     eta, width, crest, re, im = map(float, found)
     assert (eta, width) == pytest.approx((30281.2645, 24.844), abs=2e-3)
     assert sensor.line is not None
-    plain, full = sensor.line.fits
-    assert (full.frequency_hz, full.width_hz) == pytest.approx((eta, width), abs=2e-3)
+    plain, full = sensor.line.forms
+    assert (full.frequency.value, full.width.value) == pytest.approx((eta, width), abs=2e-3)
     # of the lower of the two amplitudes whose lines have this curve, as for the constant b
     lower = min(abs(crest), abs(crest + 2j * complex(re, im)))
     left = float(np.sqrt(np.mean((fano(f, *found) - a) ** 2))) / lower
     assert full.residual == pytest.approx(left, rel=1e-3)
     # structured too, in fours, but that says nothing of a smooth line
-    assert full.structure_p < 1e-12
-    assert full.widening < 1.1
-    assert abs(eta - plain.frequency_hz) < 2.0 * plain.frequency_std_hz
+    assert full.structure.p_value < 1e-12
+    assert full.structure.widening < 1.1
+    assert abs(eta - plain.frequency.value) < 2.0 * plain.frequency.std
     structure, dependence = sensor.warnings
     assert "p < 1e-12" in structure
     for words in (
@@ -148,7 +148,7 @@ def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
         source=tmp_path / "flat.csv",
     )
     line = line_of_sweep(flat)
-    assert math.isnan(line.frequency_hz)
+    assert math.isnan(line.frequency.value)
     [said] = line_sentences(line)
     assert "flat.csv" in said
     assert "100 and 200 Hz" in said

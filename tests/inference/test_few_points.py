@@ -124,11 +124,11 @@ def test_a_line_of_few_points_has_errors_of_least_squares_times_student_s_t() ->
         here = ff.line(f, data, wiring="transmission")
         law = t(points - 3)
         error = np.sqrt(covariance[0, 0])
-        assert here.freedom == pytest.approx(points - 3)
-        assert here.frequency_std_hz == pytest.approx(law.ppf(norm.cdf(1.0)) * error, rel=1e-3)
+        assert here.dof == pytest.approx(points - 3)
+        assert here.frequency.std == pytest.approx(law.ppf(norm.cdf(1.0)) * error, rel=1e-3)
         half = law.ppf(0.975) * error
-        assert here.frequency_ci95_hz == pytest.approx((found[0] - half, found[0] + half), rel=1e-8)
-        relative = here.width_std_hz / law.ppf(norm.cdf(1.0))
+        assert here.frequency.ci95 == pytest.approx((found[0] - half, found[0] + half), rel=1e-8)
+        relative = here.width.std / law.ppf(norm.cdf(1.0))
         assert relative == pytest.approx(np.sqrt(covariance[1, 1]), rel=1e-3)
 
 

@@ -104,7 +104,7 @@ def test_without_noise_and_drift_the_files_are_exact(series: str, tmp_path: Path
     np.testing.assert_array_equal(campaign.sweep.frequency_hz, measured.sweep.frequency_hz)
     fit = fit_resonance(campaign.sweep.frequency_hz, campaign.sweep.amplitude_v)
     width = measured.bench.modes.widths_hz()[measured.bench.observed]
-    assert fit.width_hz == pytest.approx(width, rel=1e-5)  # the other mode's tail is the rest
+    assert fit.width.value == pytest.approx(width, rel=1e-5)  # the other mode's tail is the rest
 
 
 def test_truth_reads_back_and_nothing_of_a_fit_opens_it(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def result() -> Result:
     """d1 is the width of the sweep's line, which knows it better: ± 0.24 Hz beside ± 0.7 Hz."""
     made = records.result_for(records.campaign())
     assert made.line is not None
-    d1 = replace(made.parameters["d1"], value=made.line.width_hz + 0.5, std=0.7)
+    d1 = replace(made.parameters["d1"], value=made.line.width.value + 0.5, std=0.7)
     return replace(
         made,
         parameters={**made.parameters, "d1": d1},
@@ -69,7 +69,7 @@ def test_values_are_exact_in_the_table_and_rounded_in_latex(result: Result, tmp_
     theta, fitted, swept, *_ = rows
     assert (theta["value"], theta["std"]) == ("", "")
     assert float(fitted["value"]) == result.parameters["d1"].value
-    assert float(swept["value"]) == result.line.width_hz
+    assert float(swept["value"]) == result.line.width.value
     assert fitted["source"] == "fit"
     assert "sweep" in swept["source"]
     # 95 % of a normal distribution
@@ -79,7 +79,7 @@ def test_values_are_exact_in_the_table_and_rounded_in_latex(result: Result, tmp_
     assert all(len(re.findall(r"(?<!\\)&", line)) == 4 for line in lines)
     assert all(line.endswith(r" \\") for line in lines)
     assert any(line.startswith(r"$\lambda$ & --") for line in lines)
-    assert any(f"{result.line.width_hz:.2f}~$\\pm$~0.24~Hz" in line for line in lines)
+    assert any(f"{result.line.width.value:.2f}~$\\pm$~0.24~Hz" in line for line in lines)
 
 
 def test_names_are_written_for_latex() -> None:

@@ -11,7 +11,6 @@ import pytest
 
 import fitting as ff
 from fitting.fit.fit import Status
-from fitting.inference.sweep_line import LineFit
 from fitting.report.details import detail_lines
 from fitting.report.screen import printed
 from fitting.report.summary import Summary, result_lines, summary_lines, summary_of
@@ -20,6 +19,7 @@ from fitting.report.tables.published import latex, rows_of
 from fitting.report.tables.values import interval_table, parameter_table, values_table
 from fitting.result.assembly import without_profiles
 from fitting.result.result import Result
+from fitting.signal.line_record import NO_STRUCTURE, TriedForm, line_numbers
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
 from tests.support import plot_records
@@ -43,21 +43,11 @@ def with_width(result: Result, value: float, std: float) -> Result:
     )
 
 
-def fit(background: str) -> LineFit:
-    return LineFit(
-        background=background,
-        frequency_hz=records.ETA_HZ,
-        frequency_std_hz=0.11,
-        width_hz=records.WIDTH_HZ,
-        width_std_hz=0.24,
-        q=records.ETA_HZ / records.WIDTH_HZ,
-        q_std=190.0,
-        residual=4e-3,
-        structure_p=0.5,
-        points=41.0,
-        widening=1.0,
-        message="done",
-    )
+def fit(background: str) -> TriedForm:
+    eta, width = records.ETA_HZ, records.WIDTH_HZ
+    structure = replace(NO_STRUCTURE, p_value=0.5, points=41.0, widening=1.0)
+    numbers = line_numbers((eta, 0.11), (width, 0.24), (eta / width, 190.0))
+    return TriedForm(**numbers, name=background, residual=4e-3, structure=structure, message="done")
 
 
 def names(summary: Summary) -> list[str]:
@@ -218,8 +208,8 @@ def shown(result: Result, name: str) -> str:
 def test_the_sweep_s_own_line_is_printed_where_it_is_the_better_one(result: Result) -> None:
     line = result.line
     assert line is not None
-    better = with_width(result, line.width_hz + 1.25, 0.7)
-    assert shown(better, "d1") == f"d₁ {line.width_hz:.2f} ± 0.24 Hz (from the sweep)"
+    better = with_width(result, line.width.value + 1.25, 0.7)
+    assert shown(better, "d1") == f"d₁ {line.width.value:.2f} ± 0.24 Hz (from the sweep)"
 
 
 @pytest.mark.parametrize(("off", "std"), [(0.1, 0.2), (5.0, 0.7)], ids=["better", "contradicts"])
@@ -227,7 +217,7 @@ def test_the_fit_is_printed_where_it_is_better_or_the_sweep_contradicts(
     result: Result, off: float, std: float
 ) -> None:
     assert result.line is not None
-    there = with_width(result, result.line.width_hz + off, std)
+    there = with_width(result, result.line.width.value + off, std)
     assert "sweep" not in shown(there, "d1")
 
 
@@ -235,7 +225,7 @@ def test_a_line_that_depends_on_its_background_is_not_called_the_best(result: Re
     found = with_width(result, 94.5, 0.7)
     assert found.line is not None
     assert "sweep" in shown(found, "d1")
-    doubtful = replace(found.line, fits=(fit("none"), fit("complex")), background_p=1e-9)
+    doubtful = replace(found.line, forms=(fit("none"), fit("complex")), background_p=1e-9)
     assert "sweep" not in shown(replace(found, line=doubtful), "d1")
     harmless = replace(doubtful, background_p=0.5)
     assert "sweep" in shown(replace(found, line=harmless), "d1")

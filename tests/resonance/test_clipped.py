@@ -27,9 +27,9 @@ def sweep(seed: int, limit: float, beside: float = 0.0, sigma: float = SIGMA) ->
 def pulls(line: Line) -> list[float]:
     """How far frequency, width and amplitude are off, over half of their 95 % intervals."""
     found = (
-        (line.frequency_hz, line.frequency_std_hz, ETA),
-        (line.width_hz, line.width_std_hz, WIDTH),
-        (line.amplitude, line.amplitude_std, HEIGHT),
+        (line.frequency.value, line.frequency.std, ETA),
+        (line.width.value, line.width.std, WIDTH),
+        (line.amplitude.value, line.amplitude.std, HEIGHT),
     )
     return [(value - truth) / (std * line.ratio95) for value, std, truth in found]
 
@@ -46,7 +46,7 @@ def test_a_clipped_line_is_the_one_that_was_cut(limit: float, beside: float, cou
     # 95 of 100 hold the truth: that 4 or more of 24 do not happens to one set in thirty
     assert np.all(np.sum(np.abs(off) > 1.0, axis=0) <= count / 6)
     assert np.all(np.abs(np.mean(off, axis=0)) < 0.5)
-    assert all(line.clipped is not None and line.amplitude_std < 0.03 * HEIGHT for line in lines)
+    assert all(line.clipped is not None and line.amplitude.std < 0.03 * HEIGHT for line in lines)
 
 
 def test_the_sentence_says_how_many_points_were_left_out_and_why() -> None:
@@ -80,7 +80,7 @@ def test_points_that_noise_decides_on_are_left_out_too() -> None:
     assert np.all(kept[far])
     assert line.clipped is not None
     assert line.clipped.count + line.clipped.beside == F.size - int(np.sum(kept))
-    assert f" {line.clipped.beside} beside" in " ".join(line.said)
+    assert f" {line.clipped.beside} beside" in " ".join(line.reading)
 
 
 def test_three_equal_points_at_the_top_of_a_coarse_scale_stay() -> None:
@@ -120,4 +120,4 @@ def test_an_amplitude_that_overflows_beside_its_phase_is_left_out() -> None:
     line = line_of(trace_of(F, cut, "V"))
     assert line.clipped is not None
     assert line.clipped.limit == pytest.approx(0.7 * HEIGHT)
-    assert abs(line.width_hz - WIDTH) < 3.0 * line.width_std_hz < 1.0
+    assert abs(line.width.value - WIDTH) < 3.0 * line.width.std < 1.0

@@ -39,11 +39,11 @@ def test_a_line_on_a_slope_is_where_it_is(count: int) -> None:
         seen = np.abs(LINE + noise(F.size, 0.015, seed)) + 0.2 * (1.0 + (F - ETA) / 600.0)
         found = ff.line(F, seen, unit="mV")
         assert found.wiring == "sloped"
-        held["frequency"] += holds(found.frequency_ci95_hz, ETA)
-        held["width"] += holds(found.width_ci95_hz, WIDTH)
-        held["amplitude"] += abs(found.amplitude - 2.3) < found.ratio95 * found.amplitude_std
-        assert found.beside == pytest.approx(0.2, abs=0.02)
-        assert found.beside_slope == pytest.approx(0.2 / 600.0, abs=5e-5)
+        held["frequency"] += holds(found.frequency.ci95, ETA)
+        held["width"] += holds(found.width.ci95, WIDTH)
+        held["amplitude"] += abs(found.amplitude.value - 2.3) < found.ratio95 * found.amplitude.std
+        assert found.background == pytest.approx(0.2, abs=0.02)
+        assert found.slope == pytest.approx(0.2 / 600.0, abs=5e-5)
     assert min(held.values()) >= 0.83 * count
     assert "rises by 0.1" in repr(found)
 
@@ -81,14 +81,16 @@ def test_both_amplitudes_of_a_curve_are_told_with_their_errors_by_line_and_campa
             background="complex",
         )
         own = line_of_sweep(data)
-        assert found.amplitude < found.amplitude_mirrored
-        assert own.amplitude == pytest.approx(found.amplitude, rel=1e-3)
+        assert found.mirrored is not None
+        assert own.mirrored is not None
+        assert found.amplitude.value < found.mirrored.value
+        assert own.amplitude.value == pytest.approx(found.amplitude.value, rel=1e-3)
         assert found.rivals == ()
-        assert own.amplitude_std == pytest.approx(found.amplitude_std, rel=0.02)
-        assert own.amplitude_mirrored_std == pytest.approx(found.amplitude_mirrored_std, rel=0.02)
+        assert own.amplitude.std == pytest.approx(found.amplitude.std, rel=0.02)
+        assert own.mirrored.std == pytest.approx(found.mirrored.std, rel=0.02)
         pulls = [
-            (found.amplitude - both[0]) / found.amplitude_std,
-            (found.amplitude_mirrored - both[1]) / found.amplitude_mirrored_std,
+            (found.amplitude.value - both[0]) / found.amplitude.std,
+            (found.mirrored.value - both[1]) / found.mirrored.std,
         ]
         inside += int(np.sum(np.abs(pulls) < 2.0))
     assert 1.7 * count <= inside  # 1.9 +- 0.07 of independent ones, of twenty sweeps
@@ -111,15 +113,15 @@ def test_a_weak_second_line_is_told_and_fitted_beside_the_first(
         both = mode(f, 9000.0, 6.0) + 0.1 * turn * mode(f, 9060.0, 9.0)
         found = ff.line(f, parts(both + noise(f.size, 6e-3, seed)))
         assert found.second is not None
-        assert found.second.frequency_hz == pytest.approx(9060.0, abs=2.0)
-        assert found.second.width_hz == pytest.approx(9.0, rel=0.5)
+        assert found.second.frequency.value == pytest.approx(9060.0, abs=2.0)
+        assert found.second.width.value == pytest.approx(9.0, rel=0.5)
         heights = [found.second.share, found.second.mirrored]
         assert min(abs(height - 0.1) for height in heights if height == height) < 0.03
-        held += holds(found.frequency_ci95_hz, 9000.0) + holds(found.width_ci95_hz, 6.0)
+        held += holds(found.frequency.ci95, 9000.0) + holds(found.width.ci95, 6.0)
         assert re.search(r"Another line .* 9\.0\d+ kHz", repr(found))
     ff.write_line(found, tmp_path)
     written = json.loads((tmp_path / "line.json").read_text("utf-8"))
-    assert written["second"]["frequency_hz"] == pytest.approx(9060.0, abs=2.0)
+    assert written["second"]["frequency"]["value"] == pytest.approx(9060.0, abs=2.0)
     assert held >= 1.6 * count  # 1.9 of them, +- 0.1 of ten
 
 
@@ -129,7 +131,7 @@ def test_a_single_point_is_left_out_and_named_by_its_row(tmp_path: Path) -> None
     seen[40] = 50.0
     file = write_csv(tmp_path / "spike.csv", "f (Hz),Magn (mV)", F, seen)
     found = ff.line(file)
-    assert found.width_hz == pytest.approx(clean.width_hz, rel=1e-9)
+    assert found.width.value == pytest.approx(clean.width.value, rel=1e-9)
     [spike] = found.spikes
     assert spike.frequency_hz == pytest.approx(F[40])
     assert spike.size == 50.0

@@ -43,10 +43,10 @@ def test_frequency_width_quality_and_power_are_found_with_their_errors(
         found = ff.noise_line(F, averaged(density() + FLOOR, averages, seed), unit="V")
         pulls.append(
             [
-                (found.frequency_hz - F0) / found.frequency_std_hz,
-                (found.width_hz - WIDTH) / found.width_std_hz,
-                (found.q - F0 / WIDTH) / found.q_std,
-                (found.rms - rms) / found.rms_std,
+                (found.frequency.value - F0) / found.frequency.std,
+                (found.width.value - WIDTH) / found.width.std,
+                (found.q.value - F0 / WIDTH) / found.q.std,
+                (found.rms.value - rms) / found.rms.std,
             ]
         )
         assert found.averages == pytest.approx(averages, rel=0.5)
@@ -72,8 +72,8 @@ def test_errors_are_those_that_the_information_allows() -> None:
     )
     information = averages * (rows / s) @ (rows / s).T
     bound = np.sqrt(np.diag(np.linalg.inv(information)))
-    assert found.frequency_std_hz == pytest.approx(bound[0], rel=0.15)
-    assert found.width_std_hz == pytest.approx(bound[1], rel=0.15)
+    assert found.frequency.std == pytest.approx(bound[0], rel=0.15)
+    assert found.width.std == pytest.approx(bound[1], rel=0.15)
 
 
 @pytest.mark.parametrize("averages", [1, 2, 40])
@@ -97,20 +97,20 @@ def test_a_file_whose_unit_is_a_density_is_one(
     assert re.search(r"\b1[45] %", told)
     assert "rms " in told
     written = json.loads((tmp_path / "o" / "line.json").read_text("utf-8"))
-    assert abs(written["frequency_hz"] - F0) < 4.0 * written["frequency_std_hz"]
+    assert abs(written["frequency"]["value"] - F0) < 4.0 * written["frequency"]["std"]
     assert (tmp_path / "o" / "line.png").stat().st_size > 10_000
     # as a sweep of amplitudes the same line has far wider errors
     assert main(["line", str(path), "--kind", "sweep", "--out", str(tmp_path / "s")]) == 0
     sweep = json.loads((tmp_path / "s" / "line.json").read_text("utf-8"))
-    assert sweep["width_std_hz"] > 2.0 * written["width_std_hz"]
+    assert sweep["width"]["std"] > 2.0 * written["width"]["std"]
 
 
 def test_two_lines_are_told() -> None:
     s = density() + 0.5 * density(f0=10_150.0, width=20.0) + FLOOR
     found = ff.noise_line(F, averaged(s, 50, 2), unit="V")
     assert found.second is not None
-    assert abs(found.second.frequency_hz - 10_150.0) < 4.0 * found.second.frequency_std_hz
-    assert abs(found.second.width_hz - 20.0) < 4.0 * found.second.width_std_hz
+    assert abs(found.second.frequency.value - 10_150.0) < 4.0 * found.second.frequency.std
+    assert abs(found.second.width.value - 20.0) < 4.0 * found.second.width.std
     assert re.search(r"second .* 101\d\d", " ".join(repr(found).split()))
 
 

@@ -43,9 +43,9 @@ def test_errors_are_those_of_the_scatter_where_another_line_stands_outside(count
         found = ff.line(f, np.abs(seen), within_hz=(ETA - half, ETA + half))
         assert found.wiring == "tail"
         assert found.further_hz
-        assert found.amplitude_std < 0.2 * found.amplitude
-        pulls.append((found.frequency_hz - ETA) / found.frequency_std_hz)
-        pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
+        assert found.amplitude.std < 0.2 * found.amplitude.value
+        pulls.append((found.frequency.value - ETA) / found.frequency.std)
+        pulls.append((found.width.value - WIDTH) / found.width.std)
     assert 0.2 < float(np.mean(np.square(pulls))) < 2.4
     assert max(map(abs, pulls)) < 4.0
 
@@ -93,7 +93,7 @@ def test_a_range_to_the_middle_between_two_lines_holds_one() -> None:
     kept = f <= ETA + 5.0 * WIDTH
     for found in (ff.line(f, seen, within_hz=(None, f[kept][-1])), ff.line(f[kept], seen[kept])):
         assert found.wiring == "tail"
-        assert abs(found.width_hz - WIDTH) < 3.5 * found.width_std_hz < 0.05 * WIDTH
+        assert abs(found.width.value - WIDTH) < 3.5 * found.width.std < 0.05 * WIDTH
 
 
 def test_without_phases_the_other_amplitude_is_told() -> None:
@@ -103,10 +103,11 @@ def test_without_phases_the_other_amplitude_is_told() -> None:
     seen = np.abs(mode(f, ETA, WIDTH) + beside) + noise(f.size, 2e-3, 4).real
     found = ff.line(f, seen)
     assert found.wiring == "fano"
-    both = sorted([found.amplitude, found.amplitude_mirrored])
+    assert found.mirrored is not None
+    both = sorted([found.amplitude.value, found.mirrored.value])
     truth = sorted([1.0, abs(1.0 + 2j * beside)])
     for value, true in zip(both, truth, strict=True):
-        assert abs(value - true) < 6.0 * found.amplitude_std < 0.05
+        assert abs(value - true) < 6.0 * found.amplitude.std < 0.05
     assert any(re.search(r"\bA may\b", sentence) for sentence in sentences(found))
     assert " or " in answer(found)[3]
     assert "not determined" in answer(found)[3]
@@ -120,8 +121,8 @@ def test_an_amplitude_that_slopes_do_not_see_has_an_error_that_holds() -> None:
     for seed in range(2):
         seen = np.abs(mode(f, ETA, WIDTH) + beside) + noise(f.size, 3e-3, seed).real
         found = ff.line(f, seen, wiring="fano")
-        assert abs(found.amplitude - 1.0) < 3.0 * found.amplitude_std
-        assert found.amplitude_std < 0.2
+        assert abs(found.amplitude.value - 1.0) < 3.0 * found.amplitude.std
+        assert found.amplitude.std < 0.2
 
 
 def test_the_form_in_words_is_that_of_the_table() -> None:
@@ -143,10 +144,10 @@ def test_with_phases_tails_of_lines_outside_invent_no_delay_and_move_nothing() -
         f = grid(12.0, 601)
         seen = two(f, 12.0, 0.1, 2.0 * WIDTH) + noise(f.size, 4e-3, seed)
         found = ff.line(f, seen, within_hz=(None, ETA + 8.0 * WIDTH))
-        assert math.isnan(found.delay_s)
-        pulls.append((found.frequency_hz - ETA) / found.frequency_std_hz)
-        pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
-        pulls.append((found.amplitude - 1.0) / found.amplitude_std)
+        assert found.delay is None
+        pulls.append((found.frequency.value - ETA) / found.frequency.std)
+        pulls.append((found.width.value - WIDTH) / found.width.std)
+        pulls.append((found.amplitude.value - 1.0) / found.amplitude.std)
     assert 0.2 < float(np.mean(np.square(pulls))) < 2.2
     assert max(map(abs, pulls)) < 4.0
 
@@ -166,7 +167,7 @@ def test_columns_that_are_told_are_not_told_to_be_guessed(tmp_path: Path) -> Non
     path = tmp_path / "plain.txt"
     np.savetxt(path, np.column_stack([f / 1e3, 0.0 * f + 5.0, np.abs(seen)]))
     columns = ff.Columns(frequency="column 1", unit_frequency="kHz", amplitude="column 3")
-    said = ff.line(path, columns=columns).said
+    said = ff.line(path, columns=columns).reading
     assert not any("taken" in sentence for sentence in said)
 
 
@@ -181,5 +182,6 @@ def test_beside_a_tail_one_of_both_amplitudes_is_the_true_one(seed: int) -> None
     f, seen, ends = scene(seed)
     found = ff.line(f, seen, within_hz=ends)
     assert found.wiring == "tail"
-    off = [abs(1e3 * each - 1.0) for each in (found.amplitude, found.amplitude_mirrored)]
-    assert np.nanmin(off) < 3.0 * 1e3 * found.amplitude_std < 0.3
+    assert found.mirrored is not None
+    off = [abs(1e3 * each - 1.0) for each in (found.amplitude.value, found.mirrored.value)]
+    assert np.nanmin(off) < 3.0 * 1e3 * found.amplitude.std < 0.3

@@ -46,8 +46,8 @@ def test_a_noise_spectrum_from_zero_on(noise: Path, ends: list[str]) -> None:
     ended = told("line", noise, *ends, "--json")
     assert ended.code == 0, ended.err
     found = json.loads(ended.out)
-    assert abs(found["frequency_hz"] - F0) < 4.0 * found["frequency_std_hz"] < 2.0
-    assert found["width_hz"] == pytest.approx(WIDTH, rel=0.15)
+    assert abs(found["frequency"]["value"] - F0) < 4.0 * found["frequency"]["std"] < 2.0
+    assert found["width"]["value"] == pytest.approx(WIDTH, rel=0.15)
 
 
 def test_what_is_left_out_is_said(noise: Path, tmp_path: Path) -> None:
@@ -64,10 +64,10 @@ def test_no_warning_of_a_library_is_printed(noise: Path) -> None:
 
 def test_arrays_from_zero_on() -> None:
     found = ff.noise_line(F, density())
-    assert found.width_hz == pytest.approx(WIDTH, rel=0.15)
+    assert found.width.value == pytest.approx(WIDTH, rel=0.15)
     f = np.linspace(0.0, 2.0 * F0, 801)
     line = ff.line(f, mode(f, F0, WIDTH))
-    assert line.width_hz == pytest.approx(WIDTH, rel=1e-3)
+    assert line.width.value == pytest.approx(WIDTH, rel=1e-3)
 
 
 def test_a_frequency_below_zero_is_refused(tmp_path: Path) -> None:

@@ -280,8 +280,10 @@ def test_the_standard_deviations_of_a_resonance_are_those_of_curve_fit() -> None
     # ± holds 68 %: Student's, as the residuals of 61 - 3 degrees of freedom tell the noise
     student = t.ppf(norm.cdf(1.0), 58.0 / found.structure.widening**2)
     std = np.sqrt(np.diag(spread)) * found.structure.widening * student
-    assert (found.eta_hz, found.width_hz, found.amplitude) == pytest.approx(x, rel=1e-5)
-    assert (found.eta_std_hz, found.width_std_hz, found.amplitude_std) == pytest.approx(
+    assert (found.frequency.value, found.width.value, found.amplitude.value) == pytest.approx(
+        x, rel=1e-5
+    )
+    assert (found.frequency.std, found.width.std, found.amplitude.std) == pytest.approx(
         std, rel=1e-3
     )
     assert found.correlation == pytest.approx(
@@ -289,12 +291,12 @@ def test_the_standard_deviations_of_a_resonance_are_those_of_curve_fit() -> None
     )
     slope = np.array([1.0 / x[1], -x[0] / x[1] ** 2])
     q_std = np.sqrt(slope @ spread[:2, :2] @ slope) * found.structure.widening * student
-    assert found.q_std == pytest.approx(q_std, rel=1e-3)
-    assert found.residual_rms == pytest.approx(np.std(law(f, *x) - a) / x[2], rel=0.01)
+    assert found.q.std == pytest.approx(q_std, rel=1e-3)
+    assert found.residual == pytest.approx(np.std(law(f, *x) - a) / x[2], rel=0.01)
     assert found.curve == pytest.approx(law(f, *x), rel=1e-5)
     known = fit_resonance(f, a, sigma_v=0.5)
-    free = found.eta_std_hz / np.sqrt(np.sum((law(f, *x) - a) ** 2) / 58.0) / student
-    assert known.eta_std_hz == pytest.approx(0.5 * free, rel=1e-3)
+    free = found.frequency.std / np.sqrt(np.sum((law(f, *x) - a) ** 2) / 58.0) / student
+    assert known.frequency.std == pytest.approx(0.5 * free, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -306,7 +308,7 @@ def test_a_resonance_must_lie_within_its_sweep(beside: float, widths: float, fou
     f = 1000.0 + 10.0 * np.linspace(-widths, widths, 41)
     a = np.abs(mode_response(f, 1000.0 + 10.0 * beside, 10.0))
     if found:
-        assert fit_resonance(f, a).width_hz == pytest.approx(10.0, rel=1e-4)
+        assert fit_resonance(f, a).width.value == pytest.approx(10.0, rel=1e-4)
         return
     with pytest.raises(BadInput, match="no resonance"):
         fit_resonance(f, a)
@@ -316,7 +318,9 @@ def test_a_resonance_must_lie_within_its_sweep(beside: float, widths: float, fou
 def test_eight_points_make_a_resonance(background: str, least: int) -> None:
     f = 1000.0 + np.linspace(-20.0, 20.0, least)
     a = np.abs(mode_response(f, 1001.0, 10.0) + (0.1j if background == "complex" else 0.0))
-    assert fit_resonance(f, a, background=background).eta_hz == pytest.approx(1001.0, abs=1e-3)
+    assert fit_resonance(f, a, background=background).frequency.value == pytest.approx(
+        1001.0, abs=1e-3
+    )
     with pytest.raises(BadInput, match=f"{least - 1} points"):
         fit_resonance(f[1:], a[1:], background=background)
     with pytest.raises(ValueError, match="background"):

@@ -182,10 +182,12 @@ def test_resonance_without_noise_comes_back(
     fit = fit_resonance(f, lorentz(f, 1e6 + eta * width, width, 10**height))
     # eta^2 - f^2 of the data above cancels at high Q: that is the data's rounding, not the fit's
     rounding = 1e-15 * 10**log_q
-    assert fit.eta_hz == pytest.approx(1e6 + eta * width, abs=(1e-9 + 30 * rounding) * width)
-    assert fit.width_hz == pytest.approx(width, rel=1e-8 + 30 * rounding)
-    assert fit.amplitude == pytest.approx(10**height, rel=1e-8 + 30 * rounding)
-    assert fit.q == pytest.approx((1e6 + eta * width) / width, rel=1e-8 + 30 * rounding)
+    assert fit.frequency.value == pytest.approx(
+        1e6 + eta * width, abs=(1e-9 + 30 * rounding) * width
+    )
+    assert fit.width.value == pytest.approx(width, rel=1e-8 + 30 * rounding)
+    assert fit.amplitude.value == pytest.approx(10**height, rel=1e-8 + 30 * rounding)
+    assert fit.q.value == pytest.approx((1e6 + eta * width) / width, rel=1e-8 + 30 * rounding)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +198,7 @@ def test_a_line_is_found_up_to_the_ends_of_its_sweep(at: float, inside: bool) ->
     f: FloatArray = np.asarray(1e6 + 5.0 * np.arange(41), dtype=np.float64)
     trace = lorentz(f, 1e6 + 5.0 * at, 10.0, 1.0)
     if inside:
-        assert fit_resonance(f, trace).eta_hz == pytest.approx(1e6 + 5.0 * at, abs=1e-6)
+        assert fit_resonance(f, trace).frequency.value == pytest.approx(1e6 + 5.0 * at, abs=1e-6)
     else:
         with pytest.raises(BadInput, match="no resonance"):
             fit_resonance(f, trace)
@@ -212,10 +214,10 @@ def test_stated_uncertainties_are_the_scatter(draws: int) -> None:
         q = 6.94001e6 / 94.0
         pulls.append(
             [
-                (fit.eta_hz - 6.94001e6) / fit.eta_std_hz,
-                (fit.width_hz - 94.0) / fit.width_std_hz,
-                (fit.amplitude - 40.0) / fit.amplitude_std,
-                (fit.q - q) / fit.q_std,
+                (fit.frequency.value - 6.94001e6) / fit.frequency.std,
+                (fit.width.value - 94.0) / fit.width.std,
+                (fit.amplitude.value - 40.0) / fit.amplitude.std,
+                (fit.q.value - q) / fit.q.std,
             ]
         )
     np.testing.assert_allclose(np.std(pulls, axis=0), 1.0, atol=0.15)
@@ -235,9 +237,9 @@ def test_the_error_of_q_is_that_of_a_fit_of_q(q: float) -> None:
     slopes = [(curve(x + h) - curve(x - h)) / (2.0 * np.sum(h)) for h in steps]
     covariance = 0.01**2 * np.linalg.inv(np.inner(slopes, slopes))
     fit = fit_resonance(f, curve(x), sigma_v=0.01)
-    assert fit.q == pytest.approx(q, rel=1e-9)
-    assert fit.q_std == pytest.approx(covariance[1, 1] ** 0.5, rel=1e-5)
-    assert fit.eta_std_hz == pytest.approx(covariance[0, 0] ** 0.5, rel=1e-5)
+    assert fit.q.value == pytest.approx(q, rel=1e-9)
+    assert fit.q.std == pytest.approx(covariance[1, 1] ** 0.5, rel=1e-5)
+    assert fit.frequency.std == pytest.approx(covariance[0, 0] ** 0.5, rel=1e-5)
 
 
 def test_complex_background_is_separated() -> None:
@@ -245,10 +247,10 @@ def test_complex_background_is_separated() -> None:
     a = (3e4 + 1.5 - f) * (3e4 + 1.5 + f) + 1j * f * 25.0
     trace = np.abs(2.0 * 25.0 * (3e4 + 1.5) / a + (0.1 - 0.05j))
     plain = fit_resonance(f, trace)
-    assert abs(plain.eta_hz - 30001.5) > 0.1
+    assert abs(plain.frequency.value - 30001.5) > 0.1
     full = fit_resonance(f, trace, background="complex")
-    assert full.eta_hz == pytest.approx(30001.5, abs=1e-6)
-    assert full.width_hz == pytest.approx(25.0, rel=1e-7)
+    assert full.frequency.value == pytest.approx(30001.5, abs=1e-6)
+    assert full.width.value == pytest.approx(25.0, rel=1e-7)
     # magnitudes know the background up to a mirror image, which has the same size
     assert abs(full.background) == pytest.approx(abs(0.1 - 0.05j), rel=1e-5)
 
@@ -261,21 +263,21 @@ def test_a_line_that_takes_away_from_a_background_comes_back(depth: float, width
     eta = 3e4 + 5.0
     line = depth * 25.0 * eta / ((eta - f) * (eta + f) + 1j * f * 25.0)
     fit = fit_resonance(f, 7.0 * np.abs(line + np.exp(1.67j)), background="complex", dip=True)
-    assert fit.eta_hz == pytest.approx(eta, abs=1e-5)
-    assert fit.width_hz == pytest.approx(25.0, rel=1e-6)
+    assert fit.frequency.value == pytest.approx(eta, abs=1e-5)
+    assert fit.width.value == pytest.approx(25.0, rel=1e-6)
 
 
 def test_measured_cantilever_gives_what_another_program_found() -> None:
     raw = read_trace(AFM, "afm")
     fit = fit_resonance(raw.frequency, raw.amplitude)
-    assert fit.eta_hz == pytest.approx(30280.96, abs=0.05)
-    assert fit.width_hz == pytest.approx(24.90, abs=0.05)
-    assert fit.q == pytest.approx(1216, abs=3)
-    assert fit.residual_rms == pytest.approx(0.0043, abs=0.00005)
+    assert fit.frequency.value == pytest.approx(30280.96, abs=0.05)
+    assert fit.width.value == pytest.approx(24.90, abs=0.05)
+    assert fit.q.value == pytest.approx(1216, abs=3)
+    assert fit.residual == pytest.approx(0.0043, abs=0.00005)
     full = fit_resonance(raw.frequency, raw.amplitude, background="complex")
-    assert full.eta_hz == pytest.approx(30281.26, abs=0.02)
-    assert full.width_hz == pytest.approx(24.84, abs=0.02)
-    assert full.q == pytest.approx(1219, abs=1)
+    assert full.frequency.value == pytest.approx(30281.26, abs=0.02)
+    assert full.width.value == pytest.approx(24.84, abs=0.02)
+    assert full.q.value == pytest.approx(1219, abs=1)
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_widths_are_right_within_their_errors(background: str) -> None:
             "rice": np.mean(np.abs(drawn), axis=0),
         }[background]
         found = fit_resonance(F, amplitude, background=background)
-        pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
+        pulls.append((found.width.value - WIDTH) / found.width.std)
         truth = 0.3 if background == "offset" else 0.15 * np.sqrt(2.0)
         assert found.background.real == pytest.approx(truth, rel=0.1)
     assert 0.2 < float(np.mean(np.square(pulls))) < 2.6
@@ -66,12 +66,12 @@ def test_the_likelihood_of_single_readings_is_rices() -> None:
         nu = height * np.abs(mode(F, eta, width))
         return -2.0 * float(np.sum(rice.logpdf(readings / top, nu / s, scale=s / top)))
 
-    there = np.array([line.eta_hz, line.width_hz, line.amplitude, found.noise])
+    there = np.array([line.frequency.value, line.width.value, line.amplitude.value, found.noise])
     there[3] *= np.sqrt((F.size - 3) / F.size)  # the likeliest is smaller than the unbiased one
     least = minus_two_ln(*there)
     n = F.size
     assert n * np.log(2.0 * np.pi * found.squares / n) + n == pytest.approx(least, abs=1e-6)
-    errors = (line.eta_std_hz, line.width_std_hz, line.amplitude_std, 0.05 * found.noise)
+    errors = (line.frequency.std, line.width.std, line.amplitude.std, 0.05 * found.noise)
     for step in np.diag(np.array(errors)):
         for way in (0.05, -0.05):
             assert minus_two_ln(*(there + way * step)) > least
@@ -87,9 +87,9 @@ def test_errors_and_noise_of_single_readings_are_right(sigma: float) -> None:
         line = found.resonance
         pulls.append(
             [
-                (line.eta_hz - ETA) / line.eta_std_hz,
-                (line.width_hz - WIDTH) / line.width_std_hz,
-                (line.amplitude - 1.0) / line.amplitude_std,
+                (line.frequency.value - ETA) / line.frequency.std,
+                (line.width.value - WIDTH) / line.width.std,
+                (line.amplitude.value - 1.0) / line.amplitude.std,
             ]
         )
         sizes.append(found.noise)

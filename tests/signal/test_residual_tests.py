@@ -14,6 +14,7 @@ from scipy.stats import chi2, kstest
 
 from fitting.campaign import SweepData
 from fitting.inference.sweep_line import SweepLine, line_findings, line_of_sweep, line_sentences
+from fitting.signal.line_record import TriedForm, no_line
 from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.residual_tests import (
     autocorrelation,
@@ -47,8 +48,8 @@ def distances(found: list[Resonance]) -> FloatArray:
     """d^T C^-1 d of (eta, width) from the truth: chi-square with 2 degrees of freedom if C is."""
     values = []
     for fit in found:
-        a = (fit.eta_hz - ETA) / fit.eta_std_hz
-        b = (fit.width_hz - WIDTH) / fit.width_std_hz
+        a = (fit.frequency.value - ETA) / fit.frequency.std
+        b = (fit.width.value - WIDTH) / fit.width.std
         r = fit.correlation
         values.append((a * a + b * b - 2.0 * r * a * b) / (1.0 - r * r))
     return np.array(values)
@@ -72,7 +73,7 @@ def test_neighbours_that_correlate_widen_by_the_known_factor(rho: float) -> None
     widenings = np.array([fit.structure.widening for fit in found])
     assert np.median(widenings) == pytest.approx(known, rel=0.1)
     # what they are for: the scatter of the values, not only its formula
-    pulls = np.array([(fit.eta_hz - ETA) / fit.eta_std_hz for fit in found])
+    pulls = np.array([(fit.frequency.value - ETA) / fit.frequency.std for fit in found])
     assert float(np.std(pulls)) == pytest.approx(1.0, abs=0.2)
     assert float(np.std(pulls * widenings)) == pytest.approx(known, rel=0.2)
     inside = np.mean(distances(found) < chi2(2).ppf(0.95))
@@ -93,8 +94,8 @@ def test_noise_that_grows_with_the_amplitude_widens_the_errors(rho: float, draws
     assert together >= 0.9 * draws if rho else together <= 0.04 * draws
     widenings = np.array([fit.structure.widening for fit in found])
     for pull in (
-        np.array([(fit.eta_hz - ETA) / fit.eta_std_hz for fit in found]),
-        np.array([(fit.width_hz - WIDTH) / fit.width_std_hz for fit in found]),
+        np.array([(fit.frequency.value - ETA) / fit.frequency.std for fit in found]),
+        np.array([(fit.width.value - WIDTH) / fit.width.std for fit in found]),
     ):
         inside = [np.mean(np.abs(pull) < k) for k in (1.0, 1.96)]
         assert 0.62 < inside[0] < 0.95
@@ -351,15 +352,15 @@ def sweep(
 def test_a_background_is_told_with_both_values(chosen: str) -> None:
     for seed in range(5):
         line = line_of_sweep(sweep(0.03 - 0.04j, seed, chosen=chosen))
-        plain, full = line.fits
-        assert (plain.background, full.background) == ("none", "complex")
-        assert line.frequency_hz == (plain if chosen == "none" else full).frequency_hz
-        assert full.frequency_hz == pytest.approx(ETA, abs=4.0 * full.frequency_std_hz)
-        assert abs(plain.frequency_hz - ETA) > 0.2
+        plain, full = line.forms
+        assert (plain.name, full.name) == ("none", "complex")
+        assert line.frequency.value == (plain if chosen == "none" else full).frequency.value
+        assert full.frequency.value == pytest.approx(ETA, abs=4.0 * full.frequency.std)
+        assert abs(plain.frequency.value - ETA) > 0.2
         found = [*line_findings(line, fitted=True)][-1]
         assert found.kind is Kind.line_background
-        assert found.numbers["plain_frequency_hz"] == plain.frequency_hz
-        assert found.numbers["full_frequency_hz"] == full.frequency_hz
+        assert found.numbers["plain_frequency_hz"] == plain.frequency.value
+        assert found.numbers["full_frequency_hz"] == full.frequency.value
 
 
 @pytest.mark.parametrize("seeds", [20, pytest.param(60, marks=NIGHTLY)])
@@ -378,22 +379,22 @@ def test_correlated_noise_is_no_background(seeds: int) -> None:
         clean = sweep(0.0, seed)
         rough = NOISE * coloured(0.7, F.size, np.random.default_rng(seed))
         line = line_of_sweep(replace(clean, amplitude_v=trace() + rough))
-        assert line.fits[0].widening > 1.5
+        assert line.forms[0].structure.widening > 1.5
         told += len([*line_findings(line, fitted=False)]) - 1  # the first is of their correlation
     assert told <= max(1, seeds // 20)
 
 
 def test_exact_data_raise_no_doubt() -> None:
     line = line_of_sweep(sweep(0.0, 0, noise=0.0))
-    assert line.frequency_hz == pytest.approx(ETA, abs=1e-9)
+    assert line.frequency.value == pytest.approx(ETA, abs=1e-9)
     assert not [*line_findings(line, fitted=False)]
-    assert all(fit.widening == 1.0 for fit in line.fits)
-    assert len(line_sentences(line)) == len(line.fits)
+    assert all(form.structure.widening == 1.0 for form in line.forms)
+    assert len(line_sentences(line)) == len(line.forms)
 
 
 def test_a_fit_that_fails_is_told_beside_the_other() -> None:
     line: SweepLine = line_of_sweep(sweep(0.0, 1))
-    failed = replace(line.fits[1], frequency_hz=math.nan, message="it ended nowhere")
-    broken = replace(line, fits=(line.fits[0], failed), background_p=math.nan)
+    failed = TriedForm(**no_line(), name="complex", message="it ended nowhere")
+    broken = replace(line, forms=(line.forms[0], failed), background_p=math.nan)
     assert not [*line_findings(broken, fitted=True)]
     assert "(it ended nowhere)" in line_sentences(broken)[-1]

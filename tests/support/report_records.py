@@ -26,6 +26,7 @@ from fitting.result.result import (
     Scale,
     SweepCurves,
 )
+from fitting.signal.line_record import line_numbers, number_of_line
 from fitting.signal.peaks import fit_resonance
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Finding, Kind
@@ -184,14 +185,8 @@ def result_for(
         ),
         provenance=provenance(),
         line=SweepLine(
-            frequency_hz=ETA_HZ,
-            frequency_std_hz=0.11,
-            width_hz=WIDTH_HZ,
-            width_std_hz=0.24,
-            q=73832.6,
-            q_std=190.0,
-            amplitude=TOP_V,
-            amplitude_std=5e-8,
+            **line_numbers((ETA_HZ, 0.11), (WIDTH_HZ, 0.24), (73832.6, 190.0)),
+            amplitude=number_of_line("amplitude", TOP_V, 5e-8, "V"),
             unit="V",
             residual=4.3e-3,
             background="none",

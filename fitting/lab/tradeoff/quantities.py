@@ -77,7 +77,7 @@ def _width_by_sweep(bench: Bench, setting: Setting) -> float:
     ends = scene.sweep_hz or (scene.centre_hz - reach, scene.centre_hz + reach)
     f = _twelve_digits(np.linspace(ends[0], ends[-1], setting.sweep_points))
     found = bench.amplitudes(setting, [scene.single_tone(float(tone)) for tone in f])
-    return fit_resonance(f, np.concatenate(found), background="complex").width_hz
+    return fit_resonance(f, np.concatenate(found), background="complex").width.value
 
 
 def _width_by_peaks(bench: Bench, setting: Setting, data: FloatArray) -> float:

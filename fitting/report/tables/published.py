@@ -120,7 +120,7 @@ def rows_of(result: Result) -> list[Row]:
             continue
         better = by_line(value.name, value.found, result.line)
         if better is not None and result.line is not None:
-            rows.append(_row_of_line(value, *better, result.line.freedom))
+            rows.append(_row_of_line(value, *better, result.line.dof))
     return rows
 
 

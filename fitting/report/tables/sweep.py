@@ -7,31 +7,39 @@ from dataclasses import dataclass
 
 from fitting.inference.sweep_line import SweepLine
 from fitting.report.table import Cell, Column, Table, tabulate
+from fitting.text.estimate import Estimate
 from fitting.text.notation import percent, prefixed, with_error
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Quantity:
-    """One number of a line with its error, and what the instrument gave (NaN: nothing)."""
+    """One number of a line with its name, and what the instrument gave (NaN: nothing)."""
 
     name: str
-    value: float
-    std: float
-    unit: str
+    found: Estimate
     instrument: float = math.nan
 
     @property
     def relative(self) -> str:
         """The instrument's against this one, in percent."""
         there = self.instrument
-        return percent(there / self.value - 1.0, 3) if math.isfinite(there) else "–"
+        return percent(there / self.found.value - 1.0, 3) if math.isfinite(there) else "–"
+
+    @property
+    def cell(self) -> Cell:
+        """The number with its error; an amplitude under the prefix that suits it."""
+        value, std, unit = self.found.value, self.found.std, self.found.unit
+        factor = 1.0
+        if self.found.name == "amplitude":
+            factor, unit = prefixed(abs(value), unit)
+        return Cell(with_error(value / factor, std / factor, unit.removeprefix("1")), value=value)
 
 
 LINE: tuple[Column[Quantity], ...] = (
     Column("of the sweep by itself", lambda q: q.name, role="name"),
-    Column("this fit", lambda q: Cell(with_error(q.value, q.std, q.unit), value=q.value)),
+    Column("this fit", lambda q: q.cell),
     Column("instrument", lambda q: q.instrument, digits=9),
-    Column("difference", lambda q: q.instrument - q.value, digits=3),
+    Column("difference", lambda q: q.instrument - q.found.value, digits=3),
     Column("relative", lambda q: q.relative),
 )
 
@@ -42,32 +50,14 @@ def line_table(line: SweepLine) -> Table | None:
     Args:
         line: that the sweep shows by itself.
     """
-    if math.isnan(line.frequency_hz):
+    if math.isnan(line.frequency.value):
         return None
-    factor, unit = prefixed(abs(line.amplitude), line.unit)
     own = {key: line.instrument.get(key, math.nan) for key in ("frequency_hz", "width_hz", "q")}
     quantities = (
-        Quantity(
-            name="eigenfrequency",
-            value=line.frequency_hz,
-            std=line.frequency_std_hz,
-            unit="Hz",
-            instrument=own["frequency_hz"],
-        ),
-        Quantity(
-            name="full width",
-            value=line.width_hz,
-            std=line.width_std_hz,
-            unit="Hz",
-            instrument=own["width_hz"],
-        ),
-        Quantity(name="Q", value=line.q, std=line.q_std, unit="", instrument=own["q"]),
-        Quantity(
-            name="amplitude",
-            value=line.amplitude / factor,
-            std=line.amplitude_std / factor,
-            unit=unit,
-        ),
+        Quantity("eigenfrequency", line.frequency, own["frequency_hz"]),
+        Quantity("full width", line.width, own["width_hz"]),
+        Quantity("Q", line.q, own["q"]),
+        Quantity("amplitude", line.amplitude),
     )
     return tabulate(
         "Resonance fitted to the sweep alone, without the FMU",

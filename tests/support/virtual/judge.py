@@ -262,7 +262,7 @@ def _of_lines(inference: ff.Inference, truth: Mapping[str, float]) -> list[State
             better = by_line(name, found, line)
             if better is not None and name in truth:
                 value, std = better
-                half = std * ratio95(line.freedom)
+                half = std * ratio95(line.dof)
                 said.append(
                     Statement(
                         name=f"{name} by the line",

@@ -1,0 +1,92 @@
+"""What results of a sweep, a ringdown and a noise spectrum have in common, with their points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitting.signal.line_record import LineResult
+from fitting.text.arrays import ComplexArray, FloatArray
+
+Floats = tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Points:
+    """What was measured and what was fitted, (n,) each; imaginary parts are empty without phases.
+
+    One of ``frequency_hz`` and ``time_s`` is empty. Phases of a sweep are counted as
+    Re[value exp(i 2 pi f t)]: they fall over a resonance. Densities are in the unit squared per Hz.
+    """
+
+    measured: Floats
+    fitted: Floats
+    frequency_hz: Floats = ()
+    time_s: Floats = ()
+    measured_imaginary: Floats = ()
+    fitted_imaginary: Floats = ()
+
+    @classmethod
+    def of(
+        cls,
+        measured: FloatArray | ComplexArray,
+        fitted: FloatArray | ComplexArray,
+        *,
+        frequency_hz: FloatArray | None = None,
+        time_s: FloatArray | None = None,
+    ) -> Points:
+        """Points of arrays, (n,) each.
+
+        Args:
+            measured: values, complex ones with phases.
+            fitted: at the same places.
+            frequency_hz: of a sweep or a spectrum, Hz.
+            time_s: of a recording over time, s.
+        """
+        imaginary = {}
+        if np.iscomplexobj(measured):
+            imaginary = {
+                "measured_imaginary": tuple(measured.imag.tolist()),
+                "fitted_imaginary": tuple(fitted.imag.tolist()),
+            }
+        return cls(
+            measured=tuple(measured.real.tolist()),
+            fitted=tuple(fitted.real.tolist()),
+            frequency_hz=() if frequency_hz is None else tuple(frequency_hz.tolist()),
+            time_s=() if time_s is None else tuple(time_s.tolist()),
+            **imaginary,
+        )
+
+    @property
+    def place(self) -> Floats:
+        """Frequencies, Hz, or times, s."""
+        return self.frequency_hz or self.time_s
+
+    def arrays(self) -> tuple[FloatArray | ComplexArray, FloatArray | ComplexArray]:
+        """Measured and fitted values, real or complex, (n,) each."""
+        measured, fitted = np.array(self.measured), np.array(self.fitted)
+        if not self.measured_imaginary:
+            return measured, fitted
+        return (
+            measured + 1j * np.array(self.measured_imaginary),
+            fitted + 1j * np.array(self.fitted_imaginary),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredLine(LineResult):
+    """One resonance of a file or of arrays.
+
+    Attributes:
+        reading: how the file was read, in sentences.
+        points: what was measured and what was fitted.
+    """
+
+    reading: tuple[str, ...]
+    points: Points = field(repr=False)
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether phases were measured."""
+        return bool(self.points.measured_imaginary)

@@ -1,0 +1,289 @@
+"""Records of a line: its numbers with their errors, the forms that were tried, a whole result."""
+
+from __future__ import annotations
+
+import cmath
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+from fitting.signal.residual_tests import STRUCTURED, Structure
+from fitting.signal.student import ratio95
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.estimate import NOWHERE, Estimate, Interval, Verdict
+
+#: Of what was not fitted.
+NO_STRUCTURE = Structure(
+    p_value=math.nan,
+    sizes_p=math.nan,
+    order=0,
+    points=math.nan,
+    widening=math.nan,
+    together=math.nan,
+)
+#: Names of 0.2.0, which work with a warning until 0.4, and where their numbers are now.
+RENAMED = {
+    "frequency_hz": "frequency.value",
+    "frequency_std_hz": "frequency.std",
+    "frequency_ci95_hz": "frequency.ci95",
+    "width_hz": "width.value",
+    "width_std_hz": "width.std",
+    "width_ci95_hz": "width.ci95",
+    "q_std": "q.std",
+    "q_ci95": "q.ci95",
+    "amplitude_std": "amplitude.std",
+    "amplitude_mirrored": "mirrored.value",
+    "amplitude_mirrored_std": "mirrored.std",
+    "delay_s": "delay.value",
+    "delay_std_s": "delay.std",
+    "offset_hz": "offset.value",
+    "offset_std_hz": "offset.std",
+    "decay_time_s": "decay_time.value",
+    "decay_time_std_s": "decay_time.std",
+    "decay_time_ci95_s": "decay_time.ci95",
+    "shift_hz": "shift.value",
+    "shift_std_hz": "shift.std",
+    "power_std": "power.std",
+    "rms_std": "rms.std",
+    "q_coupling_std": "q_coupling.std",
+    "q_coupling_ci95": "q_coupling.ci95",
+    "q_internal_std": "q_internal.std",
+    "q_internal_ci95": "q_internal.ci95",
+    "beside": "background",
+    "beside_std": "background_std",
+    "beside_slope": "slope",
+    "freedom": "dof",
+    "independent_points": "structure.points",
+    "independent_samples": "structure.points",
+    "points": "structure.points",
+    "widening": "structure.widening",
+    "structure_p": "structure.p_value",
+    "sizes_p": "structure.sizes_p",
+    "asked": "is_requested",
+    "turned": "phases_reversed",
+    "describes": "is_noise",
+    "said": "reading",
+    "fits": "forms",
+}
+
+
+def number_of_line(
+    name: str,
+    value: float,
+    std: float = math.nan,
+    unit: str = "Hz",
+    *,
+    half: float = math.nan,
+    ci95: Interval | None = None,
+) -> Estimate:
+    """A number of a line; its status says that no profile was made, or that it is not known.
+
+    Args:
+        name: of the number, "frequency".
+        value: in ``unit``.
+        std: half of its 68 % interval.
+        unit: of both; "1": none.
+        half: half of its 95 % interval over ``std``, where that is symmetric.
+        ci95: where it is not.
+    """
+    return Estimate(
+        name=name,
+        value=value,
+        unit=unit,
+        std=std,
+        ci95=(value - half * std, value + half * std) if ci95 is None else ci95,
+        status=Verdict.UNKNOWN if math.isnan(value) else Verdict.LINEARISED,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CurveFit:
+    """A curve as fitted to values over the largest one.
+
+    Attributes:
+        curve: (n,), real or complex.
+        squares: sum of the squared residuals, over the square of the largest value.
+        unknowns: real numbers that were fitted.
+        structure: what the order of the residuals shows.
+    """
+
+    curve: FloatArray | ComplexArray
+    squares: float
+    unknowns: int
+    structure: Structure
+
+
+class Renamed:
+    """A record of which names of 0.2.0 work; see `RENAMED`."""
+
+    if not TYPE_CHECKING:  # a type checker knows the names of now alone
+
+        def __getattr__(self, name: str) -> Any:
+            owner, _, part = RENAMED.get(name, "").partition(".")
+            kind = type(self)
+            if not owner or not (owner in kind.__dataclass_fields__ or hasattr(kind, owner)):
+                raise AttributeError(f"{kind.__name__} has no '{name}'")
+            text = f"'{name}' is '{RENAMED[name]}' now; the old name goes with 0.4"
+            warnings.warn(text, DeprecationWarning, stacklevel=2)
+            there = getattr(self, owner)
+            if there is None:  # a number that there is not
+                return NOWHERE if part == "ci95" else math.nan
+            return getattr(there, part) if part else there
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineValues(Renamed):
+    """One line: ``frequency`` its eigenfrequency, ``width`` its FWHM, both Hz, ``q`` their ratio.
+
+    Errors (``std``) are half of the interval that holds the truth in 68 of 100 such measurements,
+    ``ci95`` holds it in 95. Both are Student's, as the noise is known from the residuals alone.
+    """
+
+    frequency: Estimate
+    width: Estimate
+    q: Estimate
+
+
+def no_line() -> dict[str, Any]:
+    """The numbers of a line that could not be fitted."""
+    names = {"frequency": "Hz", "width": "Hz", "q": "1"}
+    return {name: number_of_line(name, math.nan, unit=unit) for name, unit in names.items()}
+
+
+def line_numbers(
+    frequency: tuple[float, float],
+    width: tuple[float, float],
+    q: tuple[float, float],
+    dof: float = math.nan,
+) -> dict[str, Any]:
+    """The fields of `LineValues`, with symmetric intervals.
+
+    Args:
+        frequency: eigenfrequency and half of its 68 % interval, Hz.
+        width: full width at half of the power, the same, Hz.
+        q: quality factor, the same.
+        dof: degrees of freedom of the noise; NaN: errors are unknown.
+    """
+    half = math.nan if math.isnan(dof) else ratio95(dof)
+    return {
+        "frequency": number_of_line("frequency", *frequency, half=half),
+        "width": number_of_line("width", *width, half=half),
+        "q": number_of_line("q", *q, "1", half=half),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class TriedForm(LineValues):
+    """A form of a line or of its background and what it gives; NaN where its fit failed.
+
+    Attributes:
+        name: of the form.
+        residual: root mean square of the residuals, over the line's amplitude.
+        criterion: Akaike's, over the least of all forms; 10 is plainly worse. NaN: not compared.
+        structure: what the residuals show of the noise.
+        message: why it could not be fitted, or how the fit ended.
+        delayed: whether the delay of a cable is fitted, too.
+        second: whether a second line among the points is fitted, too.
+        offset: of phasors, from the demodulation frequency, Hz.
+    """
+
+    name: str
+    residual: float = math.nan
+    criterion: float = math.nan
+    structure: Structure = NO_STRUCTURE
+    message: str = ""
+    delayed: bool = False
+    second: bool = False
+    offset: Estimate | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondLine(LineValues):
+    """A further line that is fitted with the first one.
+
+    Attributes:
+        share: its height over that of the first one; of a ringdown at the first sample.
+        phase_rad: its phase from that of the first one; NaN: not measured.
+        mirrored: the other share that amplitudes do not distinguish from it; NaN without.
+        decays: of a ringdown, whether it decays; else it is a tone that stays.
+        offset: of phasors, from the demodulation frequency, Hz.
+        decay_time: of a ringdown, in which the amplitude falls to 1/e, s.
+    """
+
+    share: float
+    phase_rad: float = math.nan
+    mirrored: float = math.nan
+    decays: bool = True
+    offset: Estimate | None = None
+    decay_time: Estimate | None = None
+
+    @classmethod
+    def at(
+        cls, frequency_hz: float, width_hz: float, height: complex, mirrored: float = math.nan
+    ) -> SecondLine:
+        """A line whose errors are not known.
+
+        Args:
+            frequency_hz: eigenfrequency, Hz.
+            width_hz: full width at half of the power, Hz.
+            height: over that of the first line.
+            mirrored: the other share that amplitudes do not distinguish from it.
+        """
+        share, phase = cmath.polar(height)
+        nan = math.nan
+        numbers = line_numbers((frequency_hz, nan), (width_hz, nan), (frequency_hz / width_hz, nan))
+        return cls(**numbers, share=share, phase_rad=phase, mirrored=mirrored)
+
+    @property
+    def height(self) -> complex:
+        """Complex height over that of the first one."""
+        return cmath.rect(self.share, self.phase_rad)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineResult(LineValues):
+    """What fits of a line to a sweep, a ringdown and a noise spectrum have in common.
+
+    Attributes:
+        source: the file, or "arrays".
+        unit: of amplitudes; "1": none.
+        residual: root mean square of the residuals over the amplitude; NaN of a noise spectrum.
+        dof: degrees of freedom of the noise.
+        structure: what the residuals show of the noise: probabilities of tests, effective sample
+            size, factor on the errors.
+        forms: every form that was tried, in a line's own result the one that was taken first.
+        second: a further line that was fitted, too; None without.
+        instrument: the instrument's own estimates, "frequency_hz" and "q", as far as the file has
+            them.
+    """
+
+    source: str = ""
+    unit: str
+    residual: float = math.nan
+    dof: float = math.inf
+    structure: Structure = NO_STRUCTURE
+    forms: tuple[TriedForm, ...] = ()
+    second: SecondLine | None = None
+    instrument: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def ratio95(self) -> float:
+        """The half of a 95 % interval over that of a 68 % one."""
+        return ratio95(self.dof)
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether the residuals are noise of one size, by all tests."""
+        return min(self.structure.p_value, self.structure.sizes_p) >= STRUCTURED
+
+
+def fields_of(record: Any, kind: type) -> dict[str, Any]:
+    """The fields of a record that another one has, too, as arguments.
+
+    Args:
+        record: the one.
+        kind: class of the other.
+    """
+    return {of.name: getattr(record, of.name) for of in fields(kind)}
