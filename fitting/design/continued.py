@@ -24,7 +24,7 @@ import numpy as np
 from fitting.campaign import BoundCampaign
 from fitting.campaign.kind import BoundMeasurement
 from fitting.campaign.parameters import Parameter
-from fitting.measurements.complex.sweep import DELAY, ComplexSweeps, Wired
+from fitting.measurements.complex.sweep import DELAY, ComplexSweep, Wired
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.measurement import Measurement, Prediction
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
@@ -155,7 +155,7 @@ def continued_of(bound: BoundCampaign) -> Continued:
     if isinstance(amplitudes, ControlSweep):
         return _of_amplitudes(amplitudes)
     quadratures = found.get("complex_control_sweep")
-    if isinstance(quadratures, ComplexSweeps):
+    if isinstance(quadratures, ComplexSweep):
         return _of_quadratures(quadratures)
     raise BadInput(
         f"{bound.path}: [design] sweeps: has no table [control_sweep] or [complex_control_sweep], "
@@ -178,7 +178,7 @@ def _of_amplitudes(sweep: ControlSweep) -> Continued:
         ),
         units=sweep.units,
         unit=sweep.unit,
-        output=sweep.seen,
+        output=sweep.output or sweep.setup.output,
         estimated=sweep.estimated,
         of_files=("layout", "range", "columns"),
         columns=("amplitude",),
@@ -211,8 +211,8 @@ def _scale(sweep: ControlSweep, seen: Prediction) -> float:
     return float(np.median(scaled[values > 0.0] / values[values > 0.0]))
 
 
-def _of_quadratures(sweeps: ComplexSweeps) -> Continued:
-    last = sweeps.curves[-1]
+def _of_quadratures(sweeps: ComplexSweep) -> Continued:
+    last = sweeps.records[-1]
     words = "each has a complex gain of its own, of which nothing is known"
     nuisances: tuple[float, ...] = ()
     if last.shared:
@@ -233,12 +233,12 @@ def _of_quadratures(sweeps: ComplexSweeps) -> Continued:
                 amplitude=np.abs(c.y),
                 sigma=np.full(c.y.size, c.sigma or c.scatter()),
             )
-            for c in sweeps.curves
+            for c in sweeps.records
         ),
         units=sweeps.units,
         unit=last.unit,
         output=last.output or sweeps.setup.output,
-        estimated=any(c.sigma == 0.0 for c in sweeps.curves),
+        estimated=any(c.sigma == 0.0 for c in sweeps.records),
         of_files=("layout", "range", "columns"),
         columns=("X", "Y"),
         nuisances=nuisances,
@@ -247,11 +247,11 @@ def _of_quadratures(sweeps: ComplexSweeps) -> Continued:
     )
 
 
-def _quadrature_rows(sweeps: ComplexSweeps, seen: Prediction, responses: Responses) -> SweepRows:
+def _quadrature_rows(sweeps: ComplexSweep, seen: Prediction, responses: Responses) -> SweepRows:
     """Rows of complex sweeps; all derivatives are complex ones until the last line."""
     if not isinstance(seen, Wired):
         raise TypeError(f"complex sweeps are predicted by {seen!r}")
-    u, curve = responses.frequency_hz, sweeps.curves[-1]
+    u, curve = responses.frequency_hz, sweeps.records[-1]
     middle_hz = 0.5 * float(u[0] + u[-1])
     name = sweeps.delay_name(curve)
     names = [q.name if q.role == DELAY else "" for q in responses.parameters]
@@ -280,16 +280,16 @@ def _quadrature_rows(sweeps: ComplexSweeps, seen: Prediction, responses: Respons
     )
 
 
-def _coefficients(sweeps: ComplexSweeps, seen: Wired, u_hz: FloatArray) -> ComplexArray:
+def _coefficients(sweeps: ComplexSweep, seen: Wired, u_hz: FloatArray) -> ComplexArray:
     """Gain and background (k,) for a sweep over u, those of the one whose gain is the median.
 
     A slope belongs to the middle and the span of its sweep: it is written for those of the new one.
     """
     order = np.argsort([abs(solved.coefficients[0]) for solved in seen.solved])
     k = int(order[(len(order) - 1) // 2])
-    found, old = np.array(seen.solved[k].coefficients), sweeps.curves[k].u_hz
+    found, old = np.array(seen.solved[k].coefficients), sweeps.records[k].u_hz
     if found.size > 2:
-        first = sweeps.curves[0].u_hz
+        first = sweeps.records[0].u_hz
         old_middle, new_middle = (0.5 * float(v[0] + v[-1]) for v in (first, u_hz))
         by_hz = found[2] / (0.5 * float(np.ptp(old)))
         found[1] += by_hz * (new_middle - old_middle)

@@ -38,7 +38,8 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Values
 from fitting.measurements.traces.grid import LEAST_SAMPLES, ROUNDED
 from fitting.measurements.traces.record import TraceRecord
-from fitting.measurements.traces.traces import SolvedTraces, Traces
+from fitting.measurements.traces.together import SolvedTraces
+from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import Recorded
 from fitting.simulate.batch import Batch, Workers, answered
 from fitting.text.arrays import FloatArray, IntArray

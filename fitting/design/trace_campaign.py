@@ -14,7 +14,7 @@ from fitting.design.sweep_campaign import MEASURED_BEFORE
 from fitting.design.times import written_times
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.demodulated.record import DemodulatedRecord
-from fitting.measurements.traces.record import FOUND
+from fitting.measurements.traces.time_record import FOUND
 from fitting.measurements.traces.waveform import Recorded
 from fitting.text.csv_cells import csv_line
 from fitting.text.notation import in_its_unit, prefixed

@@ -19,7 +19,7 @@ from fitting.draft.ringdown import DecayingLine, line_boxes, lines_of_ringdown, 
 from fitting.draft.source import Source, relative_path
 from fitting.draft.trace_draft import TimeDraft
 from fitting.draft.values import Box
-from fitting.measurements.traces.record import FOUND
+from fitting.measurements.traces.time_record import FOUND
 from fitting.resonance.decay_reading import decay_roles_of, is_over_time, read_decay_of
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, DecayRecord
 from fitting.resonance.reading import Columns, ValueRoles

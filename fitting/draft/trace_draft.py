@@ -21,7 +21,8 @@ from fitting.draft.campaign import (
 from fitting.draft.model import Offer
 from fitting.draft.source import Source, relative_path
 from fitting.draft.values import Box
-from fitting.measurements.traces.record import FIT, FOUND, STATES_OF_ONE, UNKNOWN
+from fitting.measurements.traces.record import FIT, STATES_OF_ONE, UNKNOWN
+from fitting.measurements.traces.time_record import FOUND
 from fitting.measurements.traces.waveform import HELD
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed

@@ -41,7 +41,7 @@ from scipy.special import fdtrc
 from fitting.fit.solution import Solution
 from fitting.inference.closer_decay import closer_decays
 from fitting.inference.likelihood.knowledge import Adequacy
-from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
 from fitting.signal.complex_line import complex_line
@@ -112,10 +112,10 @@ def _complex_values(solution: Solution) -> Iterator[Adequacy | None]:
     names = [p.name for p in solution.parameters]
     at = dict(zip(names, map(float, solution.final.parameters), strict=True))
     for k, (sweeps, place) in enumerate(zip(data.measurements, data.slices, strict=True)):
-        if not isinstance(sweeps, ComplexSweeps):
+        if not isinstance(sweeps, ComplexSweep):
             continue
         begin = place.start
-        for curve in sweeps.curves:
+        for curve in sweeps.records:
             mine = slice(begin, begin + 2 * curve.y.size)
             begin = mine.stop
             moving = np.count_nonzero(np.any(solution.matrix[mine] != 0.0, axis=0))

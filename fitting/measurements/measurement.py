@@ -1,9 +1,9 @@
 """The seam between what was measured, the FMU that answers for it, and the fit.
 
-A kind of measurement is one file beside this one: a frozen record that holds its data as arrays and
-says, by the methods of `Measurement`, which runs of the FMU it wants, what those runs predict, and
-which residual rows of which noise follow. `tones` and `sweep` are two such kinds. Whoever adds a
-kind adds a file: neither Algorithm 2 nor the inference knows any of them by name.
+A kind of measurement is one file in this folder: a frozen record, derived from `Measurement`, that
+holds its data as arrays; its methods ask for the runs of the FMU, predict from these, and make
+residual rows of known noise. `tones` and `sweep` are two such kinds. Whoever adds a kind adds a
+file: neither Algorithm 2 nor the inference knows any of them by name.
 
 Rows are real numbers whose squares add up to chi square once they are divided by their noise:
 complex values give two rows each, a spectrum with the Whittle likelihood the signed roots of its
@@ -90,113 +90,125 @@ class Sampled:
 Predicting = Generator[None, None, list[Prediction]]
 
 
-class Measurement(Protocol):
-    """One kind of measurement of one series."""
+class Measurement:
+    """One kind of measurement of one series: a base class for its frozen record.
 
-    @property
-    def setup(self) -> Setup:
-        """How its series drives the FMU."""
-        ...
+    A kind has rows, their noise, predictions and residuals of its own. For the rest the answers
+    here hold: rows of no curve that no scale multiplies, and nothing to plan but the settling.
+    """
 
-    @property
-    def series(self) -> str:
-        """Name of the series that it belongs to: measurements of one series share a scale."""
-        ...
+    #: How its series drives the FMU.
+    setup: Setup
+    #: Name of the series that it belongs to: measurements of one series share a scale.
+    series: str
 
     @property
     def rows(self) -> int:
         """Number of residual rows, zero where it serves the scale alone."""
-        ...
+        return 0
 
     @property
     def sigma(self) -> FloatArray:
         """Standard deviation of every row, (rows,), in units of the row; zero where unknown."""
-        ...
+        raise NotImplementedError
 
     @property
     def measured_rows(self) -> FloatArray:
         """What the scale multiplies in each row where the model fits: dr/d ln chi = r + it."""
-        ...
+        return np.zeros(self.rows)
 
     @property
     def settles(self) -> bool:
         """Whether the FMU has settled when it is compared."""
-        ...
+        return True
 
     @property
     def is_curve(self) -> bool:
-        """Whether its rows are points of one curve, whose residuals may hang together."""
-        ...
+        """Whether its rows are points of one curve, whose residuals may be correlated."""
+        return False
 
     @property
     def left_out(self) -> tuple[str, ...]:
         """Sentences on points of its files that are not fitted."""
-        ...
+        return ()
 
     @property
     def is_trace(self) -> bool:
         """Whether its rows are samples over time: many, and of like noise."""
-        ...
+        return False
 
     @property
     def has_phases(self) -> bool:
         """Whether its rows hold amplitudes and phases: two for each value."""
-        ...
+        return False
 
     @property
     def sampled_hz(self) -> tuple[float, ...]:
         """Rates of samples: frequencies that differ by multiples of one have the same rows."""
-        ...
+        return ()
 
     @property
     def takes_scale_from_rows(self) -> bool:
         """Whether its scale is a least-squares one over its own rows, and so costs one of them."""
-        ...
+        return False
 
     @property
     def solved_inside(self) -> int:
         """Number of real unknowns that `residuals` solves for: its rows are worth so many less."""
-        ...
+        return 0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """What is fitted beside the FMU's parameters, as the delay of a cable."""
-        ...
+        return ()
 
     @property
     def estimates_noise(self) -> bool:
-        """Whether its data's own scatter tells the noise of its rows, where nobody states it."""
-        ...
+        """Whether the noise of its rows follows from the scatter of its data, where not stated."""
+        return False
 
     @property
     def noise_freedom(self) -> float:
         """Degrees of freedom of the noise of its rows; infinite where it is not estimated."""
-        ...
+        return math.inf
 
     @property
     def has_free_scale(self) -> bool:
         """Whether the logarithm of a factor on the scale is a parameter of the fit."""
-        ...
+        return False
 
     @property
     def scale_sigma(self) -> float:
         """Relative standard deviation of the scale that it gives; zero where it gives none."""
-        ...
+        return 0.0
 
     @property
     def line_width_hz(self) -> float | None:
         """Width of a line that the data show, Hz; None where they show none."""
-        ...
+        return None
 
     @property
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
         """Label and settings of everything that was measured, one for each run of its own."""
-        ...
+        return ()
 
     @property
     def control_units(self) -> Mapping[str, str]:
         """Units of those settings that no variable of the FMU holds, for laws."""
-        ...
+        return {}
+
+    @property
+    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
+        """Declared standard deviations of settings, by label; of kinds that can declare them."""
+        return {}
+
+    def named(self, label: str) -> Self:
+        """The same with a label for the place that has none, where errors of settings need it.
+
+        Args:
+            label: of a place without one.
+        """
+        return self
 
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """Drives, at parameters p (n,), by which the plan of its series is measured.
@@ -205,7 +217,7 @@ class Measurement(Protocol):
             model: how the FMU is driven for one series, and by which plan.
             p: parameters (n,), each in its own unit.
         """
-        ...
+        return []
 
     def planned(self, plan: Plan) -> Plan:
         """The plan of its series, with points and decisions of its own added.
@@ -213,7 +225,7 @@ class Measurement(Protocol):
         Args:
             plan: settings, settling and windows, with what they promise.
         """
-        ...
+        return plan
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
         """The model's plan, with fewer runs where these are measured to do.
@@ -223,7 +235,7 @@ class Measurement(Protocol):
             points: parameter vectors (n,) at which it is measured.
             workers: of the FMU.
         """
-        ...
+        return model.plan
 
     def reviewed(self, model: DrivenModel, p: FloatArray, workers: Workers) -> Plan:
         """The model's plan, with what it can promise at further parameters, as those of a fit.
@@ -233,7 +245,7 @@ class Measurement(Protocol):
             p: parameters (n,), each in its own unit.
             workers: of the FMU.
         """
-        ...
+        return model.plan
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
@@ -246,7 +258,7 @@ class Measurement(Protocol):
             batch: where runs are asked for; equal runs are simulated once.
             whole: predict every measured place, also those that the fit does not need.
         """
-        ...
+        raise NotImplementedError
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
         """Ask for the runs whose samples should hold nothing but their mean and their tones.
@@ -256,7 +268,7 @@ class Measurement(Protocol):
             p: parameters (n,), each in its own unit.
             batch: where runs are asked for; equal runs are simulated once.
         """
-        ...
+        return []
 
     def first_drive(self, *, driven: bool) -> Measurement | None:
         """The same with the first of its drives alone; None where it has none.
@@ -264,15 +276,15 @@ class Measurement(Protocol):
         Args:
             driven: False: every amplitude of that drive is zero.
         """
-        ...
+        return None
 
     def scale(self, prediction: Prediction) -> Scale | None:
-        """What a prediction says of the scale; None where this measurement says nothing of it.
+        """The scale that a prediction gives; None where this measurement gives none.
 
         Args:
             prediction: of the measurement, without scale.
         """
-        ...
+        return None
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """Rows (rows,) of a prediction that is multiplied by `chi`.
@@ -281,7 +293,7 @@ class Measurement(Protocol):
             prediction: of the measurement, without scale.
             chi: scale, laboratory over simulation.
         """
-        ...
+        raise NotImplementedError
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives (rows, solved_inside) of the rows by what is solved inside.
@@ -289,7 +301,7 @@ class Measurement(Protocol):
         Args:
             prediction: of the measurement, without scale.
         """
-        ...
+        return np.empty((self.rows, 0))
 
     def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
         """The same as stretches of rows, one after the other, each with unknowns of its own.
@@ -297,7 +309,7 @@ class Measurement(Protocol):
         Args:
             prediction: of the measurement, without scale.
         """
-        ...
+        return (self.solved_columns(prediction),)
 
     def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
         """What changes (rows, k) of the rows change of amplitudes alone, (m, k).
@@ -306,7 +318,7 @@ class Measurement(Protocol):
             prediction: of the measurement, without scale.
             rows: changes of its rows, as their derivatives are.
         """
-        ...
+        return rows
 
     def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
         """Values that follow from what is solved inside, by name, as the coupling quality does.
@@ -315,291 +327,23 @@ class Measurement(Protocol):
             prediction: of the measurement, without scale.
             sigma: standard deviations of its rows, (rows,).
         """
-        ...
+        return {}
 
     def scaled(self, prediction: Prediction, chi: float) -> Values:
-        """What stands beside the measured values, (n,), in their unit.
+        """What is compared with the measured values, (n,), in their unit.
 
         Args:
             prediction: of the measurement, without scale.
             chi: scale, laboratory over simulation.
         """
-        ...
-
-    @property
-    def rows_without_response(self) -> FloatArray:
-        """Rows (rows,) where a constant, or what stands beside the response, is all there is.
-
-        Empty where nothing is asked of that: peaks of tones are there.
-        """
-        ...
-
-    def unexplained(self, residuals: FloatArray) -> str:
-        """What says that rows (rows,) do not follow the data at all; empty where they do.
-
-        Args:
-            residuals: rows (m,), relative.
-        """
-        ...
-
-    def share_left(self, residuals: FloatArray) -> float:
-        """What rows (rows,) leave of the curve described worst, over its largest amplitude.
-
-        Root mean square over the points; of complex values of their distance from the model. NaN
-        where the rows are no shares of an amplitude.
-
-        Args:
-            residuals: rows (m,), relative.
-        """
-        ...
-
-    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
-        """Its rows along every axis that they have; none where structure cannot be tested.
-
-        Args:
-            residuals: rows (rows,), relative.
-        """
-        ...
-
-    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
-        """What was measured beside what the model says, for report and plots.
-
-        Args:
-            before: predictions (n,) of everything that was measured, times the scale, at the start
-                parameters.
-            after: the same at the fitted parameters.
-        """
-        ...
-
-    def within(self, setup: Setup, series: str) -> Self:
-        """The same as part of a series that is driven so.
-
-        Args:
-            setup: how the series drives the FMU.
-            series: its name.
-        """
-        ...
-
-    def part(self, labels: Collection[str]) -> Self | None:
-        """What was measured at the places of these labels; None where nothing was.
-
-        Args:
-            labels: of places.
-
-        Raises:
-            BadInput: a part that is no measurement of this kind by itself.
-        """
-        ...
-
-    def few_places(self) -> tuple[Measurement, BoolArray] | None:
-        """A few of many places that stand for all, and which of the rows (rows,) these have.
-
-        None where there are few places, or where parts of it are not simulated apart.
-        """
-        ...
-
-
-class AtOnePlace:
-    """Answers of a record that is measured at one place: a base class beside its own."""
-
-    label: str
-    settings: Mapping[str, Scalar]
-
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings."""
-        return ((self.label, self.settings),)
-
-    @property
-    def control_units(self) -> Mapping[str, str]:
-        """None: settings are variables of the FMU."""
-        return {}
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """None beside the FMU's."""
-        return ()
-
-
-class MeasurementKind:
-    """Answers for what a kind of measurement does not care about: a base class for its record.
-
-    Rows of their own noise that no scale multiplies, of no curve; nothing to plan but the settling.
-    """
-
-    @property
-    def rows(self) -> int:
-        """None."""
-        return 0
-
-    @property
-    def measured_rows(self) -> FloatArray:
-        """No row is multiplied by the scale."""
-        return np.zeros(self.rows)
-
-    @property
-    def settles(self) -> bool:
-        """The FMU has settled when it is compared."""
-        return True
-
-    @property
-    def is_curve(self) -> bool:
-        """Its rows are no points of a curve."""
-        return False
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """All points are fitted."""
-        return ()
-
-    @property
-    def is_trace(self) -> bool:
-        """No."""
-        return False
-
-    @property
-    def has_phases(self) -> bool:
-        """Its rows hold amplitudes alone."""
-        return False
-
-    @property
-    def sampled_hz(self) -> tuple[float, ...]:
-        """Every frequency has rows of its own."""
-        return ()
-
-    @property
-    def takes_scale_from_rows(self) -> bool:
-        """It has no scale."""
-        return False
-
-    @property
-    def solved_inside(self) -> int:
-        """Nothing."""
-        return 0
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Nothing beside the FMU's."""
-        return ()
-
-    @property
-    def estimates_noise(self) -> bool:
-        """Its noise is stated, or the residuals tell it."""
-        return False
-
-    @property
-    def noise_freedom(self) -> float:
-        """Its noise is stated, or the residuals tell it."""
-        return math.inf
-
-    @property
-    def has_free_scale(self) -> bool:
-        """It has no scale."""
-        return False
-
-    @property
-    def scale_sigma(self) -> float:
-        """It has no scale."""
-        return 0.0
-
-    @property
-    def line_width_hz(self) -> float | None:
-        """Its data show no line."""
-        return None
-
-    @property
-    def control_units(self) -> Mapping[str, str]:
-        """Every setting is a variable of the FMU."""
-        return {}
-
-    @property
-    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
-        """No errors of settings can be declared."""
-        return {}
-
-    def named(self, label: str) -> Self:
-        """The same: it has a label, or can have none.
-
-        Args:
-            label: of a place without one.
-        """
-        return self
-
-    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
-        """No drive to measure a plan by."""
-        return []
-
-    def planned(self, plan: Plan) -> Plan:
-        """Nothing of its own to plan before the FMU is looked at.
-
-        Args:
-            plan: settings, settling and windows.
-        """
-        return plan
-
-    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
-        """Nothing to do with fewer runs."""
-        return model.plan
-
-    def reviewed(self, model: DrivenModel, p: FloatArray, workers: Workers) -> Plan:
-        """Nothing that was planned at single parameters.
-
-        Args:
-            model: the FMU as the series drives it.
-            p: parameters (n,), each in its own unit.
-            workers: of the FMU.
-        """
-        return model.plan
-
-    def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
-        """No samples that should be mean and tones alone."""
-        return []
-
-    def first_drive(self, *, driven: bool) -> Measurement | None:
-        """It has no drive."""
-        return None
-
-    def scale(self, prediction: Prediction) -> Scale | None:
-        """It says nothing of the scale."""
-        return None
-
-    def solved_columns(self, prediction: Prediction) -> FloatArray:
-        """None: nothing is solved inside."""
-        return np.empty((self.rows, 0))
-
-    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
-        """One stretch: all rows.
-
-        Args:
-            prediction: of the measurement, without scale.
-        """
-        return (self.solved_columns(prediction),)
-
-    def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
-        """The changes as they are: it has no phases.
-
-        Args:
-            prediction: of the measurement, without scale.
-            rows: changes of its rows, as their derivatives are.
-        """
-        return rows
-
-    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
-        """No value follows from what is solved inside.
-
-        Args:
-            prediction: of the measurement, without scale.
-            sigma: standard deviations of its rows, (rows,).
-        """
-        return {}
-
-    def scaled(self, prediction: Prediction, chi: float) -> Values:
-        """The prediction times the scale."""
         return cast(Values, np.asarray(chi * prediction.values))
 
     @property
     def rows_without_response(self) -> FloatArray:
-        """None: that is not asked of it."""
+        """Rows (rows,) where a constant, or what is added to the response, is all there is.
+
+        Empty where that is not examined: peaks of tones are there.
+        """
         return np.empty(0)
 
     @staticmethod
@@ -614,11 +358,18 @@ class MeasurementKind:
         return leaves_noise(self.rows_without_response, residuals, sigma, unknowns)
 
     def unexplained(self, residuals: FloatArray) -> str:
-        """Nothing is told from the residuals alone."""
+        """Why rows (rows,) do not follow the data at all; empty where they do.
+
+        Args:
+            residuals: rows (m,), relative.
+        """
         return ""
 
     def share_left(self, residuals: FloatArray) -> float:
-        """NaN: its rows are no shares of an amplitude.
+        """Residual of the curve described worst, over its largest amplitude.
+
+        Root mean square over the points; of complex values of their distance from the model. NaN
+        where the rows are no shares of an amplitude.
 
         Args:
             residuals: rows (m,), relative.
@@ -626,7 +377,7 @@ class MeasurementKind:
         return math.nan
 
     def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
-        """One where its rows are points of a curve, each a share of the largest amplitude.
+        """Its rows along every axis that they have; none where structure cannot be tested.
 
         Args:
             residuals: rows (rows,), relative.
@@ -636,11 +387,17 @@ class MeasurementKind:
         return (ResidualCurve(rows=np.arange(residuals.size), share=np.ones(residuals.size)),)
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
-        """It has no figure."""
+        """What was measured with the model, for report and plots.
+
+        Args:
+            before: predictions (n,) of everything that was measured, times the scale, at the start
+                parameters.
+            after: the same at the fitted parameters.
+        """
         return ()
 
     def within(self, setup: Setup, series: str) -> Self:
-        """The same record as part of a series; what has labelled places puts the name before them.
+        """The same as part of a series; what has labelled places puts the name before them.
 
         Args:
             setup: how the series drives the FMU.
@@ -649,13 +406,8 @@ class MeasurementKind:
         changed: Any = replace(self, setup=setup, series=series)  # type: ignore[type-var]
         return cast(Self, changed)
 
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """None that is known."""
-        return ()
-
     def part(self, labels: Collection[str]) -> Self | None:
-        """All of it or nothing.
+        """What was measured at the places of these labels, all of it or nothing (None).
 
         Args:
             labels: of places.
@@ -672,8 +424,11 @@ class MeasurementKind:
             )
         return self if inside else None
 
-    def few_places(self) -> tuple[Measurement, BoolArray] | None:
-        """None: it is not divided."""
+    def few_places(self) -> tuple[Self, BoolArray] | None:
+        """A few of many places that represent all, and which of the rows (rows,) these have.
+
+        None where there are few places, or where parts of it are not simulated apart.
+        """
         return None
 
 

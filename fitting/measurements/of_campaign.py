@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import cast
 
 from fitting.campaign import BoundCampaign
 from fitting.measurements.complex.tones import ComplexTones
-from fitting.measurements.measurement import Measurement, MeasurementKind
+from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import sweep_of
 from fitting.measurements.tones import Tones, peak_sigmas
 
@@ -27,9 +26,9 @@ def measurements_of(bound: BoundCampaign, series: str = "") -> tuple[Measurement
     if bound.sweep is not None:
         found.append(sweep_of(bound, bound.sweep, series))
     for table, further in bound.measurements.items():
-        if not isinstance(further, MeasurementKind):
-            raise TypeError(f"[{table}] is bound to {further!r}, wanted a MeasurementKind")
-        found.append(cast(Measurement, further.within(bound.setup, series)))
+        if not isinstance(further, Measurement):
+            raise TypeError(f"[{table}] is bound to {further!r}, wanted a Measurement")
+        found.append(further.within(bound.setup, series))
     return tuple(sorted(found, key=lambda m: m.is_curve))
 
 

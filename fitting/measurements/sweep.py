@@ -21,7 +21,7 @@ from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import (
-    MeasurementKind,
+    Measurement,
     Predicting,
     Prediction,
     Sampled,
@@ -71,7 +71,7 @@ LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep(MeasurementKind):
+class Sweep(Measurement):
     """Amplitudes over frequency: what they say of the scale, and, if `fitted`, one row per point.
 
     `scale` "maximum" (Algorithm 1), "fit", "robust" (least squares and Huber's estimate over all

@@ -16,7 +16,7 @@ from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import (
-    MeasurementKind,
+    Measurement,
     Predicting,
     Prediction,
     Sampled,
@@ -41,7 +41,7 @@ PLATEAU = 0.5
 
 
 @dataclass(frozen=True)
-class Tones(MeasurementKind):
+class Tones(Measurement):
     """Peak amplitudes of several experiments, one residual row per line that is read.
 
     `setup` drives the FMU; `experiments` hold tones, settings and amplitudes; `sigmas_v` (rows,)

@@ -24,9 +24,9 @@ from fitting.inference.ending import (
 )
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.dataset import Dataset
-from fitting.measurements.measurement import Measurement, MeasurementKind
+from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep
 from fitting.signal.residual_tests import TOGETHER, UNEQUAL, Structure
 from fitting.text.arrays import FloatArray
@@ -35,7 +35,7 @@ from tests.support.one_mode import SETUP
 
 
 @dataclass(frozen=True)
-class Other(MeasurementKind):
+class Other(Measurement):
     """Rows that are no curve."""
 
     count: int
@@ -122,16 +122,16 @@ def test_widened_errors_are_told(
 F = 1000.0 + np.linspace(-40.0, 40.0, 33)
 
 
-def sweeps(count: int) -> ComplexSweeps:
+def sweeps(count: int) -> ComplexSweep:
     """Complex sweeps of one line: the second one twice as high."""
     curves = [ComplexCurve(F, (k + 1) * mode(F, 1000.0, 12.5), label=f"{k}") for k in range(count)]
-    return ComplexSweeps(setup=SETUP, curves=tuple(curves))
+    return ComplexSweep(setup=SETUP, curves=tuple(curves))
 
 
-def off(measurement: ComplexSweeps, *shares: float) -> FloatArray:
+def off(measurement: ComplexSweep, *shares: float) -> FloatArray:
     """Rows of values that are off by a share of the top, each in a direction of its own."""
     turns = np.exp(1j * np.arange(F.size))
-    pairs = zip(measurement.curves, shares, strict=True)
+    pairs = zip(measurement.records, shares, strict=True)
     return np.concatenate([c.rows_of(share * c.largest * turns) for c, share in pairs])
 
 

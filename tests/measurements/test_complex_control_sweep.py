@@ -10,7 +10,7 @@ import pytest
 
 import fitting as ff
 from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.report.shown import figures_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -190,21 +190,21 @@ def test_few_places_stand_for_many() -> None:
         )
         for v in volts
     ]
-    sweeps = ComplexSweeps(setup=setup, curves=tuple(curves), units={"V": "V"})
+    sweeps = ComplexSweep(setup=setup, curves=tuple(curves), units={"V": "V"})
     found = sweeps.few_places()
     assert found is not None
     few, rows = found
-    assert sorted(float(c.settings["V"]) for c in few.curves) == [0.0, 2.0, 4.0, 7.0, 9.0, 11.0]
+    assert sorted(float(c.settings["V"]) for c in few.records) == [0.0, 2.0, 4.0, 7.0, 9.0, 11.0]
     taken = np.repeat(np.isin(volts, [0.0, 2.0, 4.0, 7.0, 9.0, 11.0]), 2 * crossing.SWEPT_HZ.size)
     assert np.array_equal(rows, taken)
-    assert ComplexSweeps(setup=setup, curves=tuple(curves[:11]), units={"V": "V"}).few_places() is (
+    assert ComplexSweep(setup=setup, curves=tuple(curves[:11]), units={"V": "V"}).few_places() is (
         None
     )
     # sweeps over no control are each looked at
-    assert ComplexSweeps(setup=setup, curves=tuple(curves)).few_places() is None
+    assert ComplexSweep(setup=setup, curves=tuple(curves)).few_places() is None
     part = sweeps.part({"3 V", "8 V"})
     assert part is not None
-    assert [c.label for c in part.curves] == ["3 V", "8 V"]
+    assert [c.label for c in part.records] == ["3 V", "8 V"]
 
 
 @pytest.mark.parametrize(

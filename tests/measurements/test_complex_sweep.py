@@ -16,7 +16,7 @@ import fitting as ff
 from fitting.campaign.complex_trace import MeasuredComplex, check_delay, read_complex
 from fitting.campaign.instruments import read_trace
 from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.complex.wiring import Wiring
 from fitting.report.screen import printed
 from fitting.report.summary import summary_of
@@ -312,7 +312,7 @@ def test_a_delay_that_the_sweep_does_not_resolve_is_refused() -> None:
 # --- several sweeps, and what is solved inside ----------------------------------------------
 
 
-def _several(*, shared: bool = False, restarted: bool = False) -> ComplexSweeps:
+def _several(*, shared: bool = False, restarted: bool = False) -> ComplexSweep:
     """Three sweeps through gains of one modulus and phases of their own, beside constants."""
     curves = []
     for k, (u, phase) in enumerate(((SEEN, 0.3), (SEEN[::2] + 1.0, 2.0), (SEEN + 3.0, -1.1))):
@@ -329,7 +329,7 @@ def _several(*, shared: bool = False, restarted: bool = False) -> ComplexSweeps:
                 restarted=restarted,
             )
         )
-    return ComplexSweeps(setup=SETUP, curves=tuple(curves))
+    return ComplexSweep(setup=SETUP, curves=tuple(curves))
 
 
 @pytest.mark.parametrize(
@@ -341,7 +341,7 @@ def test_what_is_solved_inside_is_the_least_squares_solution(
 ) -> None:
     """No change of any unknown lowers the sum of squares: rows are normal to all columns."""
     sweep = _several(**said)
-    responses = [mode(c.u_hz, ETA + 2.0, WIDTH) for c in sweep.curves]
+    responses = [mode(c.u_hz, ETA + 2.0, WIDTH) for c in sweep.records]
     found = sweep.wired(responses, (0.0, 0.0, 0.0))
     white = 1.0 / sweep.sigma
     rows = white * sweep.residuals(found, 1.0)
@@ -355,7 +355,7 @@ def test_what_is_solved_inside_is_the_least_squares_solution(
         assert np.abs(gains) == pytest.approx(abs(gains[0]))
     if said == {"shared": True}:
         assert gains == pytest.approx([gains[0]] * 3)
-    exact = sweep.wired([mode(c.u_hz, ETA, WIDTH) for c in sweep.curves], (0.0, 0.0, 0.0))
+    exact = sweep.wired([mode(c.u_hz, ETA, WIDTH) for c in sweep.records], (0.0, 0.0, 0.0))
     if said != {"shared": True}:
         phases = [np.angle(s.coefficients[0]) for s in exact.solved]
         assert phases == pytest.approx([0.3, 2.0, -1.1], abs=0.02)
@@ -366,7 +366,7 @@ def test_a_notch_behind_a_cable_is_followed_with_its_delay() -> None:
     u, tau = 5e9 + np.linspace(-5e6, 5e6, 401), 41e-9
     exact = 0.3j * np.exp(-2j * np.pi * u * tau) * notch(u, 5e9, 12e3, 15e3 * np.exp(-0.4j))
     curve = ComplexCurve(u, exact, wiring=Wiring(kind="notch"), delay_s=None, unit="1")
-    sweep = ComplexSweeps(setup=SETUP, curves=(curve,))
+    sweep = ComplexSweep(setup=SETUP, curves=(curve,))
     [delay] = sweep.parameters
     assert delay.name == "delay"
     assert delay.start == pytest.approx(tau, abs=0.1 / np.ptp(u))

@@ -29,7 +29,7 @@ from fitting.fmu.variables import READABLE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.kinds import kinds_in
-from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Values
+from fitting.measurements.measurement import Measurement, Predicting, Prediction, Values
 from fitting.measurements.schema import campaign_schema
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch
@@ -107,7 +107,7 @@ class ReadLockIn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LockIn(MeasurementKind):
+class LockIn(Measurement):
     """Complex amplitudes (n,) at drive frequencies (n,), Hz, each quadrature with noise `sigma_v`.
 
     Rows are real and imaginary parts of (simulated - measured), over the largest modulus.

@@ -12,7 +12,7 @@ import fitting as ff
 from fitting.campaign import ContinuationSettings
 from fitting.fit.options import options_of, usual_misfit
 from fitting.fmu.worker import simulation
-from fitting.measurements.measurement import MeasurementKind
+from fitting.measurements.measurement import Measurement
 from fitting.measurements.traces.traces import Traces
 
 SETUP = ff.Setup(ff.Drive(), "q1")
@@ -25,7 +25,7 @@ def ringdown(values: np.ndarray, states: int = 2) -> ff.Trace:
 
 def test_squares_are_summed_where_a_trace_is_measured_and_nobody_says_otherwise() -> None:
     traces = Traces(setup=SETUP, traces=(ringdown(np.cos(300.0 * T)),))
-    peaks: Any = MeasurementKind()
+    peaks: Any = Measurement()
     assert usual_misfit([peaks]) == "slack"
     assert usual_misfit([peaks, traces]) == "squares"
     nothing, named = ContinuationSettings(), ContinuationSettings(misfit="absolute")

@@ -25,7 +25,7 @@ from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.keys import ComplexKeys
-from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.control.keys import ControlKeys
 from fitting.text.keys import FileName, OneOf, Text
 from fitting.text.tables import Table
@@ -87,7 +87,7 @@ class ReadComplexControlSweep:
         own = (Path(c.source) for c in self.curves)
         return tuple(dict.fromkeys((self.table.file, *own)))
 
-    def bind(self, binder: Binder, setup: Setup) -> ComplexSweeps:
+    def bind(self, binder: Binder, setup: Setup) -> ComplexSweep:
         """The same with the controls in the units of laws and of the FMU."""
         output = self.table.output or ""
         if output:
@@ -97,7 +97,7 @@ class ReadComplexControlSweep:
             replace(curve, settings=_bound(binder, place.controls), output=output)
             for place, curve in zip(self.places, self.curves, strict=True)
         )
-        return ComplexSweeps(
+        return ComplexSweep(
             setup=setup, curves=curves, units=self.table.control_units(binder), one_delay=True
         )
 

@@ -12,10 +12,12 @@ import numpy.typing as npt
 
 from fitting.campaign.complex_trace import MeasuredComplex
 from fitting.measurements.complex.wiring import Wiring
+from fitting.measurements.record import Curve, Record
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
+from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 from fitting.text.numbers import as_numbers, as_values
@@ -26,7 +28,7 @@ WIDTHS_FOR_DELAY = 3.0
 
 @checked
 @dataclass(frozen=True, eq=False)
-class ComplexCurve:
+class ComplexCurve(Record, Curve):
     """Complex values of one sweep.
 
     Args:
@@ -54,15 +56,11 @@ class ComplexCurve:
     values: npt.ArrayLike
     _: KW_ONLY
     sigma: float = 0.0
-    settings: Mapping[str, Scalar] = field(default_factory=dict)
     setting_sigma: Mapping[str, float] = field(default_factory=dict)
-    label: str = ""
-    output: str = ""
     wiring: Wiring = field(default_factory=Wiring)
     delay_s: float | None = 0.0
     shared: bool = False
     restarted: bool = False
-    unit: str = "V"
     source: str = "complex sweep"
     left_out: str = ""
     u_hz: FloatArray = field(init=False)
@@ -113,10 +111,62 @@ class ComplexCurve:
         delay_s = self.line.delay_s if self.delay_s is None else self.delay_s
         return roughness(self.y * np.exp(2j * np.pi * (self.u_hz - self.u_hz[0]) * delay_s))
 
-    def rows_of(self, values: ComplexArray) -> FloatArray:
+    @property
+    def rows(self) -> int:
+        """Number of residual rows: two for each value."""
+        return 2 * int(self.y.size)
+
+    @property
+    def row_sigma(self) -> float:
+        """Standard deviation of its rows; zero where unknown."""
+        return self.sigma / self.largest
+
+    @property
+    def top_hz(self) -> float:
+        """Where its line is, or the end of the sweep that is nearest to it, Hz."""
+        return float(np.clip(self.line.eta_hz, self.u_hz[0], self.u_hz[-1]))
+
+    def rows_of(self, values: FloatArray | ComplexArray) -> FloatArray:
         """Real, then imaginary parts over the largest measured modulus, (2 n,).
 
         Args:
             values: complex (n,), in the curve's unit.
         """
-        return both_parts(values) / self.largest
+        return both_parts(np.asarray(values, dtype=complex)) / self.largest
+
+    def without_response(self) -> ComplexArray:
+        """What a constant, and what is declared beside the response, leave of its values, (n,).
+
+        Behind the delay that the best single line has.
+        """
+        middle = 0.5 * float(self.u_hz[0] + self.u_hz[-1])
+        delay = self.line.delay_s if self.delay_s is None else self.delay_s
+        # the first column is that of the response: without one it is a constant
+        columns = self.wiring.design(self.u_hz, np.ones_like(self.y), delay, middle)
+        coefficients = np.linalg.lstsq(columns, self.y, rcond=None)[0]
+        return np.asarray(self.y - columns @ coefficients)
+
+    def share_left(self, rows: FloatArray) -> float:
+        """Distance from the model, root mean square over the largest modulus.
+
+        Args:
+            rows: residuals, (rows,).
+        """
+        return float(np.sqrt(2.0 * np.mean(rows**2)))
+
+    def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
+        """Its residuals over frequency, its real parts, then its imaginary ones.
+
+        Args:
+            at: which rows of the measurement these are.
+            rows: residuals, (rows,).
+        """
+        real, imaginary = np.split(rows, 2)
+        values = self.y + self.largest * (real + 1j * imaginary)
+        return ResidualCurve(
+            rows=np.arange(at.start, at.stop),
+            share=np.full(rows.size, np.sqrt(2.0)),  # of the distance from the model
+            axis=np.tile(self.u_hz, 2),
+            name=self.label,
+            columns=mistakes(self.u_hz, values, 1.0 / self.largest),
+        )

@@ -6,12 +6,15 @@ import numpy as np
 
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.text.arrays import ComplexArray
+from fitting.measurements.measurement import Values
 from fitting.text.notation import number
 
 
 def complex_figure(
-    curve: ComplexCurve, before: ComplexArray, after: ComplexArray, series: str = ""
+    curve: ComplexCurve,
+    before: Values,
+    after: Values,
+    series: str = "",
 ) -> Figure:
     """X and Y over frequency with the model, and residuals of both in % of the largest modulus.
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.figure import Axis, Figure
-from fitting.text.arrays import ComplexArray
+from fitting.measurements.measurement import Values
 
 if TYPE_CHECKING:  # the sweeps draw themselves by these
-    from fitting.measurements.complex.sweep import ComplexSweeps
+    from fitting.measurements.complex.sweep import ComplexSweep
 
 
-def complex_maps(sweeps: ComplexSweeps, fitted: Sequence[ComplexArray]) -> Figure:
+def complex_maps(sweeps: ComplexSweep, fitted: Sequence[Values]) -> Figure:
     """Moduli of all sweeps over the control, and the modulus of what is left of both quadratures.
 
     Where something passes the resonance by its lines are no maxima, and none are marked.
@@ -24,7 +24,7 @@ def complex_maps(sweeps: ComplexSweeps, fitted: Sequence[ComplexArray]) -> Figur
         sweeps: as measured.
         fitted: as simulated with the fitted parameters, (n,) each, in their unit.
     """
-    curves = sweeps.curves
+    curves = sweeps.records
     known = all(c.sigma > 0.0 for c in curves)
     bare = all(c.wiring.columns == 1 for c in curves)
     spectra = tuple(

@@ -18,7 +18,7 @@ from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.keys import ComplexKeys
-from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.labels import labels_of
 from fitting.text.errors import gathered
 from fitting.text.keys import Count, FileName, OneOf, Text, Usually, Value, WholeNumber
@@ -98,7 +98,7 @@ class ReadComplexSweeps:
         """The files of all tables, each once."""
         return tuple(dict.fromkeys(table.file for table in self.tables))
 
-    def bind(self, binder: Binder, setup: Setup) -> ComplexSweeps:
+    def bind(self, binder: Binder, setup: Setup) -> ComplexSweep:
         """The sweeps with settings and outputs of the FMU."""
         gathered(look for table in self.tables for look in _names(table, binder, setup))
         pairs = zip(self.tables, self.curves, strict=True)
@@ -111,7 +111,7 @@ class ReadComplexSweeps:
             )
             for table, curve in pairs
         )
-        return ComplexSweeps(setup=setup, curves=bound)
+        return ComplexSweep(setup=setup, curves=bound)
 
 
 def _names(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign.control_table import LEAST_POINTS
+from fitting.measurements.record import Curve
 from fitting.signal.rician import quadrature_noise
 from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
@@ -20,7 +21,7 @@ from fitting.text.numbers import as_numbers, require_size
 
 @checked
 @dataclass(frozen=True, eq=False)
-class ControlSpectrum:
+class ControlSpectrum(Curve):
     """Amplitudes over drive frequency at one value of the controls.
 
     Args:

@@ -15,26 +15,20 @@ that have it, and larger than the response by what noise makes of it on average
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 
-from fitting.campaign import Setup
 from fitting.measurements.control.lines import MOST_LINES, lines_figure
 from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.control.scales import SCALES, SpectrumScales
 from fitting.measurements.control.spectrum import ControlSpectrum
-from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.few_places import few_of
 from fitting.measurements.figure import Axis, Figure
 from fitting.measurements.measurement import (
-    MeasurementKind,
     Predicting,
     Prediction,
     Sampled,
@@ -42,24 +36,22 @@ from fitting.measurements.measurement import (
     Values,
     without_drive,
 )
-from fitting.measurements.plan import Plan
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
-from fitting.measurements.response_curve import ResponseCurve
+from fitting.measurements.together import SweepsTogether
 from fitting.signal.chi_square import joined_freedom
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
-from fitting.simulate.batch import Batch, Workers, together
-from fitting.simulate.drive import Drive
+from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
-from fitting.text.arrays import BoolArray, FloatArray, Scalar
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind
 
 
 @checked
 @dataclass(frozen=True, kw_only=True)
-class ControlSweep(MeasurementKind):
+class ControlSweep(SweepsTogether[ControlSpectrum]):
     """Spectra at several values of control quantities, one row for each point.
 
     Args:
@@ -79,16 +71,16 @@ class ControlSweep(MeasurementKind):
         BadInput: fewer than two spectra, two of one place, controls that differ from one another.
     """
 
-    setup: Setup
+    FIELD = "spectra"
+    NOUN = "control sweep"
+
     spectra: tuple[ControlSpectrum, ...]
-    units: Mapping[str, str] = field(default_factory=dict)
     scaled_by: str = "each"
     rectified: bool = True
     estimated: bool = True
     logarithmic: bool = False
     output: str = ""
     unit: str = "V"
-    series: str = ""
 
     def __post_init__(self) -> None:
         named = tuple(s if s.label else replace(s, label=self._label(s)) for s in self.spectra)
@@ -121,11 +113,6 @@ class ControlSweep(MeasurementKind):
         )
 
     @property
-    def control_units(self) -> Mapping[str, str]:
-        """Units of the controls."""
-        return {name: unit for name, unit in self.units.items() if unit}
-
-    @property
     def estimates_noise(self) -> bool:
         """Where it is estimated from each spectrum."""
         return self.estimated
@@ -136,27 +123,6 @@ class ControlSweep(MeasurementKind):
         if not self.estimated:
             return math.inf
         return joined_freedom((s.y.size, roughness_freedom(s.y.size)) for s in self.spectra)
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """Points that an instrument cut off."""
-        return tuple(s.left_out for s in self.spectra if s.left_out)
-
-    @property
-    def is_curve(self) -> bool:
-        """Its points follow each other."""
-        return True
-
-    @property
-    def rows(self) -> int:
-        """One for each point."""
-        return sum(s.y.size for s in self.spectra)
-
-    @cached_property
-    def slices(self) -> tuple[slice, ...]:
-        """Where the rows of each spectrum stand."""
-        ends = list(itertools.accumulate(s.y.size for s in self.spectra))
-        return tuple(slice(e - s.y.size, e) for s, e in zip(self.spectra, ends, strict=True))
 
     @cached_property
     def measured(self) -> FloatArray:
@@ -235,45 +201,6 @@ class ControlSweep(MeasurementKind):
         found = half_power_width(first.u_hz, first.y)
         return found if found < np.ptp(first.u_hz) else None
 
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and controls of every spectrum."""
-        return tuple((s.label, s.settings) for s in self.spectra)
-
-    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
-        """Those of the first, the largest and the last point of the first and the last spectrum.
-
-        Args:
-            model: how the FMU is driven, and by which plan.
-            p: parameters (n,), each in its own unit.
-        """
-        found = []
-        for s in (self.spectra[0], self.spectra[-1]):
-            top = s.u_hz[int(np.argmax(s.y))]
-            for tone in dict.fromkeys(map(float, (s.u_hz[0], top, s.u_hz[-1]))):
-                values = model.single_tone_values(p, s.settings, tone, s.label)
-                found.append(model.drive(values, (tone,), self.seen))
-        return found
-
-    @property
-    def seen(self) -> str:
-        """The FMU's output."""
-        return self.output or self.setup.output
-
-    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
-        """The plan with few runs for each spectrum, where the FMU is linear.
-
-        Args:
-            model: the FMU as the series drives it.
-            points: parameter vectors (n,) at which it is measured.
-            workers: of the FMU.
-        """
-        for s in self.spectra:
-            top_hz = float(s.u_hz[int(np.argmax(s.y))])
-            plan = plan_curve(self._curve(model, s), s.u_hz, points, workers, top_hz)
-            model = replace(model, plan=plan)
-        return model.plan
-
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
@@ -285,8 +212,7 @@ class ControlSweep(MeasurementKind):
             batch: where runs are asked for.
             whole: every point is predicted anyway.
         """
-        tasks = [self._curve(model, s).predict(table, s.u_hz, batch) for s in self.spectra]
-        found = yield from together(tasks)
+        found = yield from self.responses(model, table, batch)
         levels = [s.level for s in self.spectra]
         return [
             Prediction(
@@ -295,22 +221,28 @@ class ControlSweep(MeasurementKind):
             for k in range(len(table))
         ]
 
-    def _curve(self, model: DrivenModel, spectrum: ControlSpectrum) -> ResponseCurve:
-        return ResponseCurve(model, spectrum.settings, self.seen, label=spectrum.label)
+    @property
+    def ends(self) -> tuple[ControlSpectrum, ...]:
+        """By whose drives the plan of the series is measured: the first and the last one."""
+        return (self.spectra[0], self.spectra[-1])
+
+    def output_of(self, record: ControlSpectrum) -> str:
+        """The FMU's output, one for all.
+
+        Args:
+            record: one of the spectra.
+        """
+        return self.output or self.setup.output
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
-        """The run at the first point.
+        """The run at the first point of the first spectrum.
 
         Args:
             model: how the FMU is driven, and by which plan.
             p: parameters (n,), each in its own unit.
             batch: where runs are asked for.
         """
-        first = self.spectra[0]
-        window = model.single_tone_window(float(first.u_hz[0]))
-        values = model.single_tone_values(p, first.settings, window.tones_hz[0], first.label)
-        run = batch.ask(values, window, model.signal(window, window.tones_hz), self.seen)
-        return [Sampled(run, window, self.seen)]
+        return [self.sampled_at(self.spectra[0], model, p, batch)]
 
     def first_drive(self, *, driven: bool) -> ControlSweep:
         """It begins with the first point of its first spectrum.
@@ -347,7 +279,7 @@ class ControlSweep(MeasurementKind):
             quadrature_sigma=self._quadrature_sigma,
             counts=np.array(counts),
             logarithmic=self.logarithmic,
-            output=self.seen,
+            output=self.output or self.setup.output,
         )
 
     def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
@@ -473,39 +405,6 @@ class ControlSweep(MeasurementKind):
             rest=Axis("simulated - measured", unit, low=-most, high=most),
             series=self.series,
         )
-
-    def part(self, labels: Collection[str]) -> Self | None:
-        """The spectra at the places of these labels.
-
-        Args:
-            labels: of places.
-
-        Raises:
-            BadInput: a single spectrum is left.
-        """
-        kept = tuple(s for s in self.spectra if s.label in labels)
-        return replace(self, spectra=kept) if kept else None
-
-    def few_places(self) -> tuple[Self, BoolArray] | None:
-        """Spectra at few values of the controls, the outermost ones and others evenly between."""
-        kept = few_of([s.settings for s in self.spectra])
-        if kept is None:
-            return None
-        rows = np.repeat(kept, [s.y.size for s in self.spectra])
-        spectra = tuple(s for s, keep in zip(self.spectra, kept, strict=True) if keep)
-        return replace(self, spectra=spectra), rows
-
-    def within(self, setup: Setup, series: str) -> Self:
-        """The same as part of a series, whose name stands before the labels.
-
-        Args:
-            setup: how the series drives the FMU.
-            series: its name.
-        """
-        spectra = self.spectra
-        if series and series != self.series:
-            spectra = tuple(replace(s, label=f"{series}/{s.label}") for s in spectra)
-        return replace(self, setup=setup, series=series, spectra=spectra)
 
 
 def _decibels(a: FloatArray) -> FloatArray:

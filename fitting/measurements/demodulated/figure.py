@@ -6,9 +6,10 @@ import numpy as np
 
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.measurement import Values
 from fitting.measurements.traces.figure import DRAWN, together
-from fitting.measurements.traces.record import FOUND
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.measurements.traces.time_record import FOUND
+from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, number
 
 #: Amplitudes below this share of the largest are not drawn: the axis is logarithmic.
@@ -16,7 +17,10 @@ LOWEST = 1e-9
 
 
 def demodulated_figure(
-    trace: DemodulatedRecord, before: ComplexArray, after: ComplexArray, series: str = ""
+    trace: DemodulatedRecord,
+    before: Values,
+    after: Values,
+    series: str = "",
 ) -> Figure:
     """A trace with the model, its residuals, and their autocorrelation.
 

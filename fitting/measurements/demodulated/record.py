@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fmu import HeldSignal
-from fitting.measurements.traces.grid import refuse_clipped, spacing_s
-from fitting.measurements.traces.own_steps import LOOKED
-from fitting.measurements.traces.record import BEGINS, FIRST, SHIFTS
+from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.traces.record import SHIFTS
+from fitting.measurements.traces.time_record import TimeRecord
 from fitting.signal.decay import decay_start
 from fitting.signal.rician import Scatter, scatter_of
 from fitting.signal.rotating import SENSED, Reference, reference
 from fitting.signal.window import Window
-from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput
-from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Shifts reach over this part of the record.
 SHARE = 8
 
 
 @dataclass(frozen=True, eq=False)
-class DemodulatedRecord:
+class DemodulatedRecord(TimeRecord):
     """A free decay of one output of the FMU, demodulated at a frequency.
 
     Args:
@@ -55,56 +52,24 @@ class DemodulatedRecord:
             samples than a decay needs.
     """
 
-    time_s: npt.ArrayLike
-    values: npt.ArrayLike
     _: KW_ONLY
     frequency_hz: float
     input: str
-    output: str = ""
     modes: int = 1
-    offset: bool = False
     floor: bool = True
-    sigma: float = 0.0
-    begin: str = FIRST
-    settings: Mapping[str, Scalar] = field(default_factory=dict)
-    setting_sigma: Mapping[str, float] = field(default_factory=dict)
-    label: str = ""
-    unit: str = "V"
     source: str = "demodulated trace"
-    t: FloatArray = field(init=False)
-    y: FloatArray | ComplexArray = field(init=False)
-    spacing_s: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        t = as_numbers(self.time_s, f"{self.source}: times")
-        y = as_values(self.values, f"{self.source}: values")
-        if t.shape != y.shape:
-            raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
-        if not (np.isfinite(t).all() and np.isfinite(y).all()):
-            raise BadInput(f"{self.source}: wanted finite numbers")
-        require_size(t, f"{self.source}: times")
-        require_size(y, f"{self.source}: values")
-        object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
-        object.__setattr__(self, "t", t)
-        object.__setattr__(self, "y", y)
-        self._check_numbers()
-        first = self._first()
-        object.__setattr__(self, "t", t[first:])
-        object.__setattr__(self, "y", y[first:])
-        self._check_samples()
+    is_complex = True
 
-    def _check_numbers(self) -> None:
+    def check_statements(self) -> None:
+        """Complain of fields that do not go together."""
         if not 0.0 < self.frequency_hz < np.inf:
             raise BadInput(
                 f"{self.source}: demodulated at {self.frequency_hz!r} Hz; wanted a positive "
                 "frequency"
             )
-        if self.begin not in BEGINS:
-            raise BadInput(f"{self.source}: begin is {self.begin!r}, wanted 'first' or 'found'")
         if self.modes < 1:
             raise BadInput(f"{self.source}: {self.modes} modes, wanted 1 at least")
-        if not self.sigma >= 0.0:
-            raise BadInput(f"{self.source}: sigma is wanted as zero or more")
         if not self.input:
             raise BadInput(
                 f"{self.source}: a decay is spanned by responses to a pulse: wanted the input of "
@@ -118,9 +83,8 @@ class DemodulatedRecord:
                 "phasors X + i Y"
             )
 
-    def _check_samples(self) -> None:
-        for part in (self.y.real,) if self.is_amplitude else (self.y.real, self.y.imag):
-            refuse_clipped(part, self.source)
+    def check_samples(self) -> None:
+        """Complain of too few samples."""
         if 4 * self.modes > self.y.size:
             raise BadInput(
                 f"{self.source}: {self.modes} modes for {self.y.size} samples; wanted four samples "
@@ -129,23 +93,21 @@ class DemodulatedRecord:
         if not np.any(self.y):
             raise BadInput(f"{self.source}: every value is zero; wanted a decay")
 
-    def _first(self) -> int:
-        """Index of the first sample that is used."""
-        if self.begin == FIRST:
-            return 0
+    def decay_begin(self) -> int:
+        """Index of the first sample of the free decay."""
         if self.is_amplitude and self.modes > 1:
             raise BadInput(
                 f'{self.source}: begin = "found" looks for exponentials, which amplitudes of '
                 f"{self.modes} modes are not; wanted phasors, or the record cut"
             )
         quarter = np.exp(0.5j * np.pi * (np.arange(self.y.size) % 4 + 0.5))
-        found = decay_start((self.y * quarter).real, 2 * self.modes)
-        if found is None:
+        begin = decay_start((self.y * quarter).real, 2 * self.modes)
+        if begin is None:
             raise BadInput(
                 f"{self.source}: shows no free decay; wanted a longer record after the drive is "
                 'off, or begin = "first"'
             )
-        return found
+        return begin
 
     @property
     def is_amplitude(self) -> bool:
@@ -186,6 +148,11 @@ class DemodulatedRecord:
         return None if self.scatter.drowns else self.scatter.noise
 
     @property
+    def row_sigma(self) -> float:
+        """Standard deviation of its rows; zero where unknown."""
+        return self.sigma / self.largest
+
+    @property
     def solved_inside(self) -> int:
         """Number of unknowns that are solved for: amplitudes have no common phase."""
         if self.is_amplitude:
@@ -212,6 +179,20 @@ class DemodulatedRecord:
             return float(np.sqrt(np.mean((rows * self.weights) ** 2)))
         return float(np.sqrt(2.0 * np.mean(rows**2)))
 
+    def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
+        """Its residuals over time; of phasors real parts, then imaginary ones.
+
+        Args:
+            at: which rows of the measurement these are.
+            rows: residuals, (rows,).
+        """
+        return ResidualCurve(
+            rows=np.arange(at.start, at.stop),
+            share=self.weights if self.is_amplitude else np.full(rows.size, np.sqrt(2.0)),
+            axis=np.asarray(self.spacing_s * (np.arange(rows.size) % self.y.size), dtype=float),
+            name=self.label,
+        )
+
     # --- runs of the FMU ------------------------------------------------------------------------
 
     @cached_property
@@ -223,19 +204,6 @@ class DemodulatedRecord:
     def has_own_steps(self) -> bool:
         """A step may be many periods: what it may not be is found by halving it."""
         return False
-
-    def look(self, fine: int, most: int = LOOKED) -> None:
-        """None: nothing but its start moves it.
-
-        Args:
-            fine: steps between two samples.
-            most: steps in all.
-        """
-
-    @property
-    def has_unknown_start(self) -> bool:
-        """It is a free decay."""
-        return True
 
     @property
     def run_step_s(self) -> float:
@@ -259,15 +227,6 @@ class DemodulatedRecord:
         """Samples of the response to a pulse, as long as the record and its shifts."""
         return _pulse_window(self.run_step_s, self.run_samples)
 
-    def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:
-        """One spacing of the input at a level, then nothing.
-
-        Args:
-            per_sample: steps between two samples.
-            level: of the pulse, in the FMU's unit.
-        """
-        return self._pulse(self.pulse_window, per_sample, level)
-
     @property
     def sensing_window(self) -> Window:
         """Samples of a second response, which tells what turns forwards."""
@@ -279,13 +238,7 @@ class DemodulatedRecord:
         Args:
             per_sample: steps between two samples.
         """
-        return self._pulse(self.sensing_window, per_sample, 1.0)
-
-    def _pulse(self, window: Window, per_sample: int, level: float) -> HeldSignal:
-        held = np.zeros((per_sample * window.samples, 1))
-        held[:per_sample] = level
-        step = window.step_s / per_sample
-        return HeldSignal((self.input,), step, held, np.zeros((window.samples, 1)))
+        return self.pulse(per_sample, window=self.sensing_window)
 
 
 def _pulse_window(step_s: float, samples: int) -> Window:

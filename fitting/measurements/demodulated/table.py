@@ -20,7 +20,7 @@ from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.demodulated.traces import DemodulatedTraces
 from fitting.measurements.labels import labels_of
 from fitting.measurements.traces.grid import spacing_s
-from fitting.measurements.traces.record import BEGINS, FIRST
+from fitting.measurements.traces.time_record import BEGINS, FIRST
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import Count, FileName, Keys, Missing, OneOf, Refused, Switch, Text, Value

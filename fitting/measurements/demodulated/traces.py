@@ -11,12 +11,10 @@ over 1e8 periods costs what one over 1e2 does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, lstsq
+from scipy.linalg import lstsq
 
 from fitting.campaign import Setup
 from fitting.measurements.demodulated.amplitude import solved_amplitude
@@ -24,12 +22,11 @@ from fitting.measurements.demodulated.figure import demodulated_figure
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
-from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
-from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.measurement import Values
+from fitting.measurements.record import OfSetup
 from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.survey import Asked
 from fitting.measurements.traces.together import TracesTogether
-from fitting.measurements.traces.traces import SolvedTraces
 from fitting.signal.rotating import line_columns, rotating_responses
 from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
@@ -38,7 +35,7 @@ from fitting.text.arrays import ComplexArray, FloatArray
 
 @checked
 @dataclass(frozen=True, eq=False)
-class DemodulatedTrace(DemodulatedRecord, AtOnePlace):
+class DemodulatedTrace(DemodulatedRecord, OfSetup):
     """A free decay of one output of the FMU, demodulated at a frequency.
 
     Args:
@@ -69,10 +66,6 @@ class DemodulatedTrace(DemodulatedRecord, AtOnePlace):
             samples than a decay needs.
     """
 
-    _: KW_ONLY
-    setup: Setup
-    series: str = ""
-
     def within(self, setup: Setup, series: str) -> DemodulatedTraces:
         """The measurement, as part of a series that is driven so.
 
@@ -85,23 +78,9 @@ class DemodulatedTrace(DemodulatedRecord, AtOnePlace):
 
 @dataclass(frozen=True, kw_only=True)
 class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
-    """One or several demodulated traces that are fitted together.
+    """One or several demodulated traces that are fitted together."""
 
-    Raises:
-        BadInput: no trace, or two of one name.
-    """
-
-    NOUN = "demodulated traces"
-
-    @property
-    def rows(self) -> int:
-        """One for each amplitude, two for each phasor."""
-        return sum(trace.rows for trace in self.traces)
-
-    @cached_property
-    def sigma(self) -> FloatArray:
-        """Standard deviation of every row, (rows,); zero where unknown."""
-        return np.concatenate([np.full(x.rows, x.sigma / x.largest) for x in self.traces])
+    NOUN = "demodulated trace"
 
     @property
     def sampled_hz(self) -> tuple[float, ...]:
@@ -129,99 +108,29 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             owner: which evaluation pays for them.
         """
         values = model.whole.values(p, trace.label or None, trace.settings)
-        plan, output = model.plan.step_plan(self.key(trace)), self.output(trace)
+        plan, output = model.plan.step_plan(self.key(trace)), self.output_of(trace)
         sensing = trace.sensing_pulse(1 if plan is None else plan.per_sample)
         return Asked(
             decay=ask_decay(trace, values, plan, batch, output, owner),
             further=batch.ask(values, trace.sensing_window, sensing, output, owner),
         )
 
-    def predict(
-        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
-    ) -> Predicting:
-        """Values of every trace, with the best factors."""
-        asked = [
-            [self.ask(model, trace, p, batch, k) for trace in self.traces]
-            for k, p in enumerate(table)
-        ]
-        yield
-        decays = yield from self.decays(model, table, asked, batch)
-        return [self._solved(runs, free, batch) for runs, free in zip(asked, decays, strict=True)]
-
-    def followed(
+    def read(
         self, trace: DemodulatedRecord, runs: Asked, decay: FloatArray | None, batch: Batch
-    ) -> ComplexArray:
-        """Values (n,) of a trace as simulated runs and a decay have it.
-
-        Args:
-            trace: one of them.
-            runs: numbers of its runs.
-            decay: after a pulse, whole.
-            batch: that has simulated them.
-        """
+    ) -> tuple[ComplexArray, FloatArray]:
+        """Values (n,) of a trace, with the best factors, and derivatives (rows, k)."""
         if decay is None or runs.further is None:
             raise TypeError(f"a demodulated trace follows from two runs, not from {runs!r}")
-        return solved(trace, decay, batch.samples(runs.further, self.output(trace)))[0]
+        return solved(trace, decay, batch.samples(runs.further, self.output_of(trace)))
 
-    def _solved(
-        self, runs: Sequence[Asked], decays: Sequence[FloatArray | None], batch: Batch
-    ) -> SolvedTraces:
-        found = [
-            solved(trace, decay, batch.samples(each.further, self.output(trace)))
-            for trace, each, decay in zip(self.traces, runs, decays, strict=True)
-            if decay is not None and each.further is not None  # both were asked for
-        ]
-        values = np.concatenate([values for values, _ in found])
-        return SolvedTraces(values, designs=tuple(design for _, design in found))
-
-    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
-        """Rows of S less those of what was measured, (rows,)."""
-        pairs = zip(self.traces, self._split(prediction.values), strict=True)
-        return np.concatenate([trace.rows_of(values - trace.y) for trace, values in pairs])
-
-    def solved_columns(self, prediction: Prediction) -> FloatArray:
-        """Derivatives of the rows by what is solved inside."""
-        return np.asarray(block_diag(*self.solved_blocks(prediction)))
-
-    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
-        """A stretch for each trace."""
-        if not isinstance(prediction, SolvedTraces):
-            raise TypeError(f"a demodulated trace is predicted by {prediction!r}")
-        return prediction.designs
-
-    def share_left(self, residuals: FloatArray) -> float:
-        """Root mean square of the worst record over its largest modulus."""
-        ends = np.cumsum([trace.rows for trace in self.traces])[:-1]
-        pairs = zip(self.traces, np.split(residuals, ends), strict=True)
-        return max(trace.share_left(rows) for trace, rows in pairs)
-
-    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
-        """Every record over time; of phasors real parts, then imaginary ones."""
-        found, begin = [], 0
-        for trace in self.traces:
-            rows = np.arange(begin, begin + trace.rows)
-            begin += rows.size
-            share = trace.weights if trace.is_amplitude else np.full(rows.size, np.sqrt(2.0))
-            place = np.arange(trace.rows) % trace.y.size
-            time_s = np.asarray(trace.spacing_s * place, dtype=float)
-            found.append(ResidualCurve(rows=rows, share=share, axis=time_s, name=trace.label))
-        return tuple(found)
-
-    def unexplained(self, residuals: FloatArray) -> str:
-        """Traces of whose variance less than half is explained are not described."""
-        y = np.concatenate([x.rows_of(x.y - np.mean(x.y)) for x in self.traces])
-        if self._leaves_most(y, residuals):
-            return "the simulated decay does not follow the measured one"
-        return ""
-
-    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
-        """Every trace with the model, what the fit leaves, and how that hangs together."""
-        trios = zip(self.traces, self._split(before), self._split(after), strict=True)
-        return tuple(demodulated_figure(x, b, a, self.series) for x, b, a in trios)
-
-    def _split(self, values: Values) -> list[ComplexArray]:
-        ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
-        return list(np.split(np.asarray(values, dtype=complex), ends))
+    def figure_of(
+        self,
+        record: DemodulatedRecord,
+        before: Values,
+        after: Values,
+    ) -> Figure:
+        """A trace with the model, its residuals, and their autocorrelation."""
+        return demodulated_figure(record, before, after, self.series)
 
 
 def solved(

@@ -44,7 +44,7 @@ def noise_figure(
             Layer(Role.OTHER, Form.CURVE, u, high * after[every]),
         ),
     )
-    rows = spectrum.rows_of(after)
+    rows = spectrum.residuals(after)
     rest = Panel(
         x=x,
         y=Axis("signed root of deviance"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 
@@ -12,8 +12,11 @@ from scipy.constants import Boltzmann
 from scipy.special import digamma, gammaincinv
 
 from fitting.measurements.noise.averages import averages_seen
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.measurements.record import Curve, Record
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput, NoScale
+from fitting.text.finding import Kind
 from fitting.text.numbers import as_numbers, require_size
 
 WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
@@ -38,7 +41,7 @@ QUANTILES = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseRecord:
+class NoiseRecord(Record, Curve):
     """A power spectral density of one output of the FMU under a random force.
 
     Args:
@@ -82,10 +85,6 @@ class NoiseRecord:
     drives_force: bool = True
     floor: bool = True
     window: str = "none"
-    settings: Mapping[str, Scalar] = field(default_factory=dict)
-    label: str = ""
-    output: str = ""
-    unit: str = "V"
     source: str = "noise spectrum"
     u_hz: FloatArray = field(init=False)
     pushed: FloatArray = field(init=False)
@@ -186,6 +185,16 @@ class NoiseRecord:
         m = self.count
         return float(np.sqrt(2.0 * m * (np.log(m) - float(digamma(m)))))
 
+    @property
+    def row_sigma(self) -> float:
+        """Standard deviation of its rows; zero where unknown."""
+        return self.sigma
+
+    @property
+    def top_hz(self) -> float:
+        """Where the density is largest, Hz."""
+        return float(self.seen_hz[int(np.argmax(self.y))])
+
     @cached_property
     def mean_row(self) -> float:
         """Mean of the rows of a right model: few averages scatter more to one side."""
@@ -263,22 +272,50 @@ class NoiseRecord:
             share = float((1.0 / response[top]).real + w[top] ** 2) / self.spring_constant
         return np.asarray(np.maximum(-4.0 * response.imag / w * share, 0.0))
 
-    def rows_of(self, spectrum: FloatArray) -> FloatArray:
+    def residuals(self, simulated: FloatArray | ComplexArray) -> FloatArray:
         """Signed roots of the deviances, (n,).
 
             r = sign(S - P) sqrt(2 M (P/S - 1 - ln(P/S)))
 
         Args:
-            spectrum: S, (n,), as the model has it.
+            simulated: S, (n,), as the model has it.
         """
-        x = self.y / spectrum
+        x = self.y / simulated.real
         apart = x - 1.0
         near = np.abs(apart) < 1e-4  # by its series: the difference would cancel
         deviance = np.where(near, 0.5 * apart**2 - apart**3 / 3.0, apart - np.log(x))
         return np.asarray(-np.sign(apart) * np.sqrt(2.0 * self.count * np.maximum(deviance, 0)))
 
+    def share_left(self, rows: FloatArray) -> float:
+        """NaN: its rows are no shares of an amplitude.
+
+        Args:
+            rows: residuals, (rows,).
+        """
+        return math.nan
+
+    def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
+        """Its residuals over frequency; a share is one of the largest density.
+
+        Args:
+            at: which rows of the measurement these are.
+            rows: residuals, (rows,).
+        """
+        spectrum, root = self.spectrum_of(rows), np.sqrt(self.count)
+        columns = mistakes(self.seen_hz, spectrum, root / spectrum)
+        columns[Kind.noise_level] = columns.pop(Kind.gain)
+        return ResidualCurve(
+            rows=np.arange(at.start, at.stop),
+            share=spectrum / (root * np.max(spectrum)),  # of a row near S = P
+            axis=self.seen_hz,
+            centre=self.mean_row,
+            name=self.label,
+            columns=columns,
+            first_order=frozenset(columns),  # the root of a deviance bends
+        )
+
     def spectrum_of(self, rows: FloatArray) -> FloatArray:
-        """S (n,) of which `rows_of` makes these rows: P/x, x the root of the deviance.
+        """S (n,) of which `residuals` makes these rows: P/x, x the root of the deviance.
 
         Args:
             rows: signed roots of the deviances, (n,).

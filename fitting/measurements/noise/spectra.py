@@ -11,40 +11,30 @@ of the Whittle likelihood: their least sum is its maximum. Level a and floor b a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
-from functools import cached_property
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.constants import Boltzmann
 from scipy.linalg import block_diag
 
 from fitting.campaign import Setup
-from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
-    AtOnePlace,
     Estimated,
-    MeasurementKind,
     Predicting,
     Prediction,
-    Sampled,
     Values,
-    without_drive,
 )
 from fitting.measurements.noise.figure import noise_figure
 from fitting.measurements.noise.levels import best_levels
 from fitting.measurements.noise.record import THERMAL, NoiseRecord
-from fitting.measurements.plan import Plan
-from fitting.measurements.residual_curve import ResidualCurve, mistakes
-from fitting.measurements.response_curve import ResponseCurve
-from fitting.simulate.batch import Batch, Workers, together
-from fitting.simulate.drive import Drive
+from fitting.measurements.record import OfSetup
+from fitting.measurements.together import CurvesTogether
+from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.finding import Kind
 
 #: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
 FAR, AS_WELL = 3.0, 0.5
@@ -60,7 +50,7 @@ class SolvedSpectra(Prediction):
 
 @checked
 @dataclass(frozen=True, eq=False)
-class NoiseSpectrum(NoiseRecord, AtOnePlace):
+class NoiseSpectrum(NoiseRecord, OfSetup):
     """A power spectral density of one output of the FMU under a random force.
 
     Args:
@@ -94,15 +84,6 @@ class NoiseSpectrum(NoiseRecord, AtOnePlace):
             zero, fewer averages than one, a negative temperature, mass or spring constant.
     """
 
-    _: KW_ONLY
-    setup: Setup
-    series: str = ""
-
-    @property
-    def rows(self) -> int:
-        """Number of residual rows: one for each point."""
-        return int(self.y.size)
-
     def within(self, setup: Setup, series: str) -> NoiseSpectra:
         """The measurement, as part of a series that is driven so.
 
@@ -114,24 +95,20 @@ class NoiseSpectrum(NoiseRecord, AtOnePlace):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoiseSpectra(MeasurementKind):
+class NoiseSpectra(CurvesTogether[NoiseRecord]):
     """One or several noise spectra that are fitted together, a row for each point.
 
     Raises:
-        BadInput: no spectrum, or two of one name.
+        BadInput: no spectrum, two of one name, or a drive without a level.
     """
 
-    setup: Setup
-    spectra: tuple[NoiseRecord, ...]
-    series: str = ""
+    FIELD = "spectra"
+    NOUN = "noise spectrum"
+
+    spectra: tuple[NoiseRecord, ...] = ()
 
     def __post_init__(self) -> None:
-        labels = [each.label for each in self.spectra]
-        if not labels or len(set(labels)) < len(labels):
-            raise BadInput(
-                f"noise spectra: labels {', '.join(labels) or 'of no spectrum'}; wanted one "
-                "spectrum at least, each with a name of its own"
-            )
+        super().__post_init__()
         if not self.setup.drive.amplitude > 0.0:
             raise BadInput(
                 "noise spectrum: the drive's level is zero; wanted one, for the response to tones"
@@ -142,54 +119,11 @@ class NoiseSpectra(MeasurementKind):
         """Its residuals tell how neighbours hang together, where enough was averaged."""
         return all(each.is_curve for each in self.spectra)
 
-    @property
-    def rows(self) -> int:
-        """One for each point."""
-        return sum(each.y.size for each in self.spectra)
-
-    @cached_property
-    def sigma(self) -> FloatArray:
-        """Standard deviation of every row, (rows,)."""
-        return np.concatenate([np.full(each.y.size, each.sigma) for each in self.spectra])
-
-    @property
-    def solved_inside(self) -> int:
-        """Levels and floors of all spectra."""
-        return sum(each.solved_inside for each in self.spectra)
-
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings of every spectrum."""
-        return tuple((each.label, each.settings) for each in self.spectra)
-
-    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
-        """Those of the first spectrum's first point, its largest and its last one."""
-        each = self.spectra[0]
-        tones = dict.fromkeys((float(each.u_hz[0]), _top_hz(each), float(each.u_hz[-1])))
-        output = each.output or self.setup.output
-        return [
-            model.drive(
-                model.single_tone_values(p, each.settings, u, each.label or None), (u,), output
-            )
-            for u in tones
-        ]
-
-    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
-        """The plan with few runs for each spectrum, where the response is rational."""
-        for each in self.spectra:
-            plan = plan_curve(self._curve(model, each), each.u_hz, points, workers, _top_hz(each))
-            model = replace(model, plan=plan)
-        return model.plan
-
-    def _curve(self, model: DrivenModel, each: NoiseRecord) -> ResponseCurve:
-        return ResponseCurve(model, each.settings, each.output, label=each.label or None)
-
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Spectra with the levels and floors that suit the data best."""
-        curves = [(self._curve(model, each), each.u_hz) for each in self.spectra]
-        found = yield from together([each.predict(table, u, batch) for each, u in curves])
+        found = yield from self.responses(model, table, batch)
         size = model.setup.drive.amplitude
         return [
             self.solved([responses[k] / size for responses in found]) for k in range(len(table))
@@ -209,35 +143,6 @@ class NoiseSpectra(MeasurementKind):
         )
         values = [a * shape + b for shape, (a, b) in zip(shapes, levels, strict=True)]
         return SolvedSpectra(np.concatenate(values), shapes=shapes, levels=levels)
-
-    def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
-        """The run at the first point of every spectrum."""
-        found = []
-        for each in self.spectra:
-            window = model.single_tone_window(float(each.u_hz[0]))
-            [tone] = window.tones_hz
-            values = model.single_tone_values(p, each.settings, tone, each.label or None)
-            output, signal = each.output or self.setup.output, model.signal(window, (tone,))
-            run = batch.ask(values, window, signal, output)
-            found.append(Sampled(run, window, output))
-        return found
-
-    def first_drive(self, *, driven: bool) -> NoiseSpectra:
-        """Its first spectrum, which begins with its first point."""
-        each = self.spectra[0]
-        if driven:
-            return replace(self, spectra=(each,))
-        setup, settings = without_drive(self.setup, each.settings)
-        return replace(self, setup=setup, spectra=(replace(each, settings=settings),))
-
-    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
-        """Signed roots of the deviances, (rows,)."""
-        pairs = zip(self.spectra, self._split(prediction.values), strict=True)
-        return np.concatenate([each.rows_of(s) for each, s in pairs])
-
-    def scaled(self, prediction: Prediction, chi: float) -> Values:
-        """S itself: the level is in it."""
-        return prediction.values
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by levels and floors."""
@@ -271,58 +176,22 @@ class NoiseSpectra(MeasurementKind):
                 found[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
         return found
 
-    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
-        """Every spectrum over frequency; a share is one of the largest density."""
-        found, begin = [], 0
-        for each in self.spectra:
-            rows = np.arange(begin, begin + each.y.size)
-            begin += rows.size
-            spectrum = each.spectrum_of(residuals[rows])
-            root = np.sqrt(each.count)
-            columns = mistakes(each.seen_hz, spectrum, root / spectrum)
-            columns[Kind.noise_level] = columns.pop(Kind.gain)
-            found.append(
-                ResidualCurve(
-                    rows=rows,
-                    share=spectrum / (root * np.max(spectrum)),  # of a row near S = P
-                    axis=each.seen_hz,
-                    centre=each.mean_row,
-                    name=each.label,
-                    columns=columns,
-                    first_order=frozenset(columns),  # the root of a deviance bends
-                )
-            )
-        return tuple(found)
-
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra that a constant describes half as well, and that are far off."""
-        flat = np.concatenate([x.rows_of(np.full(x.y.size, np.mean(x.y))) for x in self.spectra])
+        flat = np.concatenate([x.residuals(np.full(x.y.size, np.mean(x.y))) for x in self.spectra])
         left = float(residuals @ residuals)
         if left > AS_WELL * float(flat @ flat) and left > FAR * residuals.size:
             return "the simulated spectrum does not follow the measured one"
         return ""
 
-    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
-        """Every spectrum with the model, the band of its likelihood, and the signed deviances."""
-        trios = zip(self.spectra, self._split(before), self._split(after), strict=True)
-        return tuple(noise_figure(x, b, a, self.series) for x, b, a in trios)
-
-    def _split(self, values: Values) -> list[FloatArray]:
-        ends = np.cumsum([each.y.size for each in self.spectra])[:-1]
-        return list(np.split(np.asarray(values.real, dtype=float), ends))
-
-    def within(self, setup: Setup, series: str) -> Self:
-        """The same as part of a series, whose name its labels carry."""
-        spectra = self.spectra
-        if series and series != self.series:
-            spectra = tuple(
-                replace(x, label=f"{series}/{x.label}") if x.label else x for x in spectra
-            )
-        return replace(self, setup=setup, series=series, spectra=spectra)
-
-
-def _top_hz(each: NoiseRecord) -> float:
-    return float(each.seen_hz[int(np.argmax(each.y))])
+    def figure_of(
+        self,
+        record: NoiseRecord,
+        before: Values,
+        after: Values,
+    ) -> Figure:
+        """A spectrum with the model, the band of its likelihood, and the signed deviances."""
+        return noise_figure(record, before.real, after.real, self.series)
 
 
 def _found(prediction: Prediction) -> SolvedSpectra:

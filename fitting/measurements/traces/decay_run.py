@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Protocol
 
-from fitting.fmu import HeldSignal, Segment
+from fitting.fmu import Segment
 from fitting.measurements.traces.step_plan import StepPlan
+from fitting.measurements.traces.time_record import TimeRecord
 from fitting.signal.free_decay import FewSamples, rebuilt
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Variation
@@ -17,26 +17,6 @@ from fitting.text.arrays import FloatArray, Scalar
 BLOCKS = ((12, 4), (16, 6), (24, 8), (32, 12))
 #: Of this many samples one is simulated, at most: with more it is not worth it.
 SPARED = 4
-
-
-class Pulsed(Protocol):
-    """A trace that rests on the response to a pulse."""
-
-    @property
-    def input(self) -> str:
-        """The FMU's input."""
-
-    @property
-    def pulse_window(self) -> Window:
-        """Samples of the response to a pulse."""
-
-    def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:
-        """A short pulse at the input.
-
-        Args:
-            per_sample: steps between two samples.
-            level: of the pulse, in the FMU's unit.
-        """
 
 
 def few_samples(samples: int) -> list[FewSamples]:
@@ -51,7 +31,7 @@ def few_samples(samples: int) -> list[FewSamples]:
 
 
 def ask_decay(
-    trace: Pulsed,
+    trace: TimeRecord,
     values: Mapping[str, Scalar],
     plan: StepPlan | None,
     batch: Batch,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.measurements.traces.record import FOUND, REST, TraceRecord
+from fitting.measurements.traces.record import REST, TraceRecord
+from fitting.measurements.traces.time_record import FOUND
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 

@@ -10,18 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.fmu import HeldSignal
-from fitting.measurements.traces.grid import refuse_clipped, spacing_s
+from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.traces.own_steps import LOOKED, Look
+from fitting.measurements.traces.time_record import FIRST, TimeRecord
 from fitting.measurements.traces.waveform import LINEAR, Recorded, Waveform
 from fitting.signal.decay import decay_start
 from fitting.signal.window import Window
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.numbers import as_numbers, require_size
+from fitting.text.numbers import as_numbers
 
 ONE, FIT = GAINS = ("one", "fit")
 REST, UNKNOWN = STARTS = ("rest", "unknown")
-FIRST, FOUND = BEGINS = ("first", "found")
 #: Shifts of the response to a pulse, for each state that is to be spanned.
 SHIFTS = 4
 #: States of one mode that decays.
@@ -36,7 +36,7 @@ CROSSINGS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class TraceRecord:
+class TraceRecord(TimeRecord):
     """A time series of one output of the FMU, and what is known of how it came about.
 
     Args:
@@ -69,46 +69,27 @@ class TraceRecord:
             finite or are clipped, an unknown start without an input or without a whole period.
     """
 
-    time_s: npt.ArrayLike
-    values: npt.ArrayLike
     _: KW_ONLY
-    input: str = ""
     driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform | None = None
     further: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike] | Waveform] = field(
         default_factory=dict
     )
     interpolation: str = LINEAR
-    output: str = ""
     gain: str = ONE
-    offset: bool = False
-    sigma: float = 0.0
     lead_s: float = 0.0
     start: str = REST
     states: int = 2
-    begin: str = FIRST
-    settings: Mapping[str, Scalar] = field(default_factory=dict)
-    setting_sigma: Mapping[str, float] = field(default_factory=dict)
-    label: str = ""
-    unit: str = "V"
-    source: str = "trace"
-    t: FloatArray = field(init=False)
     y: FloatArray = field(init=False)
-    spacing_s: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        t, y = (as_numbers(v, str(self.source)) for v in (self.time_s, self.values))
-        if t.shape != y.shape:
-            raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
-        if not (np.isfinite(t).all() and np.isfinite(y).all()):
-            raise BadInput(f"{self.source}: wanted finite numbers")
-        require_size(t, f"{self.source}: times")
-        require_size(y, f"{self.source}: values")
-        object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
-        self._check_words()
-        first = self._first(y)
-        object.__setattr__(self, "t", t[first:])
-        object.__setattr__(self, "y", y[first:])
-        refuse_clipped(self.y, self.source)
+    def check_statements(self) -> None:
+        """Complain of fields that do not go together."""
+        self._refuse_other_words("gain", GAINS)
+        self._refuse_other_words("start", STARTS)
+        if self.begin != FIRST and (self.start != UNKNOWN or self.driven is not None):
+            raise BadInput(
+                f'{self.source}: begin = "found" looks for a free decay; wanted start = "unknown" '
+                "and no drive"
+            )
         if self.further and (self.driven is None or self.input in self.further):
             raise BadInput(
                 f"{self.source}: further inputs are driven; wanted what drives the first one, and "
@@ -116,47 +97,33 @@ class TraceRecord:
             )
         if self.driven is not None and not self.input:
             raise BadInput(f"{self.source}: is driven, but by no input; wanted the FMU's input")
-        if self.start == UNKNOWN:
-            self._check_unknown_start()
-        elif self.driven is None and self.input:
-            raise BadInput(
-                f"{self.source}: nothing drives the input '{self.input}'; wanted what does, or "
-                'start = "unknown"'
-            )
-        if not (self.sigma >= 0.0 and self.lead_s >= 0.0):
-            raise BadInput(f"{self.source}: sigma and lead_s are wanted as zero or more")
-
-    def _check_words(self) -> None:
-        for name, known in (("gain", GAINS), ("start", STARTS), ("begin", BEGINS)):
-            if getattr(self, name) not in known:
-                raise BadInput(
-                    f"{self.source}: {name} is {getattr(self, name)!r}, wanted "
-                    f"{' or '.join(repr(word) for word in known)}"
-                )
-
-    def _first(self, y: FloatArray) -> int:
-        """Index of the first sample that is used."""
-        if self.begin == FIRST:
-            return 0
-        if self.start != UNKNOWN or self.driven is not None:
-            raise BadInput(
-                f'{self.source}: begin = "found" looks for a free decay; wanted start = "unknown" '
-                "and no drive"
-            )
-        found = decay_start(y, self.states)
-        if found is None:
-            raise BadInput(
-                f"{self.source}: shows no free decay of {self.states} states; wanted a longer "
-                'record after the drive is off, or begin = "first"'
-            )
-        return found
-
-    def _check_unknown_start(self) -> None:
-        if not self.input:
+        if self.start == UNKNOWN and not self.input:
             raise BadInput(
                 f'{self.source}: start = "unknown" takes the response to a pulse: wanted the '
                 "input of the FMU that excites it"
             )
+        if self.start == REST and self.driven is None and self.input:
+            raise BadInput(
+                f"{self.source}: nothing drives the input '{self.input}'; wanted what does, or "
+                'start = "unknown"'
+            )
+        if not self.lead_s >= 0.0:
+            raise BadInput(f"{self.source}: lead_s is wanted as zero or more")
+
+    def decay_begin(self) -> int:
+        """Index of the first sample of the free decay."""
+        begin = decay_start(self.y, self.states)
+        if begin is None:
+            raise BadInput(
+                f"{self.source}: shows no free decay of {self.states} states; wanted a longer "
+                'record after the drive is off, or begin = "first"'
+            )
+        return begin
+
+    def check_samples(self) -> None:
+        """Complain of too few samples for an unknown start."""
+        if self.start != UNKNOWN:
+            return
         if self.states < 1 or self.states > self.y.size // 4:
             raise BadInput(
                 f"{self.source}: {self.states} states for {self.y.size} samples; wanted four "
@@ -193,24 +160,38 @@ class TraceRecord:
         return free + (self.is_driven and self.gain == FIT) + self.offset
 
     @property
-    def has_own_steps(self) -> bool:
-        """Its runs begin with the step that the FMU was made for."""
-        return True
+    def row_sigma(self) -> float:
+        """Standard deviation of its rows; zero where unknown."""
+        return self.sigma / self.largest
+
+    def rows_of(self, values: FloatArray | ComplexArray) -> FloatArray:
+        """Values over the largest distance from the mean.
+
+        Args:
+            values: (n,), in ``unit``.
+        """
+        return np.asarray(values.real / self.largest)
+
+    def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
+        """Its residuals over time.
+
+        Args:
+            at: which rows of the measurement these are.
+            rows: residuals, (rows,).
+        """
+        time_s = np.asarray(self.spacing_s * np.arange(rows.size), dtype=float)
+        return ResidualCurve(
+            rows=np.arange(at.start, at.stop),
+            share=np.ones(rows.size),
+            axis=time_s,
+            name=self.label,
+            columns=mistakes(time_s, self.y + self.largest * rows, 1.0 / self.largest),
+        )
 
     @property
     def has_unknown_start(self) -> bool:
         """Whether its state at the first sample is solved for."""
         return self.start == UNKNOWN
-
-    @property
-    def run_step_s(self) -> float:
-        """Spacing of the samples of its runs, s: its own."""
-        return self.spacing_s
-
-    @property
-    def run_samples(self) -> int:
-        """How many samples its runs have."""
-        return int(self.y.size)
 
     @property
     def is_driven(self) -> bool:
@@ -282,18 +263,6 @@ class TraceRecord:
         farthest = FARTHEST_OF_ONE if self.states <= STATES_OF_ONE else FARTHEST
         spread = np.geomspace(1.0, max(2.0, farthest * self.y.size), count - 1)
         return np.unique(np.concatenate([[0], np.round(spread)])).astype(np.intp)
-
-    def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:
-        """One spacing of the input at a level, then nothing.
-
-        Args:
-            per_sample: steps between two samples.
-            level: of the pulse, in the FMU's unit.
-        """
-        samples = self.pulse_window.samples
-        held = np.zeros((per_sample * samples, 1))
-        held[:per_sample] = level
-        return HeldSignal((self.input,), self.spacing_s / per_sample, held, np.zeros((samples, 1)))
 
     @property
     def pulse_window(self) -> Window:

@@ -10,16 +10,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from fitting.campaign import Setup
 from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
-from fitting.measurements.traces.decay_run import Pulsed, few_samples, read_decay
-from fitting.measurements.traces.own_steps import LOOKED, Look, euler_leaves, looked_finely
+from fitting.measurements.traces.decay_run import few_samples, read_decay
+from fitting.measurements.traces.own_steps import LOOKED, euler_leaves, looked_finely
 from fitting.measurements.traces.step_plan import (
     MOST_STEPS,
     StepPlan,
@@ -28,10 +27,16 @@ from fitting.measurements.traces.step_plan import (
     first_steps,
     planned_steps,
 )
+from fitting.measurements.traces.time_record import TimeRecord
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.budget import Kind as Decided
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+
+if TYPE_CHECKING:  # they are planned by what is here
+    from fitting.measurements.traces.together import TracesTogether
+
+T = TypeVar("T", bound=TimeRecord)
 
 #: Change of a response to half a pulse, doubled, above which an FMU is not linear.
 NONLINEAR = 1e-6
@@ -80,74 +85,11 @@ class Asked(NamedTuple):
         return extrapolated(batch.samples(self.coarse, output), fine)
 
 
-class Begun(Pulsed, Protocol):
-    """A trace whose runs begin with the record."""
-
-    @property
-    def source(self) -> str:
-        """What complaints name it by."""
-
-    @property
-    def label(self) -> str:
-        """Its name."""
-
-    @property
-    def settings(self) -> Mapping[str, Scalar]:
-        """Start values of the FMU during the trace."""
-
-    @property
-    def run_step_s(self) -> float:
-        """Spacing of the samples of its runs, s."""
-
-    @property
-    def run_samples(self) -> int:
-        """How many samples its longest run has."""
-
-    @property
-    def has_own_steps(self) -> bool:
-        """Whether its runs begin with the step that the FMU was made for."""
-
-    def look(self, fine: int, most: int = LOOKED) -> Look | None:
-        """A closer look at its run under the input, of so many steps; None: it has none."""
-
-    @property
-    def has_unknown_start(self) -> bool:
-        """Whether it rests on free responses, which a pulse gives."""
-
-
-T = TypeVar("T", bound=Begun)
-T_contra = TypeVar("T_contra", bound=Begun, contravariant=True)
-
-
-class Kind(Protocol[T_contra]):
-    """Traces of one kind of one series."""
-
-    @property
-    def setup(self) -> Setup:
-        """What is observed, and how accurately."""
-
-    def key(self, trace: T_contra) -> str:
-        """What the plan knows a trace by."""
-
-    def output(self, trace: T_contra) -> str:
-        """The FMU's output that a trace shows."""
-
-    def ask(
-        self, model: DrivenModel, trace: T_contra, p: FloatArray, batch: Batch, owner: int
-    ) -> Asked:
-        """Numbers of the runs that answer for a trace."""
-
-    def followed(
-        self, trace: T_contra, runs: Asked, decay: FloatArray | None, batch: Batch
-    ) -> FloatArray | ComplexArray:
-        """Values (n,) of a trace as simulated runs and a decay have it."""
-
-
 @dataclass(frozen=True)
 class Survey(Generic[T]):
     """Runs of one trace of a kind, as its series drives the FMU."""
 
-    kind: Kind[T]
+    kind: TracesTogether[T]
     trace: T
     model: DrivenModel
     workers: Workers
@@ -249,7 +191,7 @@ class Survey(Generic[T]):
         if look is None:
             return steps
         values = self.model.whole.values(points[0], trace.label or None, trace.settings)
-        output = self.kind.output(trace)
+        output = self.kind.output_of(trace)
         asked = [
             batch.ask(values, look.closer, look.held_signal, output),
             batch.ask(values, look.window, look.signal, output),
@@ -293,7 +235,7 @@ class Survey(Generic[T]):
         look = self.trace.look(fine, MOST_STEPS)
         if look is None:
             return steps
-        output = self.kind.output(self.trace)
+        output = self.kind.output_of(self.trace)
         run = self.batch.ask(values, look.closer, look.held_signal, output)
         self.batch.simulate(self.workers)
         count = steps.step_s / steps.stands_s
@@ -340,7 +282,7 @@ class Survey(Generic[T]):
         large ones of it.
         """
         trace, kind, batch = self.trace, self.kind, self.batch
-        output, plan = kind.output(trace), self._plan(1)
+        output, plan = kind.output_of(trace), self._plan(1)
         asked = [
             (
                 kind.ask(self._with(plan), trace, p, batch, 0),
@@ -363,7 +305,7 @@ class Survey(Generic[T]):
             ]
             if decays[0] is None or decays[1] is None:
                 return np.inf, np.inf
-            before, after = (kind.followed(trace, whole, decay, batch) for decay in decays)
+            before, after = (kind.read(trace, whole, decay, batch)[0] for decay in decays)
             worst.append((_change(*decays), _change(after, before)))
         return max(d for d, _ in worst), max(v for _, v in worst)
 
@@ -383,7 +325,7 @@ class Survey(Generic[T]):
     def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> StepRuns:
         """Outputs of its runs at all points, with so many steps between two samples."""
         model, batch = self._with(self._plan(per_sample)), self.batch
-        output = self.kind.output(self.trace)
+        output = self.kind.output_of(self.trace)
         asked = [self.kind.ask(model, self.trace, p, batch, 0) for p in points]
         batch.simulate(self.workers)
         others = [run for runs in asked for run in (runs.decay, runs.further) if run is not None]
@@ -394,7 +336,7 @@ class Survey(Generic[T]):
 
     def _under_input(self, p: FloatArray, steps: StepPlan) -> FloatArray:
         """Output under the input as planned, (n,); of a trace that is driven."""
-        output = self.kind.output(self.trace)
+        output = self.kind.output_of(self.trace)
         runs = self.kind.ask(self._with(steps), self.trace, p, self.batch, 0)
         self.batch.simulate(self.workers)
         found = runs.under_input(self.batch, output)
@@ -422,7 +364,7 @@ class Survey(Generic[T]):
         if not trace.has_unknown_start:
             return
         values = self.model.whole.values(p, trace.label or None, trace.settings)
-        output, batch = self.kind.output(trace), self.batch
+        output, batch = self.kind.output_of(trace), self.batch
         runs = [
             batch.ask(values, trace.pulse_window, trace.pulse(per_sample, level), output)
             for level in (1.0, 0.5)

@@ -19,10 +19,7 @@ from fitting.fmu.variables import READABLE, VariableLike
 from fitting.measurements.labels import labels_of
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
-    BEGINS,
-    FIRST,
     FIT,
-    FOUND,
     GAINS,
     ONE,
     REST,
@@ -30,6 +27,7 @@ from fitting.measurements.traces.record import (
     UNKNOWN,
     TraceRecord,
 )
+from fitting.measurements.traces.time_record import BEGINS, FIRST, FOUND
 from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
 from fitting.text.arrays import FloatArray

@@ -2,64 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
-from fitting.campaign import Setup
+import numpy as np
+from scipy.linalg import block_diag
+
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import MeasurementKind, Prediction, Values
+from fitting.measurements.measurement import Predicting, Prediction
 from fitting.measurements.plan import Plan
+from fitting.measurements.together import Together
 from fitting.measurements.traces.decay_run import ask_decay, read_decay
-from fitting.measurements.traces.survey import Asked, Begun, Survey
+from fitting.measurements.traces.survey import Asked, Survey
+from fitting.measurements.traces.time_record import TimeRecord
 from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
-from fitting.text.errors import BadInput
+from fitting.text.arrays import ComplexArray, FloatArray
 
-
-class Recorded(Begun, Protocol):
-    """A trace as it was measured, a record."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @property
-    def output(self) -> str:
-        """The FMU's output that is seen; empty: the setup's."""
-
-    @property
-    def setting_sigma(self) -> Mapping[str, float]:
-        """Standard deviations of settings."""
-
-    @property
-    def solved_inside(self) -> int:
-        """How many numbers are solved for inside its rows."""
-
-
-R = TypeVar("R", bound=Recorded)
+R = TypeVar("R", bound=TimeRecord)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TracesTogether(MeasurementKind, Generic[R]):
-    """One or several traces of one kind.
+class SolvedTraces(Prediction):
+    """Traces as predicted: `designs` (n, k) of what was solved inside each, of its rows."""
 
-    Raises:
-        BadInput: no trace, or two of one name.
-    """
+    designs: tuple[FloatArray, ...] = ()
 
-    #: What they are called in complaints.
-    NOUN: ClassVar[str]
 
-    setup: Setup
-    traces: tuple[R, ...]
-    series: str = ""
+@dataclass(frozen=True, kw_only=True)
+class TracesTogether(Together[R]):
+    """One or several traces of one kind."""
 
-    def __post_init__(self) -> None:
-        labels = [trace.label for trace in self.traces]
-        if not labels or len(set(labels)) < len(labels):
-            raise BadInput(
-                f"{self.NOUN}: labels {', '.join(labels) or 'of no trace'}; wanted one trace at "
-                "least, each with a name of its own"
-            )
+    FIELD = "traces"
+
+    traces: tuple[R, ...] = field(default=())
 
     @property
     def settles(self) -> bool:
@@ -67,38 +43,9 @@ class TracesTogether(MeasurementKind, Generic[R]):
         return False
 
     @property
-    def is_curve(self) -> bool:
-        """Its values follow each other."""
-        return True
-
-    @property
     def is_trace(self) -> bool:
         """Its rows are samples over time."""
         return True
-
-    @property
-    def solved_inside(self) -> int:
-        """What is solved for inside the rows of all traces."""
-        return sum(trace.solved_inside for trace in self.traces)
-
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings of every trace."""
-        return tuple((trace.label, trace.settings) for trace in self.traces)
-
-    @property
-    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
-        """Declared standard deviations of settings, by label."""
-        return {trace.label: trace.setting_sigma for trace in self.traces}
-
-    def named(self, label: str) -> Self:
-        """The same with a label for the trace that has none.
-
-        Args:
-            label: of the trace.
-        """
-        traces = tuple(x if x.label else replace(x, label=label) for x in self.traces)
-        return replace(self, traces=traces)
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
         """The plan with the communication step of every trace."""
@@ -141,10 +88,12 @@ class TracesTogether(MeasurementKind, Generic[R]):
         """
         raise NotImplementedError
 
-    def followed(
+    def read(
         self, trace: R, runs: Asked, decay: FloatArray | None, batch: Batch
-    ) -> FloatArray | ComplexArray:
-        """Values (n,) of a trace as simulated runs and a decay have it.
+    ) -> tuple[FloatArray | ComplexArray, FloatArray]:
+        """Values (n,) of a trace as the model has it, and derivatives (rows, k) of its rows.
+
+        The derivatives are those by what is solved inside.
 
         Args:
             trace: one of them.
@@ -153,6 +102,33 @@ class TracesTogether(MeasurementKind, Generic[R]):
             batch: that has simulated them.
         """
         raise NotImplementedError
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Values of every trace, with the best of what is solved inside."""
+        asked = [
+            [self.ask(model, trace, p, batch, k) for trace in self.traces]
+            for k, p in enumerate(table)
+        ]
+        yield
+        decays = yield from self.decays(model, table, asked, batch)
+        found: list[Prediction] = []
+        for each, free in zip(asked, decays, strict=True):
+            trios = zip(self.traces, each, free, strict=True)
+            values, designs = zip(*(self.read(*trio, batch) for trio in trios), strict=True)
+            found.append(SolvedTraces(np.concatenate(values), designs=designs))
+        return found
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """Derivatives of the rows by what is solved inside."""
+        return np.asarray(block_diag(*self.solved_blocks(prediction)))
+
+    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
+        """A stretch for each trace."""
+        if not isinstance(prediction, SolvedTraces):
+            raise TypeError(f"a trace is predicted by {prediction!r}")
+        return prediction.designs
 
     def decays(
         self,
@@ -174,7 +150,7 @@ class TracesTogether(MeasurementKind, Generic[R]):
         found: list[list[FloatArray | None]] = [[None] * len(self.traces) for _ in table]
         again: dict[tuple[int, int], int] = {}
         for i, trace in enumerate(self.traces):
-            plan, output = model.plan.step_plan(self.key(trace)), self.output(trace)
+            plan, output = model.plan.step_plan(self.key(trace)), self.output_of(trace)
             for k, p in enumerate(table):
                 run = asked[k][i].decay
                 if run is None:
@@ -190,26 +166,5 @@ class TracesTogether(MeasurementKind, Generic[R]):
         if again:
             yield
         for (k, i), run in again.items():
-            found[k][i] = batch.samples(run, self.output(self.traces[i]))
+            found[k][i] = batch.samples(run, self.output_of(self.traces[i]))
         return found
-
-    def output(self, trace: R) -> str:
-        """The FMU's output that a trace shows.
-
-        Args:
-            trace: one of them.
-        """
-        return trace.output or self.setup.output
-
-    def scaled(self, prediction: Prediction, chi: float) -> Values:
-        """S itself: what multiplies it is solved inside."""
-        return prediction.values
-
-    def within(self, setup: Setup, series: str) -> Self:
-        """The same as part of a series, whose name its labels carry."""
-        traces = self.traces
-        if series and series != self.series:
-            traces = tuple(
-                replace(x, label=f"{series}/{x.label}") if x.label else x for x in traces
-            )
-        return replace(self, setup=setup, series=series, traces=traces)

@@ -11,18 +11,15 @@ these. A ringdown is a trace without an input whose start is unknown.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
-from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
-from fitting.measurements.residual_curve import ResidualCurve, mistakes
+from fitting.measurements.measurement import Values
+from fitting.measurements.record import OfSetup
 from fitting.measurements.traces.decay_run import ask_decay
 from fitting.measurements.traces.figure import trace_figure
 from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
@@ -33,16 +30,9 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
-class SolvedTraces(Prediction):
-    """Traces as predicted: `designs` (n, k) of what was solved inside each, of its rows."""
-
-    designs: tuple[FloatArray, ...] = ()
-
-
 @checked
 @dataclass(frozen=True, eq=False)
-class Trace(TraceRecord, AtOnePlace):
+class Trace(TraceRecord, OfSetup):
     """A time series of one output of the FMU, under a recorded or declared input, or none.
 
     Args:
@@ -77,15 +67,6 @@ class Trace(TraceRecord, AtOnePlace):
             finite or are clipped, an unknown start without an input or without a whole period.
     """
 
-    _: KW_ONLY
-    setup: Setup
-    series: str = ""
-
-    @property
-    def rows(self) -> int:
-        """Number of residual rows: one for each sample."""
-        return int(self.y.size)
-
     def within(self, setup: Setup, series: str) -> Traces:
         """The measurement, as part of a series that is driven so.
 
@@ -98,23 +79,9 @@ class Trace(TraceRecord, AtOnePlace):
 
 @dataclass(frozen=True, kw_only=True)
 class Traces(TracesTogether[TraceRecord]):
-    """One or several traces that are fitted together, a row for each sample.
+    """One or several traces that are fitted together, a row for each sample."""
 
-    Raises:
-        BadInput: no trace, or two of one name.
-    """
-
-    NOUN = "traces"
-
-    @property
-    def rows(self) -> int:
-        """One for each sample."""
-        return sum(trace.y.size for trace in self.traces)
-
-    @cached_property
-    def sigma(self) -> FloatArray:
-        """Standard deviation of every row, (rows,); zero where unknown."""
-        return np.concatenate([np.full(x.y.size, x.sigma / x.largest) for x in self.traces])
+    NOUN = "trace"
 
     def key(self, trace: TraceRecord) -> str:
         """What the plan knows a trace by.
@@ -123,26 +90,6 @@ class Traces(TracesTogether[TraceRecord]):
             trace: one of them.
         """
         return f"{self.series}/{trace.label}"
-
-    def predict(
-        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
-    ) -> Predicting:
-        """Values of every trace, with the best gain, offset and start."""
-        asked = [
-            [self.ask(model, trace, p, batch, k) for trace in self.traces]
-            for k, p in enumerate(table)
-        ]
-        yield
-        decays = yield from self.decays(model, table, asked, batch)
-        return [
-            self._solved(
-                [
-                    self._read(trace, runs, decay, batch)
-                    for trace, runs, decay in zip(self.traces, each, free, strict=True)
-                ]
-            )
-            for each, free in zip(asked, decays, strict=True)
-        ]
 
     def ask(
         self, model: DrivenModel, trace: TraceRecord, p: FloatArray, batch: Batch, owner: int
@@ -159,7 +106,7 @@ class Traces(TracesTogether[TraceRecord]):
         values = model.whole.values(p, trace.label or None, trace.settings)
         plan = model.plan.step_plan(self.key(trace))
         driven = decay = coarse = None
-        output, steps = self.output(trace), 1 if plan is None else plan.per_sample
+        output, steps = self.output_of(trace), 1 if plan is None else plan.per_sample
         if trace.is_driven:
             driven = batch.ask(values, trace.window(), trace.signal(steps), output, owner)
             if plan is not None and plan.extrapolated:
@@ -169,26 +116,13 @@ class Traces(TracesTogether[TraceRecord]):
             decay = ask_decay(trace, values, plan, batch, output, owner)
         return Asked(driven=driven, decay=decay, coarse=coarse)
 
-    def followed(
-        self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
-    ) -> FloatArray:
-        """Values (n,) of a trace as simulated runs and a decay have it.
-
-        Args:
-            trace: one of them.
-            runs: numbers of its runs.
-            decay: after a pulse, whole; None: it wants none.
-            batch: that has simulated them.
-        """
-        return self._read(trace, runs, decay, batch)[0]
-
-    def _read(
+    def read(
         self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
     ) -> tuple[FloatArray, FloatArray]:
-        """Values (n,) of a trace as the model has it, and what is solved for, (n, k)."""
+        """Values (n,) of a trace, with the best gain, offset and start; derivatives (n, k)."""
         count = trace.y.size
         base, columns = np.zeros(count), []
-        seen = runs.under_input(batch, self.output(trace))
+        seen = runs.under_input(batch, self.output_of(trace))
         if seen is not None:
             if trace.gain == FIT:
                 columns.append(seen)
@@ -199,68 +133,16 @@ class Traces(TracesTogether[TraceRecord]):
         if decay is not None:
             columns += list(trace.free_responses(decay).T)
         design = np.stack(columns, axis=1) if columns else np.empty((count, 0))
-        return base + _projected(design, trace.y - base), design
+        return base + _projected(design, trace.y - base), design / trace.largest
 
-    def _solved(self, each: Sequence[tuple[FloatArray, FloatArray]]) -> SolvedTraces:
-        designs = tuple(
-            design / trace.largest for (_, design), trace in zip(each, self.traces, strict=True)
-        )
-        return SolvedTraces(np.concatenate([values for values, _ in each]), designs=designs)
-
-    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
-        """(S - y)/max|y - mean y|, (rows,)."""
-        pairs = zip(self.traces, self._split(prediction.values), strict=True)
-        return np.concatenate([(values - trace.y) / trace.largest for trace, values in pairs])
-
-    def solved_columns(self, prediction: Prediction) -> FloatArray:
-        """Derivatives of the rows by gains, offsets and states."""
-        return np.asarray(block_diag(*self.solved_blocks(prediction)))
-
-    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
-        """A stretch for each trace."""
-        if not isinstance(prediction, SolvedTraces):
-            raise TypeError(f"a trace is predicted by {prediction!r}")
-        return prediction.designs
-
-    def share_left(self, residuals: FloatArray) -> float:
-        """Root mean square of the worst trace over its largest deviation from its mean."""
-        ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
-        return max(float(np.sqrt(np.mean(r**2))) for r in np.split(residuals, ends))
-
-    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
-        """Every trace over time."""
-        found, begin = [], 0
-        for trace in self.traces:
-            rows = np.arange(begin, begin + trace.y.size)
-            begin += rows.size
-            values = trace.y + trace.largest * residuals[rows]
-            time_s = np.asarray(trace.spacing_s * np.arange(rows.size), dtype=float)
-            found.append(
-                ResidualCurve(
-                    rows=rows,
-                    share=np.ones(rows.size),
-                    axis=time_s,
-                    name=trace.label,
-                    columns=mistakes(time_s, values, 1.0 / trace.largest),
-                )
-            )
-        return tuple(found)
-
-    def unexplained(self, residuals: FloatArray) -> str:
-        """Traces of whose variance less than half is explained are not described."""
-        y = np.concatenate([(x.y - np.mean(x.y)) / x.largest for x in self.traces])
-        if self._leaves_most(y, residuals):
-            return "the simulated trace does not follow the measured one"
-        return ""
-
-    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
-        """Every trace with the model, what the fit leaves, and how that hangs together."""
-        trios = zip(self.traces, self._split(before), self._split(after), strict=True)
-        return tuple(trace_figure(x, b, a, self.series) for x, b, a in trios)
-
-    def _split(self, values: Values) -> list[FloatArray]:
-        ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
-        return list(np.split(np.asarray(values.real, dtype=float), ends))
+    def figure_of(
+        self,
+        record: TraceRecord,
+        before: Values,
+        after: Values,
+    ) -> Figure:
+        """A trace with the model, its residuals, and their autocorrelation."""
+        return trace_figure(record, before.real, after.real, self.series)
 
 
 def _projected(design: FloatArray, values: FloatArray) -> FloatArray:

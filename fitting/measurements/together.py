@@ -1,0 +1,315 @@
+"""Records of one kind that are fitted together: what all kinds of them answer alike."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, Generic, Self, TypeVar, cast
+
+import numpy as np
+
+from fitting.campaign import Setup
+from fitting.measurements.curve_survey import plan_curve
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.few_places import few_of
+from fitting.measurements.figure import Figure
+from fitting.measurements.measurement import (
+    Measurement,
+    Prediction,
+    Sampled,
+    Values,
+    without_drive,
+)
+from fitting.measurements.plan import Plan
+from fitting.measurements.record import Curve, Measured
+from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.response_curve import ResponseCurve
+from fitting.simulate.batch import Batch, Workers, together
+from fitting.simulate.drive import Drive
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
+from fitting.text.errors import BadInput
+
+R = TypeVar("R", bound=Measured)
+C = TypeVar("C", bound=Curve)
+
+
+@dataclass(frozen=True)
+class Together(Measurement, Generic[R]):
+    """One or several records of one kind, in a field of the name ``FIELD``.
+
+    Their rows follow one another. What multiplies a simulation, or is added to it, is solved inside
+    the rows of each.
+
+    Raises:
+        BadInput: no record, or two of one name.
+    """
+
+    FIELD: ClassVar[str]
+    #: What one of them is called.
+    NOUN: ClassVar[str]
+
+    setup: Setup
+    series: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        labels = [record.label for record in self.records]
+        if not labels or len(set(labels)) < len(labels):
+            raise BadInput(
+                f"{self.NOUN}: labels {', '.join(labels) or 'of none'}; wanted at least one "
+                f"{self.NOUN}, each with a name of its own"
+            )
+
+    @property
+    def records(self) -> tuple[R, ...]:
+        """All of them, in the order of their rows."""
+        return cast("tuple[R, ...]", getattr(self, self.FIELD))
+
+    def of_records(self, records: Iterable[R], **changes: Any) -> Self:
+        """The same with other records.
+
+        Args:
+            records: instead of its own.
+            **changes: of further fields.
+        """
+        return replace(self, **{self.FIELD: tuple(records), **changes})
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Which rows each record has."""
+        ends = itertools.accumulate(record.rows for record in self.records)
+        return tuple(slice(e - x.rows, e) for x, e in zip(self.records, ends, strict=True))
+
+    @property
+    def is_curve(self) -> bool:
+        """Its values follow each other."""
+        return True
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Points that an instrument cut off."""
+        return tuple(record.left_out for record in self.records if record.left_out)
+
+    @property
+    def rows(self) -> int:
+        """Those of all records."""
+        return sum(record.rows for record in self.records)
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of every row, (rows,); zero where unknown."""
+        return np.concatenate([np.full(x.rows, x.row_sigma) for x in self.records])
+
+    @property
+    def solved_inside(self) -> int:
+        """What is solved for inside the rows of all records."""
+        return sum(record.solved_inside for record in self.records)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings of every record."""
+        return tuple((record.label, record.settings) for record in self.records)
+
+    @property
+    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
+        """Declared standard deviations of settings, by label."""
+        pairs = ((record.label, record.setting_sigma) for record in self.records)
+        return {label: sigmas for label, sigmas in pairs if sigmas is not None}
+
+    def named(self, label: str) -> Self:
+        """The same with a label for the record that has none, of a kind that can declare errors.
+
+        Args:
+            label: of the record.
+        """
+        if not self.setting_sigmas:
+            return self
+        return self.of_records(_relabelled(x, x.label or label) for x in self.records)
+
+    def output_of(self, record: R) -> str:
+        """The FMU's output that a record shows.
+
+        Args:
+            record: one of them.
+        """
+        return record.output or self.setup.output
+
+    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
+        """Rows of all records, (rows,): what multiplies them is solved inside."""
+        pairs = zip(self.records, self.split(prediction.values), strict=True)
+        return np.concatenate([record.residuals(values) for record, values in pairs])
+
+    def scaled(self, prediction: Prediction, chi: float) -> Values:
+        """The prediction itself: what multiplies it is solved inside."""
+        return prediction.values
+
+    def share_left(self, residuals: FloatArray) -> float:
+        """Root mean square of the worst record, over its largest amplitude."""
+        pairs = zip(self.records, self.slices, strict=True)
+        return max(record.share_left(residuals[mine]) for record, mine in pairs)
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        """Every record along its axis."""
+        pairs = zip(self.records, self.slices, strict=True)
+        return tuple(record.residual_curve(mine, residuals[mine]) for record, mine in pairs)
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """Records of whose variance less than half is explained are not described.
+
+        Those with so much noise that it is most of their variance may be.
+        """
+        flat = np.concatenate([x.rows_of(x.y - np.mean(x.y)) for x in self.records])
+        if not self._leaves_most(flat, residuals):
+            return ""
+        if self.rows_without_response.size and self._leaves_noise(residuals, self.sigma):
+            return ""
+        return f"the simulated {self.NOUN} does not follow the measured one"
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """Every record with the model, and its residuals."""
+        trios = zip(self.records, self.split(before), self.split(after), strict=True)
+        return tuple(self.figure_of(record, b, a) for record, b, a in trios)
+
+    def figure_of(self, record: R, before: Values, after: Values) -> Figure:
+        """A record with the model, and its residuals.
+
+        Args:
+            record: one of them.
+            before: as simulated with the start parameters, (n,), in the unit of the data.
+            after: with the fitted ones.
+        """
+        raise NotImplementedError
+
+    def split(self, values: Values) -> list[Values]:
+        """Values (n,) of all records as those of each.
+
+        Args:
+            values: predicted or measured, one after the other.
+        """
+        ends = np.cumsum([record.y.size for record in self.records])[:-1]
+        return cast("list[Values]", np.split(values, ends))
+
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same as part of a series, whose name the labels carry."""
+        records: Iterable[R] = self.records
+        if series and series != self.series:
+            records = (_relabelled(x, x.label and f"{series}/{x.label}") for x in records)
+        return self.of_records(records, setup=setup, series=series)
+
+
+def _relabelled(record: R, label: str) -> R:
+    changed: Any = replace(record, label=label)  # type: ignore[type-var]
+    return cast(R, changed)
+
+
+@dataclass(frozen=True)
+class CurvesTogether(Together[C]):
+    """Records over the frequency of single tones: what the FMU answers to these."""
+
+    @property
+    def ends(self) -> tuple[C, ...]:
+        """Records by whose drives the plan of the series is measured."""
+        return self.records[:1]
+
+    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
+        """Those of the first, the largest and the last point of the `ends`."""
+        found = []
+        for curve in self.ends:
+            u, output = curve.u_hz, self.output_of(curve)
+            top_hz = u[int(np.argmin(np.abs(u - curve.top_hz)))]
+            for tone in dict.fromkeys(map(float, (u[0], top_hz, u[-1]))):
+                values = model.single_tone_values(p, curve.settings, tone, curve.label or None)
+                found.append(model.drive(values, (tone,), output))
+        return found
+
+    def curve(self, model: DrivenModel, record: C) -> ResponseCurve:
+        """The response that a record shows.
+
+        Args:
+            model: the FMU as the series drives it.
+            record: one of them.
+        """
+        output = self.output_of(record)
+        return ResponseCurve(model, record.settings, output, label=record.label or None)
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The plan with few runs for each record, where the response is measured to be rational."""
+        for each in self.records:
+            curve = self.curve(model, each)
+            plan = plan_curve(curve, each.u_hz, points, workers, each.top_hz)
+            model = replace(model, plan=plan)
+        return model.plan
+
+    def responses(
+        self, model: DrivenModel, table: FloatArray, batch: Batch
+    ) -> Generator[None, None, list[ComplexArray]]:
+        """Responses of all records, (k, n) each, at all points.
+
+        Args:
+            model: the FMU as the series drives it.
+            table: parameter vectors (k, m), each in its own unit.
+            batch: where runs are asked for.
+        """
+        tasks = [self.curve(model, x).predict(table, x.u_hz, batch) for x in self.records]
+        return (yield from together(tasks))
+
+    def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
+        """The run at the first point of every record."""
+        return [self.sampled_at(record, model, p, batch) for record in self.records]
+
+    def sampled_at(self, record: C, model: DrivenModel, p: FloatArray, batch: Batch) -> Sampled:
+        """The run at the first point of a record.
+
+        Args:
+            record: one of them.
+            model: how the FMU is driven for one series, and by which plan.
+            p: parameters (n,), each in its own unit.
+            batch: where runs are asked for.
+        """
+        window = model.single_tone_window(float(record.u_hz[0]))
+        [tone] = window.tones_hz
+        values = model.single_tone_values(p, record.settings, tone, record.label or None)
+        output, signal = self.output_of(record), model.signal(window, (tone,))
+        return Sampled(batch.ask(values, window, signal, output), window, output)
+
+    def first_drive(self, *, driven: bool) -> Self:
+        """Its first record, which begins with its first point."""
+        first = self.records[0]
+        if driven:
+            return self.of_records((first,))
+        setup, settings = without_drive(self.setup, first.settings)
+        off: Any = replace(first, settings=settings)  # type: ignore[type-var]
+        return self.of_records((off,), setup=setup)
+
+
+@dataclass(frozen=True)
+class SweepsTogether(CurvesTogether[C]):
+    """Sweeps, perhaps at values of control quantities that their settings name.
+
+    ``units`` are those of the controls; those of the FMU's own variables may be left out.
+    """
+
+    units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """Units of the controls."""
+        return {name: unit for name, unit in self.units.items() if unit}
+
+    def part(self, labels: Collection[str]) -> Self | None:
+        """The records at the places of these labels.
+
+        Args:
+            labels: of places.
+        """
+        kept = tuple(x for x in self.records if x.label in labels)
+        return self.of_records(kept) if kept else None
+
+    def few_places(self) -> tuple[Self, BoolArray] | None:
+        """Records at few values of the controls, the outermost ones and others evenly between."""
+        kept = few_of([x.settings for x in self.records])
+        if kept is None:
+            return None
+        rows = np.repeat(kept, [x.rows for x in self.records])
+        return self.of_records(itertools.compress(self.records, kept)), rows

@@ -1,0 +1,148 @@
+"""Time record: values over time, whose runs begin with them, and the pulse for their decay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.fmu import HeldSignal
+from fitting.measurements.record import Record
+from fitting.measurements.traces.grid import refuse_clipped, spacing_s
+from fitting.measurements.traces.own_steps import LOOKED, Look
+from fitting.signal.window import Window
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray
+from fitting.text.errors import BadInput
+from fitting.text.numbers import as_numbers, as_values, require_size
+
+FIRST, FOUND = BEGINS = ("first", "found")
+
+
+@dataclass(frozen=True, eq=False)
+class TimeRecord(Record):
+    """Values over time; the kinds explain the fields.
+
+    Raises:
+        BadInput: shapes that differ, times that do not rise or are not even, values that are not
+            finite or are clipped, a negative sigma.
+    """
+
+    time_s: npt.ArrayLike
+    values: npt.ArrayLike
+    _: KW_ONLY
+    input: str = ""
+    offset: bool = False
+    sigma: float = 0.0
+    begin: str = FIRST
+    setting_sigma: Mapping[str, float] = field(default_factory=dict)
+    source: str = "trace"
+    t: FloatArray = field(init=False)
+    y: FloatArray | ComplexArray = field(init=False)
+    spacing_s: float = field(init=False)
+
+    #: Whether values may be complex.
+    is_complex = False
+
+    def __post_init__(self) -> None:
+        t = as_numbers(self.time_s, f"{self.source}: times")
+        read = as_values if self.is_complex else as_numbers
+        y = read(self.values, f"{self.source}: values")
+        if t.shape != y.shape:
+            raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
+        if not (np.isfinite(t).all() and np.isfinite(y).all()):
+            raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(t, f"{self.source}: times")
+        require_size(y, f"{self.source}: values")
+        object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
+        self._set_samples(t, y)
+        self._refuse_other_words("begin", BEGINS)
+        if not self.sigma >= 0.0:
+            raise BadInput(f"{self.source}: sigma is wanted as zero or more")
+        self.check_statements()
+        first = 0 if self.begin == FIRST else self.decay_begin()
+        self._set_samples(t[first:], y[first:])
+        for part in (self.y.real, self.y.imag) if np.iscomplexobj(self.y) else (self.y.real,):
+            refuse_clipped(part, self.source)
+        self.check_samples()
+
+    def _set_samples(self, t: FloatArray, y: FloatArray | ComplexArray) -> None:
+        object.__setattr__(self, "t", t)
+        object.__setattr__(self, "y", y)
+
+    def _refuse_other_words(self, name: str, known: tuple[str, ...]) -> None:
+        if getattr(self, name) not in known:
+            raise BadInput(
+                f"{self.source}: {name} is {getattr(self, name)!r}, wanted "
+                f"{' or '.join(repr(word) for word in known)}"
+            )
+
+    def check_statements(self) -> None:
+        """Complain of fields that do not go together."""
+
+    def decay_begin(self) -> int:
+        """Index of the first sample of the free decay.
+
+        Raises:
+            BadInput: there is none.
+        """
+        raise NotImplementedError
+
+    def check_samples(self) -> None:
+        """Complain of too few samples."""
+
+    @property
+    def has_own_steps(self) -> bool:
+        """Whether its runs begin with the step that the FMU was made for."""
+        return True
+
+    @property
+    def has_unknown_start(self) -> bool:
+        """Whether it rests on free responses, which a pulse gives."""
+        return True
+
+    @property
+    def run_step_s(self) -> float:
+        """Spacing of the samples of its runs, s."""
+        return self.spacing_s
+
+    @property
+    def run_samples(self) -> int:
+        """How many samples its longest run has."""
+        return int(self.y.size)
+
+    def look(self, fine: int, most: int = LOOKED) -> Look | None:
+        """A closer look at its run under the input; None: nothing but its start moves it.
+
+        Args:
+            fine: steps between two samples.
+            most: steps in all.
+        """
+        return None
+
+    @property
+    def shifts(self) -> IntArray:
+        """Samples by which the responses to a pulse are shifted against each other."""
+        raise NotImplementedError
+
+    @property
+    def pulse_window(self) -> Window:
+        """Samples of the response to a pulse, as long as the record and its shifts."""
+        raise NotImplementedError
+
+    def pulse(
+        self, per_sample: int, level: float = 1.0, window: Window | None = None
+    ) -> HeldSignal:
+        """One spacing of the input at a level, then nothing.
+
+        Args:
+            per_sample: steps between two samples.
+            level: of the pulse, in the FMU's unit.
+            window: samples of the response; None: `pulse_window`.
+        """
+        window = window or self.pulse_window
+        held = np.zeros((per_sample * window.samples, 1))
+        held[:per_sample] = level
+        step_s = window.step_s / per_sample
+        return HeldSignal((self.input,), step_s, held, np.zeros((window.samples, 1)))
