@@ -33,6 +33,7 @@ def kinds_in(modules: Sequence[ModuleType]) -> tuple[type[MeasurementTable], ...
         if isinstance(value, type)
         and issubclass(value, MeasurementTable)
         and value.__module__ == module.__name__
+        and hasattr(value, "TABLE")  # not what tables of several kinds are derived from
     }
     return tuple(found[name] for name in sorted(found))
 

@@ -408,7 +408,7 @@ def test_a_campaign_tells_block_and_columns(tmp_path: Path) -> None:
         "columns": {"amplitude": "S21", "phase": "S21(DEG)"},
     }
     where = tmp_path / "campaign.toml"
-    curve = read_record(ComplexSweepTable, table, where, "complex_sweep").curve("")
+    curve = read_record(ComplexSweepTable, table, where, "complex_sweep").record("")
     f, width = found_line(np.asarray(curve.frequency_hz), np.asarray(curve.values))
     assert f == pytest.approx(F_HZ, abs=1e-5)
     assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
@@ -417,7 +417,7 @@ def test_a_campaign_tells_block_and_columns(tmp_path: Path) -> None:
     two_ports(tmp_path / "a.csv")
     written = read_record(ComplexSweepTable, table, where, "complex_sweep")
     with pytest.raises(BadInput, match=r"layout 'touchstone'; 'trace'"):
-        written.curve("")
+        written.record("")
 
 
 def test_each_block_of_a_fieldfox(tmp_path: Path) -> None:

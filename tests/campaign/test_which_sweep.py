@@ -15,7 +15,6 @@ from scipy.io import savemat
 
 import fitting as ff
 from fitting.api.init import init
-from fitting.measurements.complex.table import ReadComplexSweeps
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
@@ -150,7 +149,7 @@ def test_a_drafted_campaign_reads_the_sweep_that_was_chosen(tmp_path: Path) -> N
     path, _ = init(tmp_path / "a.h5", out=tmp_path / "o", columns=columns(names, "warm", {}))
     [table] = tomllib.loads(path.read_text("utf-8"))["complex_sweep"]
     assert set(table["columns"].values()) == {name.format("warm") for name in names}
-    [curve] = cast(ReadComplexSweeps, ff.read_campaign(path).measurements["complex_sweep"]).curves
+    [curve] = cast(Any, ff.read_campaign(path).measurements["complex_sweep"]).records
     assert float(np.mean(curve.u_hz)) == pytest.approx(LINES["warm"][0], rel=1e-4)
 
 

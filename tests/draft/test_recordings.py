@@ -12,7 +12,8 @@ import pytest
 
 import fitting as ff
 from fitting.api.init import Question, init
-from fitting.measurements.traces.table import ReadTraces
+from fitting.measurements.record_table import ReadRecords
+from fitting.measurements.traces.table import TraceTable
 
 pytestmark = pytest.mark.usefixtures("swift_models")
 
@@ -73,8 +74,10 @@ def test_a_ringdown_is_read_and_drafted_with_its_units(name: str, tmp_path: Path
     assert boxes["f1"] == pytest.approx(F_HZ, abs=2.0)
     assert boxes["d1"] == pytest.approx(WIDTH_HZ, rel=0.2)
     traces = ff.read_campaign(made).measurements["trace"]
-    assert isinstance(traces, ReadTraces)
-    read = traces.tables[0].read_columns("readout")
+    assert isinstance(traces, ReadRecords)
+    [table] = traces.tables
+    assert isinstance(table, TraceTable)
+    read = table.read_columns("readout")
     np.testing.assert_allclose(np.diff(read.time.values), 1e-5, rtol=1e-6)
     assert read.output.unit == {"x": "nm", "U": "mV"}.get(column, "V")
 

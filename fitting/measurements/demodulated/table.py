@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
-from fitting.campaign.kind import MeasurementTable
-from fitting.campaign.stated import bind_sigmas
-from fitting.fmu.variables import READABLE
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.demodulated.traces import DemodulatedTraces
-from fitting.measurements.labels import labels_of
+from fitting.measurements.record_table import StatedTable
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.time_record import BEGINS, FIRST
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.errors import BadInput, gathered
+from fitting.text.errors import BadInput
 from fitting.text.keys import Count, FileName, Keys, Missing, OneOf, Refused, Switch, Text, Value
 from fitting.text.units import convert
 from fitting.text.written import in_unit, sigma_in
@@ -48,7 +44,7 @@ class WrittenDemodulatedColumns(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemodulatedTable(MeasurementTable):
+class DemodulatedTable(StatedTable):
     """A free decay of one output of the FMU, demodulated at a frequency.
 
     A lock-in amplifier records it, or a spectrum analyser with a span of zero. Several of these
@@ -56,7 +52,7 @@ class DemodulatedTable(MeasurementTable):
     """
 
     TABLE: ClassVar[str] = "demodulated_trace"
-    REPEATED: ClassVar[bool] = True
+    TOGETHER = DemodulatedTraces
     TRANSIENT: ClassVar[bool] = True
 
     file: Annotated[FileName, Missing("wanted a table of times and X and Y, or of amplitudes")]
@@ -67,8 +63,6 @@ class DemodulatedTable(MeasurementTable):
     """The FMU input by which a pulse sets it moving."""
     columns: WrittenDemodulatedColumns = field(default_factory=WrittenDemodulatedColumns)
     """Names of columns, where they are not the usual ones."""
-    output: Text | None = None
-    """The FMU output that is seen; without it that of [observe]."""
     modes: Count = 1
     """How many modes are seen: those nearest to the frequency."""
     offset: Switch = False
@@ -81,12 +75,6 @@ class DemodulatedTable(MeasurementTable):
     begin: Annotated[Text, OneOf(BEGINS)] = FIRST
     """"first": the decay begins with the first sample; "found": where it is found to; samples
     before are not used."""
-    label: Text = ""
-    """Name of the trace, for values of its own; without it "1", "2" where there are several."""
-    set: dict[str, Value] = field(default_factory=dict)
-    """Start values of the FMU during the trace."""
-    set_sigma: dict[str, Value] = field(default_factory=dict)
-    """Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each is fitted."""
 
     def __post_init__(self) -> None:
         named = self.columns
@@ -95,8 +83,11 @@ class DemodulatedTable(MeasurementTable):
         if self.modes < 1:
             raise Refused(f"found {self.modes}, wanted 1 or more", "modes")
 
-    def read_columns(self) -> ReadDemodulated:
+    def record(self, label: str) -> DemodulatedRecord:
         """Times and values, phasors or amplitudes, in the unit of the file.
+
+        Args:
+            label: of the trace.
 
         Raises:
             BadInput: a column or unit that is missing, times that are not an even grid.
@@ -117,7 +108,26 @@ class DemodulatedTable(MeasurementTable):
             if not amplitudes:
                 raise BadInput(f"{self.file}: a column of phases stands beside X and Y")
             values = values * np.exp(1j * self._phases(table))
-        return ReadDemodulated(self, time_s, values, unit)
+        return DemodulatedRecord(
+            time_s,
+            values,
+            frequency_hz=in_unit(self.frequency, "Hz"),
+            input=self.input,
+            modes=self.modes,
+            offset=self.offset,
+            floor=self.floor,
+            sigma=sigma_in(self.sigma, unit),
+            begin=self.begin,
+            label=label,
+            unit=unit,
+            source=str(self.file),
+        )
+
+    def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What examines each name and value by itself, the input as well."""
+        yield from super().checks(binder, setup)
+        where = f"{setup.source}: [[{self.TABLE}]] input"
+        yield partial(binder.real, self.input, where, ("input",), "driven")
 
     def _phasors(self, table: Recording) -> tuple[ComplexArray, str]:
         x, y = table.column(self.columns.X or "X"), table.column(self.columns.Y or "Y")
@@ -144,78 +154,3 @@ class DemodulatedTable(MeasurementTable):
         unit = unit_of(table, column, "phase (deg)")
         factor = convert(1.0, unit, "rad", where=f"{self.file}: column '{column.name}'")
         return factor * table.numbers(column)
-
-    @classmethod
-    def read_together(cls, tables: Sequence[Self]) -> ReadDemodulatedTraces:
-        """All traces, with the labels that they are told apart by."""
-        labels = labels_of(tables, "trace", cls.TABLE)
-        read = gathered(table.read_columns for table in tables)
-        return ReadDemodulatedTraces(tuple(read), tuple(labels))
-
-
-@dataclass(frozen=True, eq=False)
-class ReadDemodulated:
-    """The columns of one table [[demodulated_trace]]."""
-
-    table: DemodulatedTable
-    time_s: FloatArray
-    values: FloatArray | ComplexArray
-    unit: str
-
-    def record(self, binder: Binder, setup: Setup, label: str) -> DemodulatedRecord:
-        """The trace in the names and units of the FMU.
-
-        Args:
-            binder: of the campaign to its FMU.
-            setup: how the campaign drives the FMU.
-            label: of the trace.
-        """
-        table = self.table
-        gathered(self._readers(binder, setup))
-        return DemodulatedRecord(
-            self.time_s,
-            self.values,
-            frequency_hz=in_unit(table.frequency, "Hz"),
-            input=table.input,
-            output=table.output or "",
-            modes=table.modes,
-            offset=table.offset,
-            floor=table.floor,
-            sigma=sigma_in(table.sigma, self.unit),
-            begin=table.begin,
-            settings=binder.settings(table.set),
-            setting_sigma=bind_sigmas(table.set_sigma, binder),
-            label=label,
-            unit=self.unit,
-            source=str(table.file),
-        )
-
-    def _readers(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
-        """What looks at each name and value by itself."""
-        table, where = self.table, f"{setup.source}: [[demodulated_trace]]"
-        seen = table.output or setup.output
-        yield partial(binder.real, seen, f"{where} output", READABLE, "observed")
-        yield partial(binder.real, table.input, f"{where} input", ("input",), "driven")
-        yield partial(sigma_in, table.sigma, self.unit)
-        yield partial(in_unit, table.frequency, "Hz")
-        yield partial(binder.settings, table.set)
-        yield partial(bind_sigmas, table.set_sigma, binder)
-
-
-@dataclass(frozen=True)
-class ReadDemodulatedTraces:
-    """The traces of all tables [[demodulated_trace]], as their files have them."""
-
-    read: tuple[ReadDemodulated, ...]
-    labels: tuple[str, ...]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files of all tables, each once."""
-        return tuple(dict.fromkeys(one.table.file for one in self.read))
-
-    def bind(self, binder: Binder, setup: Setup) -> DemodulatedTraces:
-        """The traces in the names and units of the FMU."""
-        pairs = zip(self.read, self.labels, strict=True)
-        records = gathered(partial(one.record, binder, setup, label) for one, label in pairs)
-        return DemodulatedTraces(setup=setup, traces=tuple(records))

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import KW_ONLY, dataclass, field
-from functools import partial
-from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Channel, Recording, Selection, read_recording, unit_of
-from fitting.campaign.kind import MeasurementTable
-from fitting.fmu.variables import READABLE
-from fitting.measurements.labels import labels_of
 from fitting.measurements.noise.record import (
     COLOURED,
     FORCES,
@@ -27,8 +21,9 @@ from fitting.measurements.noise.record import (
     NoiseRecord,
 )
 from fitting.measurements.noise.spectra import NoiseSpectra
+from fitting.measurements.record_table import RecordTable
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, gathered
+from fitting.text.errors import BadInput
 from fitting.text.keys import (
     FileName,
     Keys,
@@ -66,14 +61,14 @@ class WrittenNoiseColumns(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoiseSpectrumTable(MeasurementTable):
+class NoiseSpectrumTable(RecordTable):
     """A power spectral density of one output of the FMU under a random force.
 
     Several of these tables are fitted together.
     """
 
     TABLE: ClassVar[str] = "noise_spectrum"
-    REPEATED: ClassVar[bool] = True
+    TOGETHER = NoiseSpectra
 
     file: Annotated[FileName, Missing("wanted a table of frequencies and densities with units")]
     """Columns frequency and density, each with its unit, as "density (V2/Hz)"; one-sided."""
@@ -84,8 +79,6 @@ class NoiseSpectrumTable(MeasurementTable):
     holds: Annotated[Text | None, OneOf(HOLDS)] = None
     """"density" or "root", its root, of a column whose unit does not tell it: its numbers are then
     relative ones. Levels in dB are powers either way."""
-    output: Text | None = None
-    """The FMU output that is seen; without it that of [observe]."""
     force: Annotated[Text, OneOf(FORCES)] = WHITE
     """"white": a force of constant density; "thermal": the one that the damping asks for;
     "coloured": one whose density stands in a column."""
@@ -100,10 +93,6 @@ class NoiseSpectrumTable(MeasurementTable):
     """Whether a white floor is solved for."""
     window: Annotated[Text, OneOf(WINDOWS)] = "none"
     """Of the periodograms, whose length is one over the spacing of the frequencies."""
-    label: Text = ""
-    """Name of the spectrum, for values of its own; without it "1", "2" where there are several."""
-    set: dict[str, Value] = field(default_factory=dict)
-    """Start values of the FMU during the spectrum."""
 
     def __post_init__(self) -> None:
         if self.holds is not None and self.holds not in HOLDS:
@@ -116,8 +105,11 @@ class NoiseSpectrumTable(MeasurementTable):
         if self.mass is not None and self.spring_constant is not None:
             raise Refused("stands beside mass; wanted one of them", "spring_constant")
 
-    def columns_read(self) -> ReadNoise:
+    def record(self, label: str) -> NoiseRecord:
         """The columns of the file, in SI units.
+
+        Args:
+            label: of the spectrum.
 
         Raises:
             BadInput: a column or unit that is missing, or no unit of a power spectral density.
@@ -140,13 +132,27 @@ class NoiseSpectrumTable(MeasurementTable):
             force = table.numbers(self._column(table, names.force, "force"))
         elif names.force:
             raise BadInput(f'{self.file}: columns.force has a meaning with force = "{COLOURED}"')
-        return ReadNoise(
-            self,
+        numbers = {key: above_zero(getattr(self, key), unit) for key, unit in TOLD.items()}
+        return NoiseRecord(
             to_hz * table.numbers(frequency),
             read.numbers,
+            averages=self.averages,
+            force=self.force,
+            force_density=force,
+            temperature_k=numbers["temperature"],
+            mass_kg=numbers["mass"],
+            spring_constant=numbers["spring_constant"],
+            floor=self.floor,
+            window=self.window,
+            label=label,
             unit=read.unit,
-            force=force,
+            source=str(self.file),
         )
+
+    def known(self, binder: Binder, setup: Setup) -> dict[str, Any]:
+        """Settings, output, and whether the drive is a force."""
+        drives_force = self._drives_force(binder, setup)
+        return super().known(binder, setup) | {"drives_force": drives_force}
 
     def _density(self, table: Recording, column: Channel) -> Density:
         """The column as a density, by its unit or by what the campaign says that it holds."""
@@ -178,11 +184,24 @@ class NoiseSpectrumTable(MeasurementTable):
             f'[[{self.TABLE}]], as columns = {{ {usual} = "NAME" }}'
         )
 
-    @classmethod
-    def read_together(cls, tables: Sequence[Self]) -> ReadNoiseSpectra:
-        """All spectra, with the labels that they are told apart by."""
-        labels = labels_of(tables, "spectrum", cls.TABLE)
-        return ReadNoiseSpectra(tuple(gathered(x.columns_read for x in tables)), tuple(labels))
+    def _drives_force(self, binder: Binder, setup: Setup) -> bool:
+        """Whether the drive is a force, or an acceleration of a mass that is told.
+
+        Raises:
+            BadInput: a temperature is told, and the mass of an acceleration is not.
+        """
+        drive = setup.drive
+        names = [n for n in (*drive.amplitude_names, drive.input) if n in binder.variables]
+        units = [binder.variables[n].unit or "" for n in names if n is not None]
+        accelerates = any(same_kind(unit, "m/s**2") for unit in units if unit)
+        if not accelerates or self.mass is not None or self.spring_constant is not None:
+            return True
+        if self.temperature is not None:
+            raise BadInput(
+                f"{setup.source}: [[{self.TABLE}]] temperature: the FMU's drive is an "
+                "acceleration; wanted mass or spring_constant beside it"
+            )
+        return False
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,96 +247,3 @@ def relative_density(numbers: FloatArray, unit: str | None, holds: str) -> Densi
 
 def _powers(levels: FloatArray) -> FloatArray:
     return np.asarray(10.0 ** ((levels - np.max(levels)) / 10.0))
-
-
-@dataclass(frozen=True, eq=False)
-class ReadNoise:
-    """The columns of one table [[noise_spectrum]], (n,), and the unit of what is seen.
-
-    `force` is the density of the force, None where no column has it.
-    """
-
-    table: NoiseSpectrumTable
-    frequency_hz: FloatArray
-    density: FloatArray
-    _: KW_ONLY
-    unit: str
-    force: FloatArray | None = None
-
-    def record(self, binder: Binder, setup: Setup, label: str) -> NoiseRecord:
-        """The spectrum in the names and units of the FMU.
-
-        Args:
-            binder: of the campaign to its FMU.
-            setup: how the campaign drives the FMU.
-            label: of the spectrum.
-        """
-        table = self.table
-        gathered(self._readers(binder, setup))
-        numbers = {key: above_zero(getattr(table, key), unit) for key, unit in TOLD.items()}
-        return NoiseRecord(
-            self.frequency_hz,
-            self.density,
-            drives_force=self._drives_force(binder, setup),
-            averages=table.averages,
-            force=table.force,
-            force_density=self.force,
-            temperature_k=numbers["temperature"],
-            mass_kg=numbers["mass"],
-            spring_constant=numbers["spring_constant"],
-            floor=table.floor,
-            window=table.window,
-            settings=binder.settings(table.set),
-            label=label,
-            output=table.output or "",
-            unit=self.unit,
-            source=str(table.file),
-        )
-
-    def _drives_force(self, binder: Binder, setup: Setup) -> bool:
-        """Whether the drive is a force, or an acceleration of a mass that is told.
-
-        Raises:
-            BadInput: a temperature is told, and the mass of an acceleration is not.
-        """
-        table, drive = self.table, setup.drive
-        names = [n for n in (*drive.amplitude_names, drive.input) if n in binder.variables]
-        units = [binder.variables[n].unit or "" for n in names if n is not None]
-        accelerates = any(same_kind(unit, "m/s**2") for unit in units if unit)
-        if not accelerates or table.mass is not None or table.spring_constant is not None:
-            return True
-        if table.temperature is not None:
-            raise BadInput(
-                f"{setup.source}: [[{table.TABLE}]] temperature: the FMU's drive is an "
-                "acceleration; wanted mass or spring_constant beside it"
-            )
-        return False
-
-    def _readers(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
-        """What looks at each name and value by itself."""
-        table = self.table
-        if table.output:
-            where = f"{setup.source}: [[noise_spectrum]] output"
-            yield partial(binder.real, table.output, where, READABLE, "observed")
-        for key, unit in TOLD.items():
-            yield partial(above_zero, getattr(table, key), unit)
-        yield partial(binder.settings, table.set)
-
-
-@dataclass(frozen=True)
-class ReadNoiseSpectra:
-    """The spectra of all tables [[noise_spectrum]], as their files have them."""
-
-    read: tuple[ReadNoise, ...]
-    labels: tuple[str, ...]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files of all tables, each once."""
-        return tuple(dict.fromkeys(one.table.file for one in self.read))
-
-    def bind(self, binder: Binder, setup: Setup) -> NoiseSpectra:
-        """The spectra in the names and units of the FMU."""
-        pairs = zip(self.read, self.labels, strict=True)
-        records = gathered(partial(one.record, binder, setup, label) for one, label in pairs)
-        return NoiseSpectra(setup=setup, spectra=tuple(records))

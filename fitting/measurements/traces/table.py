@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
-from fitting.campaign.kind import MeasurementTable
-from fitting.campaign.stated import bind_sigmas
-from fitting.fmu.variables import READABLE, VariableLike
-from fitting.measurements.labels import labels_of
+from fitting.fmu.variables import VariableLike
+from fitting.measurements.record import Record
+from fitting.measurements.record_table import ReadRecords, StatedTable, labels_of
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     FIT,
@@ -116,22 +114,20 @@ def _in(written: Written | None, unit: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TraceTable(MeasurementTable):
+class TraceTable(StatedTable):
     """A time series of one output of the FMU, under a recorded or declared input, or none.
 
     Several of these tables are fitted together.
     """
 
     TABLE: ClassVar[str] = "trace"
-    REPEATED: ClassVar[bool] = True
+    TOGETHER = Traces
     TRANSIENT: ClassVar[bool] = True
 
     file: Annotated[FileName, Missing("wanted a table of times and values, each with its unit")]
     """Columns time, output and, where it was recorded, input, each with its unit."""
     columns: WrittenTraceColumns = field(default_factory=WrittenTraceColumns)
     """Names of columns, where they are not the usual ones."""
-    output: Text | None = None
-    """The FMU output that is seen; without it that of [observe]."""
     input: Text | None = None
     """The FMU input that is driven; without it none is."""
     further_inputs: Texts = ()
@@ -156,12 +152,6 @@ class TraceTable(MeasurementTable):
     begin: Annotated[Text, OneOf(BEGINS)] = FIRST
     """(unknown start) "first": the trace begins with its first sample; "found": where the free
     decay begins, after the drive was switched off or a blow; samples before are not used."""
-    label: Text = ""
-    """Name of the trace, for values of its own; without it "1", "2" where there are several."""
-    set: dict[str, Value] = field(default_factory=dict)
-    """Start values of the FMU during the trace."""
-    set_sigma: dict[str, Value] = field(default_factory=dict)
-    """Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each is fitted."""
 
     def __post_init__(self) -> None:
         if self.signal is not None and self.input is None:
@@ -209,7 +199,7 @@ class TraceTable(MeasurementTable):
                 driven = self._column(table, wanted, f"{wanted} (V)")
         values = self._column(table, seen, f"{seen} (V)")
         further = {n: self._further(table, n) for n in self.further_inputs}
-        return ReadTrace(self, time, values, driven, further)
+        return ReadTrace(time, values, driven, further)
 
     def _column(
         self, table: Recording, name: str, example: str, unit: str | None = None
@@ -225,27 +215,64 @@ class TraceTable(MeasurementTable):
         where = f"{self.file}: column '{column.name}'"
         return ReadColumn(table.numbers(column), column.unit or "", where)
 
-    def names(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
-        """What looks at each name and value by itself.
-
-        Args:
-            binder: of the campaign to its FMU.
-            setup: how the campaign drives the FMU.
-        """
-        where = f"{setup.source}: [[trace]]"
-        seen = self.output or setup.output
-        yield partial(binder.real, seen, f"{where} output", READABLE, "observed")
+    def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What examines each name and value by itself, those of inputs as well."""
+        yield from super().checks(binder, setup)
+        where = f"{setup.source}: [[{self.TABLE}]]"
         if self.input is not None:
             yield partial(binder.real, self.input, f"{where} input", ("input",), "driven")
         for name in self.further_inputs:
             yield partial(binder.real, name, f"{where} further_inputs", ("input",), "driven")
-        yield partial(binder.settings, self.set)
-        yield partial(bind_sigmas, self.set_sigma, binder)
 
     @classmethod
-    def read_together(cls, tables: Sequence[Self]) -> ReadTraces:
-        """All traces; the names of outputs are known beside the campaign."""
-        return ReadTraces(tuple(tables))
+    def read_together(cls, tables: Sequence[Self]) -> ReadRecords:
+        """All tables; their columns are read when bound: they have the names of outputs."""
+        return ReadRecords(tuple(tables), labels_of(tables))
+
+    def bound(self, record: Record | None, binder: Binder, setup: Setup, label: str) -> TraceRecord:
+        """The trace in the names and units of the FMU."""
+        columns: list[ReadTrace] = []
+        read = partial(self.read_columns, setup.output)
+        gathered((lambda: columns.append(read()), *self.checks(binder, setup)))
+        [trace], variables = columns, binder.variables
+        seen = variables[self.output or setup.output]
+        driven: tuple[FloatArray, FloatArray] | Waveform | None = None
+        if self.input is not None and self.signal is not None:
+            driven = self.signal.waveform(variables[self.input].unit)
+        elif self.input is not None and trace.driven is not None:
+            # a factor of the one input is solved for, and the FMU has to be linear in it
+            if self.gain == FIT and self.start == UNKNOWN and not trace.further:
+                unit = variables[self.input].unit
+                driven = np.array(trace.time.values), _as_input(trace.driven, unit).values
+            else:
+                driven = _on_clock(trace.time, binder, variables[self.input], trace.driven)
+        values, decays = trace.output, self.start == UNKNOWN and driven is None
+        if self.gain == ONE and not decays:  # a free decay has no gain of its own
+            if seen.unit is None:
+                binder.note_missing_unit(seen)
+            values = _as_output(values, seen.unit)
+        return TraceRecord(
+            trace.time.values,
+            values.values,
+            input=self.input or "",
+            driven=driven,
+            further={
+                name: _on_clock(trace.time, binder, variables[name], column)
+                for name, column in trace.further.items()
+            },
+            interpolation=self.interpolation or LINEAR,
+            gain=self.gain,
+            offset=self.offset,
+            sigma=sigma_in(self.sigma, values.unit),
+            lead_s=_in(self.lead, "s"),
+            start=self.start,
+            states=self.states or ONE_MODE,
+            begin=self.begin,
+            label=label,
+            unit=values.unit or "1",
+            source=str(self.file),
+            **self.known(binder, setup),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,91 +301,30 @@ class ReadColumn:
 class ReadTrace:
     """The columns of one table [[trace]]."""
 
-    table: TraceTable
     time: ReadColumn
     output: ReadColumn
     driven: ReadColumn | None
     further: Mapping[str, ReadColumn]
 
-    def record(self, binder: Binder, setup: Setup, label: str) -> TraceRecord:
-        """The trace in the names and units of the FMU.
 
-        Args:
-            binder: of the campaign to its FMU.
-            setup: how the campaign drives the FMU.
-            label: of the trace.
-        """
-        table, variables = self.table, binder.variables
-        seen = variables[table.output or setup.output]
-        driven = None
-        if table.input is not None:
-            driven = self._driven(binder, variables[table.input])
-        further = {
-            name: self._on_clock(binder, variables[name], column)
-            for name, column in self.further.items()
-        }
-        values, decays = self.output, table.start == UNKNOWN and driven is None
-        if table.gain == ONE and not decays:  # a free decay has no gain of its own
-            if seen.unit is None:
-                binder.note_missing_unit(seen)
-            values = _as_output(values, seen.unit)
-        return TraceRecord(
-            self.time.values,
-            values.values,
-            input=table.input or "",
-            driven=driven,
-            further=further,
-            interpolation=table.interpolation or LINEAR,
-            output=table.output or "",
-            gain=table.gain,
-            offset=table.offset,
-            sigma=sigma_in(table.sigma, values.unit),
-            lead_s=_in(table.lead, "s"),
-            start=table.start,
-            states=table.states or ONE_MODE,
-            begin=table.begin,
-            settings=binder.settings(table.set),
-            setting_sigma=bind_sigmas(table.set_sigma, binder),
-            label=label,
-            unit=values.unit or "1",
-            source=str(table.file),
+def _on_clock(
+    time: ReadColumn, binder: Binder, driver: VariableLike, column: ReadColumn
+) -> tuple[FloatArray, FloatArray]:
+    """Times, and values of a column in the unit of its input."""
+    if not column.unit:
+        binder.note(
+            f"{column.where} tells no unit: its numbers are taken in that of '{driver.name}', "
+            f"{driver.unit or '1'}."
         )
-
-    def _driven(
-        self, binder: Binder, driver: VariableLike
-    ) -> tuple[FloatArray, FloatArray] | Waveform | None:
-        if self.table.signal is not None:
-            return self.table.signal.waveform(driver.unit)
-        if self.driven is None:
-            return None
-        if self._takes_any_input:
-            return np.array(self.time.values), _as_input(self.driven, driver.unit).values
-        return self._on_clock(binder, driver, self.driven)
-
-    @property
-    def _takes_any_input(self) -> bool:
-        """Whether a factor of the one input is solved for, and the FMU has to be linear in it."""
-        table = self.table
-        return table.gain == FIT and table.start == UNKNOWN and not self.further
-
-    def _on_clock(
-        self, binder: Binder, driver: VariableLike, column: ReadColumn
-    ) -> tuple[FloatArray, FloatArray]:
-        """Times, and values of a column in the unit of its input."""
-        if not column.unit:
-            binder.note(
-                f"{column.where} tells no unit: its numbers are taken in that of '{driver.name}', "
-                f"{driver.unit or '1'}."
-            )
-        elif driver.unit is None:
-            binder.note_missing_unit(driver)
-        try:
-            return np.array(self.time.values), column.into(driver.unit).values
-        except BadInput as error:
-            raise BadInput(
-                f"{error}; an input that is in proportion to it, of a linear FMU, wants "
-                'gain = "fit" and start = "unknown" in [[trace]]'
-            ) from error
+    elif driver.unit is None:
+        binder.note_missing_unit(driver)
+    try:
+        return np.array(time.values), column.into(driver.unit).values
+    except BadInput as error:
+        raise BadInput(
+            f"{error}; an input that is in proportion to it, of a linear FMU, wants "
+            'gain = "fit" and start = "unknown" in [[trace]]'
+        ) from error
 
 
 def _as_input(values: ReadColumn, unit: str | None) -> ReadColumn:
@@ -377,29 +343,3 @@ def _as_output(values: ReadColumn, unit: str | None) -> ReadColumn:
         raise BadInput(
             f'{error}; values that are in proportion to the output want gain = "fit" in [[trace]]'
         ) from error
-
-
-@dataclass(frozen=True)
-class ReadTraces:
-    """All tables [[trace]]; their columns are read beside the campaign, which names the output."""
-
-    tables: tuple[TraceTable, ...]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The files of all tables, each once."""
-        return tuple(dict.fromkeys(table.file for table in self.tables))
-
-    @property
-    def labels(self) -> list[str]:
-        """Names of the traces."""
-        return labels_of(self.tables, "trace", TraceTable.TABLE)
-
-    def bind(self, binder: Binder, setup: Setup) -> Traces:
-        """The traces in the names and units of the FMU."""
-        readers: list[Callable[[], Any]] = []
-        readers += [partial(table.read_columns, setup.output) for table in self.tables]
-        readers += [look for table in self.tables for look in table.names(binder, setup)]
-        pairs = zip(gathered(readers), self.labels, strict=False)  # what looks at names comes last
-        records = gathered(partial(one.record, binder, setup, label) for one, label in pairs)
-        return Traces(setup=setup, traces=tuple(records))
