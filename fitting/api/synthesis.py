@@ -7,7 +7,7 @@ from fitting.lab.curves import Curve, kind_of
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.pumped import PumpedBench, PumpedSweeps
-from fitting.lab.subharmonic import SubharmonicBench, SubharmonicSweeps
+from fitting.lab.subharmonic import SubharmonicBench
 from fitting.lab.synthesis import Synthetic, SyntheticFiles, synthesize, synthesize_curves
 
 __all__ = [
@@ -22,7 +22,6 @@ __all__ = [
     "PumpedBench",
     "PumpedSweeps",
     "SubharmonicBench",
-    "SubharmonicSweeps",
     "Synthetic",
     "SyntheticFiles",
     "kind_of",

@@ -165,11 +165,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measured(measured: Any) -> str:
-    from fitting.api.synthesis import Curve, PumpedSweeps, SubharmonicSweeps, kind_of
+    from fitting.api.synthesis import Curve, PumpedSweeps, kind_of
 
     if isinstance(measured, Curve):
         return kind_of(measured)
-    if isinstance(measured, PumpedSweeps | SubharmonicSweeps):
+    if isinstance(measured, PumpedSweeps):
         return f"{len(measured.amplitude_v)} sweeps"
     return f"{len(measured.bench.pairs_hz)} drive pairs"
 

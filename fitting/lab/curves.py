@@ -18,11 +18,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fitting.lab.demodulated import StringPhasors
+from fitting.lab.demodulated import DECAY, StringPhasors
 from fitting.lab.modes import CoupledModes
 from fitting.lab.names import CROSSING, CURVES, DEMODULATED, TIME_SERIES, TRUTH_NAME
 from fitting.lab.string import TwoModes, steady_state
-from fitting.lab.time_series import StringTrace
+from fitting.lab.time_series import LET_GO, StringTrace
 from fitting.lab.truth import REMARK, values_of
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -426,9 +426,9 @@ def kind_of(curve: Curve) -> str:
 
 def _built_in(kind: str) -> Curve:
     if kind in TIME_SERIES:
-        return StringTrace(kind=kind)
+        return replace(LET_GO, kind=kind)
     if kind in DEMODULATED:
-        return StringPhasors(kind=kind)
+        return replace(DECAY, kind=kind)
     return AvoidedCrossing() if kind == CROSSING else WiredResonance(kind=kind)
 
 

@@ -7,8 +7,7 @@ DUFFING = "duffing"
 BENCHES = ("q1", "q2", "q1-published", "q2-published", DUFFING)
 #: The bench under a parametric pump, `fitting.lab.pumped_files`.
 PUMPED = "pumped"
-#: The bench under a pump at the distance of the modes and at half of it,
-#: `fitting.lab.subharmonic_files`.
+#: The bench under a pump at the distance of the modes and at half of it, likewise.
 SUBHARMONIC = "string_pumped"
 #: Curves, `fitting.lab.curves`.
 WIRED = ("transmission", "notch", "reflection")

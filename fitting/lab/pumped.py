@@ -8,12 +8,17 @@ both quadratures comes from a seed, and both eigenfrequencies drift while the sw
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fitting.lab.modes import CoupledModes, Pump
+from fitting.lab.names import PUMPED
 from fitting.lab.string import TwoModes
+from fitting.lab.writer import written_mhz
 from fitting.text.arrays import ComplexArray, FloatArray
 
 STRING = TwoModes(
@@ -33,45 +38,146 @@ SETTINGS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class PumpedBench:
-    """The truth and how it is swept.
+class PumpedString(ABC):
+    """A string under a pump whose lower line is swept, as all benches with a pump have it.
 
-    The pump modulates f1^2 of ``string`` as it is in the middle of the series: f1^2 (1 + depth
-    cos(2 pi u_p t)), u_p = ``apart_hz`` + detuning. ``settings`` are (depth, detuning in Hz) of the
-    sweeps, taken one every ``pause_h`` hours; ``drift_hz`` is what both eigenfrequencies change by
-    over all of them. ``points`` frequencies over ``span_hz`` about eta_plus are read with Gaussian
-    noise of ``noise_v`` in each quadrature, ``noise_scale`` times; ``crest_v`` is the height of the
-    unpumped line.
+    The pump modulates f1^2 of ``string``. Every sweep has ``points`` frequencies about eta_plus,
+    which are read with Gaussian noise of ``noise_v`` in each quadrature, ``noise_scale`` times;
+    ``crest_v`` is the height of the unpumped line.
 
     Raises:
         ValueError: numbers that are no bench.
     """
 
+    #: Name of the bench and of its table in truth.toml.
+    NAME: ClassVar[str]
+    #: Fields with a table of their own.
+    ELSEWHERE: ClassVar[tuple[str, ...]] = ("string",)
+    #: Controls of its sweeps, with their units.
+    UNITS: ClassVar[Mapping[str, str]]
+
     string: TwoModes = STRING
+    points: int
+    crest_v: float = 40e-6
+    noise_v: float = 0.2e-6
+    noise_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.points < 8 or not (self.crest_v > 0.0 and self.noise_v > 0.0):
+            raise ValueError("wanted 8 points or more, a positive crest and noise")
+        if self.noise_scale < 0.0:
+            raise ValueError("wanted a noise_scale that is not negative")
+        check_rotation(self.string)
+
+    @abstractmethod
+    def true_v(self) -> FloatArray:
+        """Amplitudes (sweeps, points) without noise, V.
+
+        Raises:
+            ValueError: a pump makes the motion grow, which has no steady state.
+        """
+
+    @abstractmethod
+    def columns(self) -> dict[str, FloatArray]:
+        """Controls and frequencies of all points of all sweeps, by the names of columns."""
+
+    @abstractmethod
+    def swept_at(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """Phasors of one more sweep, V, (n,), without noise.
+
+        Args:
+            at: values of the controls, in their units.
+            u_hz: frequencies, (n,), Hz.
+
+        Raises:
+            ValueError: the pump makes the motion grow, which has no steady state.
+        """
+
+    @abstractmethod
+    def outcome(self) -> dict[str, float]:
+        """Values of the sample that follow from the bench, by name."""
+
+    def constants(self) -> dict[str, str]:
+        """Constants of its campaign."""
+        return {
+            "plus": written_mhz(self.string.eta_plus_hz),
+            "minus": written_mhz(self.string.eta_minus_hz),
+        }
+
+    def tables(self) -> dict[str, Any]:
+        """Further tables of truth.toml that describe it."""
+        return {}
+
+    def about_plus_hz(self, span_hz: float) -> FloatArray:
+        """Frequencies of a sweep, (points,).
+
+        Args:
+            span_hz: of the sweep.
+        """
+        reach = 0.5 * span_hz
+        return np.asarray(self.string.eta_plus_hz + np.linspace(-reach, reach, self.points))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumpedBench(PumpedString):
+    """Sweeps at depths and detunings of a pump, drifting.
+
+    The pump modulates f1^2 of ``string`` as it is in the middle of the series: f1^2 (1 + depth
+    cos(2 pi u_p t)), u_p = ``apart_hz`` + detuning. ``settings`` are (depth, detuning in Hz) of the
+    sweeps over ``span_hz``, taken one every ``pause_h`` hours; ``drift_hz`` is what both
+    eigenfrequencies change by over all of them.
+    """
+
+    NAME = PUMPED
+    UNITS: ClassVar[Mapping[str, str]] = {"detuning": "Hz", "depth": "1", "time": "h"}
+
     settings: tuple[tuple[float, float], ...] = SETTINGS
     apart_hz: float = 87340.0
     span_hz: float = 800.0
     points: int = 61
-    crest_v: float = 40e-6
-    noise_v: float = 0.2e-6
-    noise_scale: float = 1.0
     drift_hz: float = 20.0
     pause_h: float = 0.1
 
     def __post_init__(self) -> None:
         if len(self.settings) < 2:
             raise ValueError(f"{len(self.settings)} sweeps, wanted two or more")
-        if self.points < 8 or not (self.span_hz > 0.0 and self.crest_v > 0.0 and self.noise_v > 0):
-            raise ValueError("wanted 8 points or more, a positive span, crest and noise")
-        if self.noise_scale < 0.0 or not self.pause_h > 0.0:
-            raise ValueError("wanted a noise_scale that is not negative and a positive pause_h")
-        check_rotation(self.string)
+        if not (self.span_hz > 0.0 and self.pause_h > 0.0):
+            raise ValueError("wanted a positive span and a positive pause_h")
+        super().__post_init__()
 
     @property
     def frequency_hz(self) -> FloatArray:
         """Frequencies of every sweep, (points,)."""
-        reach = 0.5 * self.span_hz
-        return np.asarray(self.string.eta_plus_hz + np.linspace(-reach, reach, self.points))
+        return self.about_plus_hz(self.span_hz)
+
+    def true_v(self) -> FloatArray:
+        """Amplitudes (sweeps, points) without noise, V."""
+        for k, (depth, detuning) in enumerate(self.settings):
+            pump = f"a pump of depth {depth:g} at {self.apart_hz + detuning:g} Hz"
+            check_steady(self.pumped(k), f"settings[{k}]: {pump}")
+        waves = np.array([self.response(k) for k in range(len(self.settings))])
+        return np.asarray(waves * self.volts)
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Controls and frequencies of all points of all sweeps, by the names of columns."""
+        depths, detunings = (
+            np.repeat(column, self.points) for column in zip(*self.settings, strict=True)
+        )
+        count = len(self.settings)
+        return {
+            "detuning (Hz)": detunings,
+            "depth (1)": depths,
+            "time (h)": np.repeat([self.time_h(k) for k in range(count)], self.points),
+            "frequency (MHz)": np.tile(self.frequency_hz / 1e6, count),
+        }
+
+    def constants(self) -> dict[str, str]:
+        """Constants of its campaign."""
+        return super().constants() | {"apart": f"{self.apart_hz!r} Hz"}
+
+    def outcome(self) -> dict[str, float]:
+        """The coupling."""
+        return {"lambda_hz": pumped_modes(self.string, 0.0, self.apart_hz).coupling_hz[0, 1]}
 
     def time_h(self, k: int) -> float:
         """When the k-th sweep is taken, hours after the middle of the series.
@@ -87,20 +193,14 @@ class PumpedBench:
         unpumped = replace(self, settings=((0.0, 0.0),) * 2)
         return self.crest_v / float(np.max(unpumped.response(0)))
 
-    def swept(
-        self, depth: float, detuning_hz: float, time_h: float, u_hz: FloatArray
-    ) -> ComplexArray:
-        """Phasors of one more sweep, V, (n,), without noise.
+    def swept_at(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """Phasors of one more sweep, V, (n,), without noise, at any time of the drift.
 
         Args:
-            depth: of the pump.
-            detuning_hz: of the pump from ``apart_hz``, Hz.
-            time_h: when it is taken, hours after the middle of the series.
+            at: depth, detuning and time of the pump.
             u_hz: frequencies, (n,), Hz.
-
-        Raises:
-            ValueError: the pump makes the motion grow, which has no steady state.
         """
+        depth, detuning_hz, time_h = at["depth"], at["detuning"], at["time"]
         duration_h = self.pause_h * (len(self.settings) - 1)
         string = self.string.shifted(self.drift_hz * time_h / duration_h)
         sample = pumped_modes(string, depth, self.apart_hz + detuning_hz)
@@ -192,13 +292,13 @@ def check_steady(sample: CoupledModes, pump: str) -> None:
 class PumpedSweeps:
     """What was read, ``amplitude_v`` (sweeps, points), and without noise, ``true_v``."""
 
-    bench: PumpedBench
+    bench: PumpedString
     seed: int
     amplitude_v: FloatArray
     true_v: FloatArray
 
 
-def measure_pumped(bench: PumpedBench, seed: int) -> PumpedSweeps:
+def measure_pumped(bench: PumpedString, seed: int) -> PumpedSweeps:
     """Take all sweeps of a bench; the same arguments give the same numbers.
 
     Args:
@@ -208,26 +308,8 @@ def measure_pumped(bench: PumpedBench, seed: int) -> PumpedSweeps:
     Raises:
         ValueError: a pump makes the motion grow, which has no steady state.
     """
-    for k, (depth, detuning) in enumerate(bench.settings):
-        pump = f"a pump of depth {depth:g} at {bench.apart_hz + detuning:g} Hz"
-        check_steady(bench.pumped(k), f"settings[{k}]: {pump}")
-    waves = np.array([bench.response(k) for k in range(len(bench.settings))])
-    true_v = waves * bench.volts
-    amplitude_v = read_with_noise(true_v, bench.noise_v, bench.noise_scale, seed)
-    return PumpedSweeps(bench=bench, seed=seed, amplitude_v=amplitude_v, true_v=true_v)
-
-
-def read_with_noise(
-    true_v: FloatArray, noise_v: float, noise_scale: float, seed: int
-) -> FloatArray:
-    """Amplitudes as they are read, |true + noise|, of the shape of the true ones, V.
-
-    Args:
-        true_v: amplitudes without noise, of any shape, V.
-        noise_v: Gaussian noise of each quadrature, V.
-        noise_scale: factor on it.
-        seed: of the noise.
-    """
+    true_v = bench.true_v()
     noise = np.random.default_rng(seed).standard_normal((2, *true_v.shape))
-    noise = noise * noise_v * noise_scale
-    return np.asarray(np.hypot(true_v + noise[0], noise[1]))
+    noise = noise * bench.noise_v * bench.noise_scale
+    amplitude_v = np.asarray(np.hypot(true_v + noise[0], noise[1]))
+    return PumpedSweeps(bench=bench, seed=seed, amplitude_v=amplitude_v, true_v=true_v)

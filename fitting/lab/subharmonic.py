@@ -12,13 +12,15 @@ gives theta without it. The truth comes from `fitting.lab.modes`, which shares n
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fitting.lab.modes import CoupledModes, Pump
-from fitting.lab.pumped import STRING, check_rotation, check_steady, pumped_modes, read_with_noise
-from fitting.lab.string import TwoModes
+from fitting.lab.names import SUBHARMONIC
+from fitting.lab.pumped import PumpedString, check_steady, pumped_modes
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Points in a line width where peaks are looked for; half spans at first and at last, in widths.
@@ -40,20 +42,18 @@ class PumpedSweep:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SubharmonicBench:
-    """The truth and how it is swept.
+class SubharmonicBench(PumpedString):
+    """Sweeps under a pump of any voltage and frequency; nothing drifts.
 
     A pump of ``volts`` modulates f1^2 by ``depth_per_volt`` times that: p11 = depth f1^2, which a
     fit is not told. ``coupling_share`` is p12/p11 and ``second_share`` p22/p11, both 0 where the
-    pump acts on the mode called 1 alone. ``points`` frequencies about eta_plus are read with
-    Gaussian noise of ``noise_v`` in each quadrature, ``noise_scale`` times; ``crest_v`` is the
-    height of the unpumped line.
-
-    Raises:
-        ValueError: numbers that are no bench.
+    pump acts on the mode called 1 alone.
     """
 
-    string: TwoModes = STRING
+    NAME = SUBHARMONIC
+    ELSEWHERE = ("string", "sweeps")
+    UNITS: ClassVar[Mapping[str, str]] = {"volts": "V", "pump": "Hz"}
+
     depth_per_volt: float = 3e-4
     # the last pump is where the two peaks are closest, as `closest_peaks_hz` finds it, to 1 Hz
     sweeps: tuple[PumpedSweep, ...] = (
@@ -62,23 +62,18 @@ class SubharmonicBench:
         PumpedSweep(volts=10.0, pump_hz=43769.0, span_hz=1200.0),
     )
     points: int = 41
-    crest_v: float = 40e-6
-    noise_v: float = 0.2e-6
-    noise_scale: float = 1.0
     coupling_share: float = 0.0
     second_share: float = 0.0
 
     def __post_init__(self) -> None:
         if len(self.sweeps) < 2:
             raise ValueError(f"{len(self.sweeps)} sweeps, wanted two or more")
-        if self.points < 8 or not (self.crest_v > 0.0 and self.noise_v > 0.0):
-            raise ValueError("wanted 8 points or more, a positive crest and noise")
-        if self.noise_scale < 0.0 or not self.depth_per_volt >= 0.0:
-            raise ValueError("wanted a noise_scale and a depth_per_volt that are not negative")
+        if not self.depth_per_volt >= 0.0:
+            raise ValueError("wanted a depth_per_volt that is not negative")
         for s in self.sweeps:
             if not (s.span_hz > 0.0 and s.volts >= 0.0 and (s.pump_hz > 0.0 or s.volts == 0.0)):
                 raise ValueError("wanted positive spans and pump frequencies, volts from 0")
-        check_rotation(self.string)
+        super().__post_init__()
 
     @property
     def eta_apart_hz(self) -> float:
@@ -92,14 +87,42 @@ class SubharmonicBench:
         u_hz = self.string.eta_plus_hz + np.linspace(-0.1, 0.1, 21) * width
         return self.crest_v / float(np.max(self.magnitude(0.0, self.eta_apart_hz, u_hz)))
 
-    def frequency_hz(self, sweep: PumpedSweep) -> FloatArray:
-        """Frequencies of a sweep, (points,).
+    def true_v(self) -> FloatArray:
+        """Amplitudes (sweeps, points) without noise, V."""
+        waves = [self.swept(s.volts, s.pump_hz, self.about_plus_hz(s.span_hz)) for s in self.sweeps]
+        return np.asarray(np.abs(np.array(waves)))
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Controls and frequencies of all points of all sweeps, by the names of columns."""
+        return {
+            "volts (V)": np.repeat([s.volts for s in self.sweeps], self.points),
+            "pump (kHz)": np.repeat([s.pump_hz / 1e3 for s in self.sweeps], self.points),
+            "frequency (MHz)": np.concatenate(
+                [self.about_plus_hz(s.span_hz) / 1e6 for s in self.sweeps]
+            ),
+        }
+
+    def swept_at(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """Phasors of one more sweep, V, (n,), without noise.
 
         Args:
-            sweep: of the bench.
+            at: voltage and frequency of the pump.
+            u_hz: frequencies, (n,), Hz.
         """
-        reach = 0.5 * sweep.span_hz
-        return np.asarray(self.string.eta_plus_hz + np.linspace(-reach, reach, self.points))
+        return self.swept(at["volts"], at["pump"], u_hz)
+
+    def outcome(self) -> dict[str, float]:
+        """Frequencies of the uncoupled modes, and their coupling."""
+        sample = self.sample(0.0, self.eta_apart_hz)
+        return {
+            "f1_hz": sample.f_hz[0],
+            "f2_hz": sample.f_hz[1],
+            "lambda_hz": sample.coupling_hz[0, 1],
+        }
+
+    def tables(self) -> dict[str, Any]:
+        """The sweeps."""
+        return {"sweep": [asdict(sweep) for sweep in self.sweeps]}
 
     def sample(self, volts: float, pump_hz: float) -> CoupledModes:
         """The string under a pump, in its uncoupled coordinates.
@@ -214,29 +237,3 @@ def closest_peaks_hz(bench: SubharmonicBench, volts: float, order: int) -> tuple
         if abs(step) < 1e-3 * width:
             break
     return middle, float(np.ptp(bench.peaks_hz(volts, middle, reach)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class SubharmonicSweeps:
-    """What was read, ``amplitude_v`` (sweeps, points), and without noise, ``true_v``."""
-
-    bench: SubharmonicBench
-    seed: int
-    amplitude_v: FloatArray
-    true_v: FloatArray
-
-
-def measure_subharmonic(bench: SubharmonicBench, seed: int) -> SubharmonicSweeps:
-    """Take all sweeps of a bench; the same arguments give the same numbers.
-
-    Args:
-        bench: the truth and how it is swept.
-        seed: of the noise.
-
-    Raises:
-        ValueError: a pump makes the motion grow, which has no steady state.
-    """
-    waves = [bench.swept(s.volts, s.pump_hz, bench.frequency_hz(s)) for s in bench.sweeps]
-    true_v = np.abs(np.array(waves))
-    amplitude_v = read_with_noise(true_v, bench.noise_v, bench.noise_scale, seed)
-    return SubharmonicSweeps(bench=bench, seed=seed, amplitude_v=amplitude_v, true_v=true_v)

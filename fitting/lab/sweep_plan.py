@@ -10,7 +10,7 @@ on each quadrature: X + i Y = e^(i phase) e^(-i 2 pi (u - u0) tau) S + n, or its
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -21,10 +21,13 @@ from fitting.campaign.file import WrittenCampaign, WrittenDesign, read_campaign_
 from fitting.lab.curves import CURVE, AvoidedCrossing, changed_curve, curve_of
 from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts
 from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, TRUTH_NAME
-from fitting.lab.pumped import PumpedBench
-from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_truth
-from fitting.lab.subharmonic import SubharmonicBench
-from fitting.lab.subharmonic_files import subharmonic_bench_of, subharmonic_truth
+from fitting.lab.pumped import PumpedString
+from fitting.lab.pumped_files import (
+    PUMPED_BENCHES,
+    changed_pumped,
+    pumped_bench_of,
+    pumped_truth,
+)
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.measurements.complex.control_table import ComplexControlSweepTable
@@ -123,33 +126,17 @@ class CrossingLaboratory:
         return replace(self.bench, phases=phases).truth(seed)
 
 
-class OfAmplitudes:
-    """What laboratories with a pump have in common, whose bench is called ``name``."""
+@dataclass(frozen=True)
+class PumpedLaboratory:
+    """The string under a pump, of which amplitudes are recorded."""
 
-    name: ClassVar[str]
+    bench: PumpedString
     output: ClassVar[str] = "readout_at_u1"
 
-    def turned(
-        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
-    ) -> ComplexArray:
-        """It records no phases.
-
-        Raises:
-            BadInput: always.
-        """
-        raise BadInput(
-            f"plan: asks for both quadratures, but the bench {self.name!r} records amplitudes; "
-            "wanted [control_sweep]"
-        )
-
-
-@dataclass(frozen=True)
-class PumpedLaboratory(OfAmplitudes):
-    """The string under a pump, at any time of its drift, which is a straight line."""
-
-    bench: PumpedBench
-    units: ClassVar[Mapping[str, str]] = {"detuning": "Hz", "depth": "1", "time": "h"}
-    name: ClassVar[str] = PUMPED
+    @property
+    def units(self) -> Mapping[str, str]:
+        """As `SweptLaboratory` says."""
+        return self.bench.UNITS
 
     def changed(self, values: Mapping[str, Any]) -> PumpedLaboratory:
         """As `SweptLaboratory` says."""
@@ -161,36 +148,24 @@ class PumpedLaboratory(OfAmplitudes):
         Raises:
             ValueError: the pump makes the motion grow.
         """
-        return self.bench.swept(at["depth"], at["detuning"], at["time"], u_hz)
+        return self.bench.swept_at(at, u_hz)
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """It records no phases.
+
+        Raises:
+            BadInput: always.
+        """
+        raise BadInput(
+            f"plan: asks for both quadratures, but the bench {self.bench.NAME!r} records "
+            "amplitudes; wanted [control_sweep]"
+        )
 
     def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
         """As `SweptLaboratory` says."""
         return pumped_truth(self.bench, seed)
-
-
-@dataclass(frozen=True)
-class SubharmonicLaboratory(OfAmplitudes):
-    """The string under a pump of any voltage and frequency; nothing drifts."""
-
-    bench: SubharmonicBench
-    units: ClassVar[Mapping[str, str]] = {"volts": "V", "pump": "Hz"}
-    name: ClassVar[str] = SUBHARMONIC
-
-    def changed(self, values: Mapping[str, Any]) -> SubharmonicLaboratory:
-        """As `SweptLaboratory` says."""
-        return SubharmonicLaboratory(changed_pumped(self.bench, **values))
-
-    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
-        """As `SweptLaboratory` says.
-
-        Raises:
-            ValueError: the pump makes the motion grow.
-        """
-        return self.bench.swept(at["volts"], at["pump"], u_hz)
-
-    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
-        """As `SweptLaboratory` says."""
-        return subharmonic_truth(self.bench, seed)
 
 
 def swept_laboratory(truth: object) -> SweptLaboratory:
@@ -204,21 +179,18 @@ def swept_laboratory(truth: object) -> SweptLaboratory:
     """
     if isinstance(truth, AvoidedCrossing):
         return CrossingLaboratory(truth)
-    if isinstance(truth, PumpedBench):
+    if isinstance(truth, PumpedString):
         return PumpedLaboratory(truth)
-    if isinstance(truth, SubharmonicBench):
-        return SubharmonicLaboratory(truth)
-    named = {CROSSING: AvoidedCrossing, PUMPED: PumpedBench, SUBHARMONIC: SubharmonicBench}
+    named: Mapping[str, Callable[[], object]] = {CROSSING: AvoidedCrossing, **PUMPED_BENCHES}
     if isinstance(truth, str) and truth in named:
         return swept_laboratory(named[truth]())
     if isinstance(truth, str | Path) and Path(truth).suffix == ".toml":
         path = Path(truth)
         file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
         tables = read_toml(file)
-        if PUMPED in tables:
-            return PumpedLaboratory(pumped_bench_of(tables, file))
-        if SUBHARMONIC in tables:
-            return SubharmonicLaboratory(subharmonic_bench_of(tables, file))
+        bench = pumped_bench_of(tables, file)
+        if bench is not None:
+            return PumpedLaboratory(bench)
         curve = curve_of(tables, file)
         if isinstance(curve, AvoidedCrossing):
             return CrossingLaboratory(curve)

@@ -15,12 +15,15 @@ from fitting.lab.duffing import CubicModes
 from fitting.lab.filled import carried
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
-from fitting.lab.names import PUMPED, SUBHARMONIC, SYNTHETIC_FILES, TRUTH_NAME
+from fitting.lab.names import SYNTHETIC_FILES, TRUTH_NAME
 from fitting.lab.plan import Plan
-from fitting.lab.pumped import PumpedBench, PumpedSweeps
-from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_files
-from fitting.lab.subharmonic import SubharmonicBench, SubharmonicSweeps
-from fitting.lab.subharmonic_files import subharmonic_bench_of, subharmonic_files
+from fitting.lab.pumped import PumpedString
+from fitting.lab.pumped_files import (
+    PUMPED_BENCHES,
+    changed_pumped,
+    pumped_bench_of,
+    pumped_files,
+)
 from fitting.lab.sweep_plan import (
     SweepPlan,
     SweptLaboratory,
@@ -37,7 +40,7 @@ from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.toml import read_toml
 
 #: What is measured: a bench, or a curve.
-AnyBench = Bench | PumpedBench | SubharmonicBench | Curve
+AnyBench = Bench | PumpedString | Curve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,9 +79,9 @@ class Synthetic(SyntheticFiles):
     """A synthetic series beside what was ``measured``.
 
     It is a record of the bench's own: ``readings`` hold the arrays of the campaign, ``sweep`` (of a
-    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`
-    or `SubharmonicSweeps`, of a curve that curve, of planned sweeps a `PlannedSweep` each, of tones
-    at values of a control `PlannedTones`.
+    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`,
+    of a curve that curve, of planned sweeps a `PlannedSweep` each, of tones at values of a control
+    `PlannedTones`.
     """
 
     measured: Any
@@ -178,7 +181,7 @@ def synthesize(
         if isinstance(found, Curve):
             _refuse_of_curve(found, instrument, plan)
             return _written(_curve(found, changes, seed, command), out)
-        if isinstance(found, PumpedBench | SubharmonicBench):
+        if isinstance(found, PumpedString):
             _refuse_of_pumped(found, instrument, plan)
             return _written(_pumped(found, changes, seed, command), out)
         bench = changed(found, **changes)
@@ -218,9 +221,9 @@ def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path |
 
 
 def _refuse_of_pumped(
-    bench: PumpedBench | SubharmonicBench, instrument: Instrument | None, plan: Path | None
+    bench: PumpedString, instrument: Instrument | None, plan: Path | None
 ) -> None:
-    name = PUMPED if isinstance(bench, PumpedBench) else SUBHARMONIC
+    name = bench.NAME
     if instrument is not None:
         raise BadInput(
             f"instrument: the bench {name!r} sweeps one line and records its amplitudes; phases "
@@ -247,15 +250,8 @@ def _curve(curve: Curve, changes: Mapping[str, Any], seed: int, command: str) ->
     return Synthetic(measured=changed_one, truth=tomllib.loads(files[TRUTH_NAME]), files=files)
 
 
-def _pumped(
-    bench: PumpedBench | SubharmonicBench, changes: Mapping[str, Any], seed: int, command: str
-) -> Synthetic:
-    measured: PumpedSweeps | SubharmonicSweeps
-    if isinstance(bench, PumpedBench):
-        measured, truth, files = pumped_files(changed_pumped(bench, **changes), seed, command)
-    else:
-        changed_one = changed_pumped(bench, **changes)
-        measured, truth, files = subharmonic_files(changed_one, seed, command)
+def _pumped(bench: PumpedString, changes: Mapping[str, Any], seed: int, command: str) -> Synthetic:
+    measured, truth, files = pumped_files(changed_pumped(bench, **changes), seed, command)
     return Synthetic(measured=measured, truth=truth, files=files)
 
 
@@ -300,13 +296,11 @@ def bench_of(truth: AnyBench | Path | str) -> AnyBench:
         return truth
     path = Path(truth)
     if path.suffix != ".toml":
-        named = {PUMPED: PumpedBench, SUBHARMONIC: SubharmonicBench}.get(str(truth))
+        named = PUMPED_BENCHES.get(str(truth))
         return bench_named(str(truth)) if named is None else named()
     file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
     tables = read_toml(file)
     curve = curve_of(tables, file)
     if curve is not None:
         return curve
-    if SUBHARMONIC in tables:
-        return subharmonic_bench_of(tables, file)
-    return pumped_bench_of(tables, file) if PUMPED in tables else read_bench(file)
+    return pumped_bench_of(tables, file) or read_bench(file)

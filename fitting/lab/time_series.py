@@ -10,9 +10,10 @@ generator holds u. Nothing here is the FMU. Noise is Gaussian and white.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def refuse_impossible(numbers: Mapping[str, Any], samples: Callable[[], int]) ->
         BadInput: names the number.
     """
     for name, value in numbers.items():
-        if isinstance(value, str):
+        if isinstance(value, str | bool):
             continue
         if not math.isfinite(value) or not (name in SIGNED or value > 0.0):
             wanted = "a number" if name in SIGNED else "a number above zero"
@@ -64,55 +65,133 @@ def refuse_impossible(numbers: Mapping[str, Any], samples: Callable[[], int]) ->
 
 
 @dataclass(frozen=True, kw_only=True)
-class StringTrace:
-    """A string over time: ``ringdown``, a tone until zero, then nothing; or under a ``chirp``.
+class StringRecord(TwoModes, ABC):
+    """A string over time, of which the first of both strings is observed.
 
-    ``rate_hz`` samples a second over ``length_s`` s, of the first of both strings; a ringdown is
-    recorded from ``before_s`` before zero on. It is seen with
-    ``gain_v`` V per m, and ``offset_v``; ``level`` (m/s^2) is the amplitude of the drive, of a
-    ringdown at ``drive_hz`` until zero, of a chirp from ``start_hz`` to ``stop_hz`` over its first
-    nine tenths. ``noise`` is the standard deviation of a sample over the largest distance from the
-    mean.
+    ``kind`` is what is recorded. ``rate_hz`` samples a second over ``length_s`` s, from
+    ``before_s`` before zero on where the drive ends there; seen with ``gain_v`` V per m, and
+    ``offset_v``; ``level`` (m/s^2) is the amplitude of the drive, at ``drive_hz`` where it is a
+    tone. ``noise`` is the standard deviation of a sample over the largest one.
 
     Raises:
         BadInput: numbers that no string has.
     """
 
-    kind: str = RINGDOWN
-    theta_rad: float = 1.95
-    d1_hz: float = 4.0
-    d2_hz: float = 2.0
-    eta_plus_hz: float = 1000.0
-    eta_minus_hz: float = 1012.0
+    #: Digits of the lines' frequencies in the campaign.
+    DIGITS: ClassVar[int] = 6
+
+    kind: str
     level: float = 50.0
-    drive_hz: float = 1006.0
-    start_hz: float = 980.0
-    stop_hz: float = 1035.0
-    length_s: float = 0.3
-    before_s: float = 0.02
-    rate_hz: float = 2500.0
-    gain_v: float = 100.0
+    drive_hz: float
+    length_s: float
+    before_s: float
+    rate_hz: float
+    gain_v: float
     offset_v: float = 0.02
     noise: float = 0.01
 
     def __post_init__(self) -> None:
         refuse_impossible(asdict(self), lambda: self.times_s().size)
 
+    def times_s(self) -> FloatArray:
+        """Of the samples, (n,); the drive ends at zero."""
+        before = round(self.before_s * self.rate_hz)
+        return np.arange(-before, round(self.length_s * self.rate_hz)) / self.rate_hz
+
+    def free_motion(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Rates s (4,), shapes V (4, 4) and normal coordinates (4,) when the tone ends."""
+        rates, shapes = normal_modes(self.modes)
+        x = self.steady()
+        tone = 2j * math.pi * self.drive_hz
+        z = np.linalg.solve(shapes, np.concatenate([x, tone * x]).real + 0j)
+        return rates, shapes, np.asarray(z)
+
+    def steady(self) -> ComplexArray:
+        """Complex amplitudes (2,) of the modes under the tone, m."""
+        [x] = steady_state(self.modes, np.array([self.drive_hz]))
+        return np.asarray(x * self.level)
+
+    @abstractmethod
+    def recorded(self, rng: np.random.Generator) -> tuple[dict[str, FloatArray], float]:
+        """Columns of the file, and the noise of a sample, V.
+
+        Args:
+            rng: of the noise.
+        """
+
+    @abstractmethod
+    def table(self) -> tuple[str, dict[str, Any]]:
+        """Name and keys of the campaign's table of the record."""
+
     @property
-    def modes(self) -> TwoModes:
-        """The string at rest."""
-        return TwoModes(
-            theta_rad=self.theta_rad,
-            d1_hz=self.d1_hz,
-            d2_hz=self.d2_hz,
-            eta_plus_hz=self.eta_plus_hz,
-            eta_minus_hz=self.eta_minus_hz,
-        )
+    @abstractmethod
+    def title(self) -> str:
+        """Of the campaign, without its end."""
+
+    def fixed(self) -> dict[str, Any]:
+        """Start values of the FMU, which drives itself by nothing."""
+        return {"A1": 0.0, "A2": 0.0}
+
+    def parameters(self) -> list[dict[str, Any]]:
+        """Starts beside the truth: a tenth of what both lines are apart, half as wide again."""
+        apart = self.eta_minus_hz - self.eta_plus_hz
+        etas = (("eta_plus", self.eta_plus_hz, -0.08), ("eta_minus", self.eta_minus_hz, 0.1))
+        widths = (("d1", self.d1_hz), ("d2", self.d2_hz))
+        return [
+            *(
+                parameter(
+                    name,
+                    "Hz",
+                    (eta - 0.45 * apart, eta + 0.45 * apart),
+                    eta + off * apart,
+                    digits=self.DIGITS,
+                )
+                for name, eta, off in etas
+            ),
+            *(parameter(name, "Hz", (0.1 * d, 10.0 * d), 1.5 * d) for name, d in widths),
+        ]
+
+    def files(self, seed: int, head: Sequence[str]) -> dict[str, str]:
+        """Texts by file name: campaign, trace and truth.
+
+        Args:
+            seed: of the noise.
+            head: lines that open every file.
+        """
+        columns, sigma = self.recorded(np.random.default_rng(seed))
+        name, table = self.table()
+        campaign = {
+            "title": f"{self.title} (synthetic)",
+            "synthetic": True,
+            "fmu": {"model": "CoupledOscillator", "start": self.fixed()},
+            "observe": {"output": "q1"},
+            name: [{"file": "trace.csv", "input": "b"} | table],
+            "parameters": self.parameters(),
+            "continuation": FEW_LEVELS,
+        }
+        truth = {"trace": asdict(self), "outcome": {"seed": seed, "sigma_v": sigma}}
+        return {
+            CAMPAIGN_NAME: toml_text(campaign, head),
+            "trace.csv": csv_text(columns, head),
+            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class StringTrace(StringRecord):
+    """A string over time: ``ringdown``, a tone until zero, then nothing; or under a ``chirp``.
+
+    A chirp goes from ``start_hz`` to ``stop_hz`` over the first nine tenths of its record. Noise is
+    relative to the largest distance from the mean.
+    """
+
+    start_hz: float
+    stop_hz: float
 
     def times_s(self) -> FloatArray:
-        """Of the samples, (n,); the drive of a ringdown ends at zero."""
-        before = round(self.before_s * self.rate_hz) if self.kind == RINGDOWN else 0
-        return np.arange(-before, round(self.length_s * self.rate_hz)) / self.rate_hz
+        """Of the samples, (n,); the drive of a ringdown ends at zero, a chirp begins there."""
+        times = super().times_s()
+        return times if self.kind == RINGDOWN else times[times >= 0.0]
 
     def source(self) -> FloatArray:
         """What the generator holds from each sample to the next, (n,), m/s^2; of a chirp."""
@@ -128,13 +207,10 @@ class StringTrace:
 
     def _let_go(self) -> FloatArray:
         """Of the first string, m: steady under the tone until zero, free from then on."""
-        decays, shapes = normal_modes(self.modes)
+        decays, shapes, z = self.free_motion()
         t, read = self.times_s(), self.modes.transform()[:, 0]
-        [x] = steady_state(self.modes, np.array([self.drive_hz])) * self.level
-        tone = 2j * math.pi * self.drive_hz
-        z = np.linalg.solve(shapes, np.concatenate([x, tone * x]).real + 0j)
         free = read @ shapes[:2] @ (np.exp(decays[:, None] * np.maximum(t, 0.0)) * z[:, None])
-        steady = (read @ x) * np.exp(tone * t)
+        steady = (read @ self.steady()) * np.exp(2j * math.pi * self.drive_hz * t)
         return np.asarray(np.where(t < 0.0, steady.real, free.real))
 
     def _driven(self) -> FloatArray:
@@ -144,62 +220,56 @@ class StringTrace:
         z = _held(decays, push, self.source(), 1.0 / self.rate_hz)
         return np.asarray((self.modes.transform()[:, 0] @ shapes[:2] @ z).real)
 
-    def files(self, seed: int, head: Sequence[str]) -> dict[str, str]:
-        """Texts by file name: campaign, trace and truth.
-
-        Args:
-            seed: of the noise.
-            head: lines that open every file.
-        """
-        exact, rng = self.values(), np.random.default_rng(seed)
+    def recorded(self, rng: np.random.Generator) -> tuple[dict[str, FloatArray], float]:
+        """Times, what is observed, and the source of a chirp; the noise of a sample."""
+        exact = self.values()
         sigma = self.noise * float(np.max(np.abs(exact - np.mean(exact))))
         seen = exact + sigma * rng.standard_normal(exact.size)
         columns = {TIME: 1e3 * self.times_s(), OUTPUT: 1e3 * seen}
-        if self.kind == CHIRP:
-            columns[SOURCE] = self.source()
-        truth = {"trace": asdict(self), "outcome": {"seed": seed, "sigma_v": sigma}}
-        return {
-            CAMPAIGN_NAME: toml_text(self._campaign(), head),
-            "trace.csv": csv_text(columns, head),
-            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
-        }
+        return columns | ({SOURCE: self.source()} if self.kind == CHIRP else {}), sigma
 
-    def _campaign(self) -> dict[str, Any]:
-        """A free decay tells frequencies and widths; a driven trace the angle besides."""
-        trace: dict[str, Any] = {"file": "trace.csv", "input": "b", "gain": "fit", "offset": True}
-        names: dict[str, str] = {"output": "string"}
-        fixed: dict[str, Any] = {"A1": 0.0, "A2": 0.0}
+    @property
+    def title(self) -> str:
+        """Of the campaign."""
+        return f"A string's {self.kind}"
+
+    def table(self) -> tuple[str, dict[str, Any]]:
+        """Of a free decay the start is free, and with it the gain; a chirp is held and recorded."""
         if self.kind == RINGDOWN:
-            del trace["gain"]  # the start is free, and with it the gain
-            trace |= {"start": "unknown", "begin": "found", "states": 4}
-            fixed["theta"] = self.theta_rad
-        else:
-            names["input"] = "source"
-            trace["interpolation"] = "held"
-        return {
-            "title": f"A string's {self.kind} (synthetic)",
-            "synthetic": True,
-            "fmu": {"model": "CoupledOscillator", "start": fixed},
-            "observe": {"output": "q1"},
-            "trace": [trace | {"columns": names}],
-            "parameters": self._parameters(),
-            "continuation": FEW_LEVELS,
-        }
+            free = {"offset": True, "start": "unknown", "begin": "found", "states": 4}
+            return "trace", free | {"columns": {"output": "string"}}
+        names = {"output": "string", "input": "source"}
+        held = {"gain": "fit", "offset": True, "interpolation": "held"}
+        return "trace", held | {"columns": names}
 
-    def _parameters(self) -> list[dict[str, Any]]:
-        """Starts beside the truth: a tenth of what both lines are apart, half as wide again."""
-        apart = self.eta_minus_hz - self.eta_plus_hz
-        etas = (("eta_plus", self.eta_plus_hz, -0.08), ("eta_minus", self.eta_minus_hz, 0.1))
-        widths = (("d1", self.d1_hz), ("d2", self.d2_hz))
-        found = [
-            parameter(name, "Hz", (eta - 0.45 * apart, eta + 0.45 * apart), eta + off * apart)
-            for name, eta, off in etas
-        ]
-        found += [parameter(name, "Hz", (0.1 * d, 10.0 * d), 1.5 * d) for name, d in widths]
-        if self.kind == CHIRP:
-            theta, quarter = self.theta_rad, 0.25 * math.pi
-            found.append(parameter("theta", "rad", (theta - quarter, theta + quarter), theta - 0.1))
-        return found
+    def fixed(self) -> dict[str, Any]:
+        """A free decay does not show the angle."""
+        angle = {"theta": self.theta_rad} if self.kind == RINGDOWN else {}
+        return super().fixed() | angle
+
+    def parameters(self) -> list[dict[str, Any]]:
+        """Frequencies and widths; of a driven trace the angle, too."""
+        theta, quarter = self.theta_rad, 0.25 * math.pi
+        angle = parameter("theta", "rad", (theta - quarter, theta + quarter), theta - 0.1)
+        return super().parameters() + ([angle] if self.kind == CHIRP else [])
+
+
+#: A string that is let go, or driven by a chirp, as the laboratory has it.
+LET_GO = StringTrace(
+    kind=RINGDOWN,
+    theta_rad=1.95,
+    d1_hz=4.0,
+    d2_hz=2.0,
+    eta_plus_hz=1000.0,
+    eta_minus_hz=1012.0,
+    drive_hz=1006.0,
+    start_hz=980.0,
+    stop_hz=1035.0,
+    length_s=0.3,
+    before_s=0.02,
+    rate_hz=2500.0,
+    gain_v=100.0,
+)
 
 
 def parameter(

@@ -11,12 +11,11 @@ import pytest
 from scipy.special import jv
 
 import fitting as ff
-from fitting.lab.pumped import PumpedBench
+from fitting.lab.pumped import PumpedBench, measure_pumped
 from fitting.lab.subharmonic import (
     PumpedSweep,
     SubharmonicBench,
     closest_peaks_hz,
-    measure_subharmonic,
 )
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control.table import ReadControlSweep
@@ -100,7 +99,7 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
     read = np.array([s.amplitude for s in swept.spectra])
     assert read == pytest.approx(made.measured.amplitude_v, rel=1e-14)
     assert [s.controls["volts"].value for s in swept.spectra] == [0.0, 1.0, 10.0]
-    noisy = measure_subharmonic(BENCH, 5)
+    noisy = measure_pumped(BENCH, 5)
     assert noisy.true_v.max() == pytest.approx(BENCH.crest_v, rel=1e-3)
     assert np.std(noisy.amplitude_v - noisy.true_v) == pytest.approx(BENCH.noise_v, rel=0.15)
 
@@ -134,7 +133,7 @@ def test_a_planned_sweep_is_taken_at_its_voltage(tmp_path: Path) -> None:
     text = (tmp_path / "old/campaign.toml").read_text("utf-8")
     text = text.replace("[design.sweeps]", '[design]\nnoise_floor = "1e-9 uV"\n[design.sweeps]')
     (tmp_path / "plan.toml").write_text(text)
-    u_hz = BENCH.frequency_hz(BENCH.sweeps[2])
+    u_hz = BENCH.about_plus_hz(BENCH.sweeps[2].span_hz)
     lines = ["volts (mV),pump (kHz),frequency (MHz),amplitude (uV)"]
     lines += [f"{v},{p},{float(u) / 1e6!r}," for v, p in ((1e4, 43.769), (0, 0)) for u in u_hz]
     (tmp_path / "sweeps.csv").write_text("\n".join(lines) + "\n")

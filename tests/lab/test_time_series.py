@@ -12,7 +12,7 @@ import pytest
 import fitting as ff
 from fitting.cli.main import main
 from fitting.lab.names import TIME_SERIES
-from fitting.lab.time_series import StringTrace
+from fitting.lab.time_series import LET_GO
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.tables import read_table
@@ -72,7 +72,7 @@ def test_noise_comes_from_the_seed() -> None:
     )
     assert one == same != other
     assert re.match("# synthetic .* seed 1\n", str(one))
-    clean = StringTrace().values()
+    clean = LET_GO.values()
     rows = [row.split(",") for row in str(one).splitlines()[3:]]
     left = np.array([1e-3 * float(y) for _, y in rows]) - clean
     sigma = 0.01 * float(np.max(np.abs(clean - np.mean(clean))))
