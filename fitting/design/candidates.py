@@ -11,6 +11,7 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, Phases
 from fitting.campaign.control_table import LEAST_POINTS
+from fitting.design.result import DriveChoice
 from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.signal.combinations import Combination
 from fitting.text.arguments import checked
@@ -216,38 +217,6 @@ class Limits:
             return self.change_s + choice.recording.length_s
         points = choice.points
         return self.change_s + (points * self.point_s if points else repeats * self.spectrum_s)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Recording:
-    """A recording over time that begins, or is driven, as the ``trace`` of that name was."""
-
-    trace: str
-    spacing_s: float
-    samples: int
-
-    @property
-    def length_s(self) -> float:
-        """From the first sample to the last, s."""
-        return (self.samples - 1) * self.spacing_s
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriveChoice:
-    """What tells a candidate from the others: where it is driven, what is read, how strongly.
-
-    `tones_hz` around the resonance `centre_hz`, `level` a factor on the campaign's drive,
-    `settings` of further FMU parameters or controls. With `points` it is a sweep of that many
-    frequencies from the first to the second of `tones_hz`; a `recording` has no tones.
-    """
-
-    centre_hz: float
-    tones_hz: tuple[float, ...]
-    output: str
-    level: float
-    settings: Mapping[str, Scalar]
-    points: int = 0
-    recording: Recording | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

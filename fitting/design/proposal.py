@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, to_model
-from fitting.design.candidates import DriveChoice, Limits, SweepLimits, TraceLimits
+from fitting.design.candidates import Limits, SweepLimits, TraceLimits
 from fitting.design.continued import continued_of
 from fitting.design.recordings import traces_of
-from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal, ProposedRecording
+from fitting.design.result import Design, DriveChoice, Expected, Kind, PlacePoint, Proposal
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, number, quantity
@@ -145,31 +145,14 @@ def _proposal(weighed: Weighed, limits: Limits, chosen: Sequence[int], rank: int
     sigmas = limits.sigmas(peaks, repeats)
     if weighed.sigmas_v is not None:
         sigmas = weighed.sigmas_v[[weighed.setup_of[candidate]]]
+    choice = {field.name: getattr(setup, field.name) for field in fields(DriveChoice)}
     return Proposal(
         rank=rank,
-        tones_hz=setup.tones_hz,
-        centre_hz=setup.centre_hz,
-        output=setup.output,
-        level=setup.level,
-        settings=setup.settings,
         repeats=repeats,
         peaks_v=tuple(map(float, peaks)),
         sigmas_v=tuple(map(float, sigmas)),
         expected=expected_of(weighed.sigmas(chosen[:rank])),
-        points=setup.points,
-        recording=_proposed_recording(setup),
-    )
-
-
-def _proposed_recording(setup: DriveChoice) -> ProposedRecording | None:
-    asked = setup.recording
-    if asked is None:
-        return None
-    return ProposedRecording(
-        trace=asked.trace,
-        length_s=asked.length_s,
-        spacing_s=asked.spacing_s,
-        samples=asked.samples,
+        **choice,
     )
 
 

@@ -22,24 +22,25 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 from scipy.linalg import lstsq
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import planning_points, search_bounds, to_model
-from fitting.design.candidates import DriveChoice, Limits, Recording
+from fitting.design.candidates import Limits
 from fitting.design.information import Place, Series
+from fitting.design.result import DriveChoice, Recording
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.measurements.demodulated.record import DemodulatedRecord
-from fitting.measurements.demodulated.traces import DemodulatedTraces
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Values
 from fitting.measurements.traces.grid import LEAST_SAMPLES, ROUNDED
 from fitting.measurements.traces.record import TraceRecord
-from fitting.measurements.traces.together import SolvedTraces
-from fitting.measurements.traces.traces import Traces
+from fitting.measurements.traces.time_record import TimeRecord
+from fitting.measurements.traces.together import SolvedTraces, TracesTogether
 from fitting.measurements.traces.waveform import Recorded
 from fitting.simulate.batch import Batch, Workers, answered
 from fitting.text.arrays import FloatArray, IntArray
@@ -72,10 +73,10 @@ class TracesSoFar:
     """
 
     table: str
-    kind: Traces | DemodulatedTraces
+    kind: TracesTogether[Any]
 
     @property
-    def records(self) -> tuple[TraceRecord | DemodulatedRecord, ...]:
+    def records(self) -> tuple[TimeRecord, ...]:
         """Every trace as it was measured."""
         return self.kind.traces
 
@@ -84,7 +85,7 @@ class TracesSoFar:
         """Names of the traces."""
         return tuple(record.label for record in self.records)
 
-    def record(self, label: str) -> TraceRecord | DemodulatedRecord:
+    def record(self, label: str) -> TimeRecord:
         """The trace of a name.
 
         Args:
@@ -98,19 +99,7 @@ class TracesSoFar:
         Args:
             label: its name.
         """
-        return self.record(label).output or self.kind.setup.output
-
-    def of(self, record: TraceRecord | DemodulatedRecord) -> Traces | DemodulatedTraces:
-        """A measurement of one recording, as the traces so far are measured.
-
-        Args:
-            record: the recording.
-        """
-        if isinstance(self.kind, Traces) and isinstance(record, TraceRecord):
-            return replace(self.kind, traces=(record,))
-        if isinstance(self.kind, DemodulatedTraces) and isinstance(record, DemodulatedRecord):
-            return replace(self.kind, traces=(record,))
-        raise TypeError(f"{self.table} has no recordings like {record!r}")
+        return self.kind.output_of(self.record(label))
 
 
 def traces_of(bound: BoundCampaign) -> TracesSoFar:
@@ -122,21 +111,17 @@ def traces_of(bound: BoundCampaign) -> TracesSoFar:
     Raises:
         BadInput: it has neither.
     """
-    found = bound.measurements.get("trace")
-    if isinstance(found, Traces):
-        return TracesSoFar("trace", found)
-    demodulated = bound.measurements.get("demodulated_trace")
-    if isinstance(demodulated, DemodulatedTraces):
-        return TracesSoFar("demodulated_trace", demodulated)
+    for table in ("trace", "demodulated_trace"):
+        traces = bound.measurements.get(table)
+        if isinstance(traces, TracesTogether):
+            return TracesSoFar(table, traces)
     raise BadInput(
         f"{bound.path}: [design] traces: has no table [[trace]] or [[demodulated_trace]], whose "
         "start or drive could be repeated; wanted one, or no traces"
     )
 
 
-def repeated(
-    so_far: TracesSoFar, labels: Sequence[str], where: str
-) -> list[TraceRecord | DemodulatedRecord]:
+def repeated(so_far: TracesSoFar, labels: Sequence[str], where: str) -> list[TimeRecord]:
     """The traces of these names, of one unit, each of a kind that can be repeated.
 
     Args:
@@ -166,7 +151,7 @@ def repeated(
     return records
 
 
-def _refuse_unknown(record: TraceRecord | DemodulatedRecord, where: str) -> None:
+def _refuse_unknown(record: TimeRecord, where: str) -> None:
     """Complain of a trace whose repetition nothing is known of."""
     name = f"trace '{record.label}'" if record.label else "the trace"
     if isinstance(record, DemodulatedRecord):
@@ -175,20 +160,20 @@ def _refuse_unknown(record: TraceRecord | DemodulatedRecord, where: str) -> None
                 f"{where}: {name} has amplitudes without phases, and recordings of X and Y are "
                 "proposed; wanted records with phases, by their names in 'of'"
             )
-    elif record.has_unknown_start and record.driven is not None:
+    elif isinstance(record, TraceRecord) and record.has_unknown_start and record.driven is not None:
         raise BadInput(
             f"{where}: {name} is driven from an unknown start, of which nothing is known in a new "
             "recording; wanted ringdowns, or traces from rest, by their names in 'of'"
         )
 
 
-def longest_s(record: TraceRecord | DemodulatedRecord) -> float:
+def longest_s(record: TimeRecord) -> float:
     """How long a recording like a trace may be, s: as long as its recorded inputs, else any time.
 
     Args:
         record: a trace so far.
     """
-    if isinstance(record, DemodulatedRecord):
+    if not isinstance(record, TraceRecord):
         return math.inf
     ends = [float(w.time_s[-1]) for w in record.waveforms.values() if isinstance(w, Recorded)]
     return min(ends, default=math.inf) - float(record.t[0])
@@ -337,7 +322,7 @@ class RecordingsToSimulate:
             found.append((largest, np.asarray(slopes.T @ slopes)))
         return found
 
-    def _longest(self, choices: Sequence[DriveChoice]) -> TraceRecord | DemodulatedRecord:
+    def _longest(self, choices: Sequence[DriveChoice]) -> TimeRecord:
         """The longest of the choices as a record, with values that nobody measured."""
         wanted = max((_recording(c) for c in choices), key=lambda r: r.samples)
         old = self.so_far.record(wanted.trace)
@@ -346,39 +331,37 @@ class RecordingsToSimulate:
         return replace(
             old,
             time_s=float(old.t[0]) + index * wanted.spacing_s,
-            values=turned if isinstance(old, DemodulatedRecord) else turned.real,
+            values=turned if old.is_complex else turned.real,
             begin="first",
             label=f"next {wanted.trace} at {wanted.spacing_s!r} s",
         )
 
-    def _so_far(self, record: TraceRecord | DemodulatedRecord, place: Place) -> SolvedTraces:
+    def _so_far(self, record: TimeRecord, place: Place) -> SolvedTraces:
         """A trace so far as the model has it at a place."""
         p = to_model(self.series.bound.parameters, place.x)
-        kind, model = self.so_far.of(record), self.series.model(place.alternative)
+        kind, model = self.so_far.kind.of_records((record,)), self.series.model(place.alternative)
         return _prediction(kind, model, np.array([p]), self.series.workers)[0]
 
-    def _predicted(
-        self, record: TraceRecord | DemodulatedRecord, place: Place, table: FloatArray
-    ) -> list[SolvedTraces]:
-        kind = self.so_far.of(record)
+    def _predicted(self, record: TimeRecord, place: Place, table: FloatArray) -> list[SolvedTraces]:
+        kind = self.so_far.kind.of_records((record,))
         model = self._model(record, place)
         return _prediction(kind, model, table, self.series.workers)
 
-    def _model(self, record: TraceRecord | DemodulatedRecord, place: Place) -> DrivenModel:
+    def _model(self, record: TimeRecord, place: Place) -> DrivenModel:
         """The FMU with the communication step of a recording, which is found once."""
         series = self.series
         if record.label not in self.planned:
             points = planning_points(series.bound.parameters)
             model = series.model(series.bound.alternatives[0])
-            plan = self.so_far.of(record).refined(model, points, series.workers)
+            plan = self.so_far.kind.of_records((record,)).refined(model, points, series.workers)
             self.planned[record.label] = replace(model, plan=plan)
         return replace(self.planned[record.label], alternative=place.alternative)
 
     def _expected(
         self,
-        old: TraceRecord | DemodulatedRecord,
+        old: TimeRecord,
         shown: SolvedTraces,
-        record: TraceRecord | DemodulatedRecord,
+        record: TimeRecord,
         place: Place,
     ) -> Values:
         """Values (n,) of a recording that begins as the trace so far did."""
@@ -412,13 +395,11 @@ class RecordingsToSimulate:
         return np.asarray(new.values + more)
 
 
-def _samples(record: TraceRecord | DemodulatedRecord) -> int:
+def _samples(record: TimeRecord) -> int:
     return int(record.y.size)
 
 
-def _beginning(
-    record: TraceRecord | DemodulatedRecord, values: Values, count: int
-) -> TraceRecord | DemodulatedRecord | None:
+def _beginning(record: TimeRecord, values: Values, count: int) -> TimeRecord | None:
     """The first samples of a recording with their values; None where a fit would refuse them."""
     try:
         return replace(record, time_s=record.t[:count], values=values[:count])
@@ -439,7 +420,7 @@ def _of_one_spacing(choices: Sequence[DriveChoice]) -> Iterator[list[DriveChoice
 
 
 def _prediction(
-    kind: Traces | DemodulatedTraces, model: DrivenModel, table: FloatArray, workers: Workers
+    kind: TracesTogether[Any], model: DrivenModel, table: FloatArray, workers: Workers
 ) -> list[SolvedTraces]:
     """A measurement at parameter vectors (k, n)."""
     batch = Batch()
@@ -472,9 +453,7 @@ def _left(node: SolvedTraces, values: Values, count: int) -> FloatArray:
     return np.asarray(rows - along @ (along.T @ rows))
 
 
-def _in_common(
-    old: TraceRecord | DemodulatedRecord, new: TraceRecord | DemodulatedRecord, where: str
-) -> tuple[IntArray, IntArray]:
+def _in_common(old: TimeRecord, new: TimeRecord, where: str) -> tuple[IntArray, IntArray]:
     """Samples at the same times after the start, by their numbers in both.
 
     Raises:

@@ -28,42 +28,54 @@ class Expected:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProposedRecording:
+class Recording:
     """A recording over time that begins, or is driven, as the ``trace`` of that name was.
 
-    `length_s` from the first to the last of `samples`, which are `spacing_s` apart.
+    `length_s` from the first to the last of `samples`, which are `spacing_s` apart: it follows from
+    these.
     """
 
     trace: str
-    length_s: float
+    length_s: float = math.nan
     spacing_s: float
     samples: int
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "length_s", (self.samples - 1) * self.spacing_s)
+
 
 @dataclass(frozen=True, kw_only=True)
-class Proposal:
-    """One proposed measurement: `rank` in order of use, drive, output, number of spectra averaged.
+class DriveChoice:
+    """What tells a candidate from the others: where it is driven, what is read, how strongly.
 
-    `tones_hz`, expected peaks `peaks_v` and their `sigmas_v` (at the given point), one per tone;
-    `level` a factor on the campaign's drive level, `settings` of FMU parameters; `expected` of the
-    target after this measurement and those before it. With `points` it is a sweep of that many
-    frequencies, `tones_hz` its first and last, its largest amplitude the only peak, `settings` its
-    controls. A `recording` has no tones, its largest value is the only peak, with the noise of a
-    sample.
+    `tones_hz` around the resonance `centre_hz`, `level` a factor on the campaign's drive,
+    `settings` of further FMU parameters or controls. With `points` it is a sweep of that many
+    frequencies from the first to the second of `tones_hz`; a `recording` has no tones.
     """
 
-    rank: int
     tones_hz: tuple[float, ...]
     centre_hz: float
     output: str
     level: float
     settings: Mapping[str, Scalar]
+    points: int = 0
+    recording: Recording | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal(DriveChoice):
+    """One proposed measurement: `rank` in order of use, drive, output, number of spectra averaged.
+
+    Expected peaks `peaks_v` and their `sigmas_v` (at the given point), one per tone; `expected` of
+    the target after this measurement and those before it. The largest amplitude of a sweep and the
+    largest value of a recording are its only peak, with the noise of a point or sample.
+    """
+
+    rank: int
     repeats: int
     peaks_v: tuple[float, ...]
     sigmas_v: tuple[float, ...]
     expected: Expected
-    points: int = 0
-    recording: ProposedRecording | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,22 +115,32 @@ class PlacePoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Design:
-    """A proposal for the next measurements.
+class Prospect:
+    """What further measurements are weighed for, and by which `criterion`.
 
-    `before` is the target's sigma with the data so far, `spread` its standard deviation over
-    `equal_fits` points that fit equally well (of which `valueless` have no value); `limits` in
-    words; `sentences` say what was assumed.
+    `before` is the target's error with the data so far; `sentences` say what was assumed.
     """
 
     title: str
     synthetic: bool
-    campaign: str
     target: str
     unit: str
-    amplitude_unit: str
     criterion: str
     before: Expected
+    sentences: tuple[str, ...]
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design(Prospect):
+    """A proposal for the next measurements.
+
+    `spread` is the target's standard deviation over `equal_fits` points that fit equally well (of
+    which `valueless` have no value); `limits` in words.
+    """
+
+    campaign: str
+    amplitude_unit: str
     spread: float
     span: tuple[float, float]
     proposals: tuple[Proposal, ...]
@@ -128,9 +150,7 @@ class Design:
     valueless: int
     setups: int
     candidates: int
-    sentences: tuple[str, ...]
     limits: Mapping[str, str] = field(default_factory=dict)
-    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_of_sweeps(self) -> bool:

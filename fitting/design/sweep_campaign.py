@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from fitting.campaign import BoundCampaign
-from fitting.design.candidates import DriveChoice, Limits
+from fitting.design.candidates import Limits
 from fitting.design.continued import continued_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweeps import frequencies_hz
@@ -111,7 +111,7 @@ def sweeps_csv(
     for p in design.proposals:
         lines.append(f"# {_what(p, design)}")
         controls = [str(p.settings[name]) for name in names]
-        lines += [csv_line([*controls, repr(float(f)), *open_cells]) for f in _frequencies(p)]
+        lines += [csv_line([*controls, repr(float(f)), *open_cells]) for f in frequencies_hz(p)]
     return "\n".join(lines) + "\n"
 
 
@@ -123,18 +123,6 @@ def fill_in(bound: BoundCampaign) -> str:
     """
     columns = continued_of(bound).columns
     return f"Fill in the column{'s' * (len(columns) > 1)} {listed(columns)}"
-
-
-def _frequencies(p: Proposal) -> list[float]:
-    choice = DriveChoice(
-        centre_hz=p.centre_hz,
-        tones_hz=p.tones_hz,
-        output=p.output,
-        level=p.level,
-        settings=p.settings,
-        points=p.points,
-    )
-    return list(map(float, frequencies_hz(choice)))
 
 
 def _what(p: Proposal, design: Design) -> str:

@@ -19,9 +19,10 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import planning_points, search_bounds, to_model
-from fitting.design.candidates import DriveChoice, Limits, combinations
+from fitting.design.candidates import Limits, combinations
 from fitting.design.continued import Continued, Responses, SweepRows, continued_of
 from fitting.design.information import Place, Series
+from fitting.design.result import DriveChoice
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.measurements.curve_survey import plan_curve

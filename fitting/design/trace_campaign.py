@@ -9,11 +9,11 @@ from typing import Any
 from fitting.campaign import BoundCampaign
 from fitting.design.candidates import Limits
 from fitting.design.recordings import TracesSoFar, traces_of
-from fitting.design.result import Design, Proposal, ProposedRecording
+from fitting.design.result import Design, Proposal, Recording
 from fitting.design.sweep_campaign import MEASURED_BEFORE
 from fitting.design.times import written_times
 from fitting.fmu.variables import VariableLike
-from fitting.measurements.demodulated.record import DemodulatedRecord
+from fitting.measurements.traces.record import TraceRecord
 from fitting.measurements.traces.time_record import FOUND
 from fitting.measurements.traces.waveform import Recorded
 from fitting.text.csv_cells import csv_line
@@ -58,7 +58,7 @@ def edit_for_traces(tables: Tables, design: Design, bound: BoundCampaign, limits
     put(tables, "design", _design_table(design, limits), "the instrument's limits")
 
 
-def _recording(p: Proposal) -> ProposedRecording:
+def _recording(p: Proposal) -> Recording:
     if p.recording is None:
         raise TypeError(f"no recording: {p!r}")
     return p.recording
@@ -116,7 +116,7 @@ def recording_files(
 def _columns(p: Proposal, so_far: TracesSoFar, variables: Mapping[str, VariableLike]) -> list[str]:
     record = so_far.record(_recording(p).trace)
     heads = ["time (s)"]
-    if isinstance(record, DemodulatedRecord):
+    if not isinstance(record, TraceRecord):
         heads += [f"X ({record.unit})", f"Y ({record.unit})"]
     else:
         heads.append(f"{p.output} ({record.unit})")

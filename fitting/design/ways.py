@@ -8,7 +8,7 @@ data so far, and what the new measurements of each way have in common.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +17,7 @@ import numpy as np
 from fitting.design.candidates import Limits
 from fitting.design.choice import AS_GOOD, DesignProblem, choose_within
 from fitting.design.proposal import Choice, expected_of
-from fitting.design.result import Expected
+from fitting.design.result import Expected, Prospect
 from fitting.design.weighing import Weighed, chosen_by
 from fitting.text.errors import BadInput
 from fitting.text.records import read_json, write_json
@@ -43,22 +43,11 @@ class Way:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ways:
-    """Ways to spend `time_s`, s, the one with the least expected error first.
+class Ways(Prospect):
+    """Ways to spend `time_s`, s, the one with the least expected error first."""
 
-    `before` is the target's error with the data so far; `sentences` say what was assumed.
-    """
-
-    title: str
-    synthetic: bool
-    target: str
-    unit: str
-    criterion: str
     time_s: float
-    before: Expected
     ways: tuple[Way, ...]
-    sentences: tuple[str, ...]
-    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def best(self) -> Way:

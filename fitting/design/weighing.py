@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
-from fitting.design.candidates import DriveChoice, Limits, Setup, as_campaign, setups_of
+from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
 from fitting.design.choice import DesignProblem, choose, choose_within, target_sigmas
 from fitting.design.continued import ANY_PHASE, continued_of
 from fitting.design.information import (
@@ -31,6 +31,7 @@ from fitting.design.information import (
 from fitting.design.outset import MeasuredSoFar, Outset
 from fitting.design.points import equal_fits, nearest_fit, spread_out
 from fitting.design.recordings import RecordingsToSimulate, recording_choices, traces_of
+from fitting.design.result import DriveChoice
 from fitting.design.sweeps import information_of_sweeps, simulated_sweeps, sweep_choices
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA, information

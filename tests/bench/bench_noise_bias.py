@@ -52,7 +52,7 @@ def deviations(density: FloatArray, averages: float) -> FloatArray:
         apart = (2.0 * np.pi) ** 2 * (p[0] ** 2 - record.u_hz**2 + 1j * record.u_hz * p[1])
         shape = record.widened(1e12 * p[1] / np.abs(apart) ** 2)
         level, floor = best_levels(shape, record.y, None)
-        return record.rows_of(level * shape + floor)
+        return record.residuals(level * shape + floor)
 
     found = least_squares(rows, TRUTH + 0.5, xtol=1e-12, ftol=1e-12)
     errors = record.sigma * np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))

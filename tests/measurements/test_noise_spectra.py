@@ -54,7 +54,7 @@ def test_the_squares_of_the_rows_are_the_deviance(averages: float) -> None:
     scale = 1.3 * EXACT
     log = gamma.logpdf(measured.y, averages, scale=scale / averages)
     best = gamma.logpdf(measured.y, averages, scale=measured.y / averages)
-    rows = measured.rows_of(scale)
+    rows = measured.residuals(scale)
     assert rows**2 == pytest.approx(2.0 * (best - log), rel=1e-6, abs=1e-9)
     assert np.all(np.sign(rows) == np.sign(scale - measured.y))
 
@@ -63,7 +63,7 @@ def test_the_squares_of_the_rows_are_the_deviance(averages: float) -> None:
 def test_a_row_scatters_as_it_says(averages: int) -> None:
     draws = np.random.default_rng(2).gamma(averages, 1.0 / averages, 200_000)
     measured = NoiseRecord(np.arange(1.0, 200_001.0), draws, averages=averages)
-    rows = measured.rows_of(np.ones(draws.size))
+    rows = measured.residuals(np.ones(draws.size))
     assert np.mean(rows**2) == pytest.approx(measured.sigma**2, rel=0.02)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fitting.design.result import Design, Expected, Proposal, ProposedRecording
+from fitting.design.result import Design, Expected, Proposal, Recording
 from fitting.design.ways import Way, Ways
 from fitting.text.notation import hertz, how_many, number, prefixed, span, with_unit
 
@@ -75,7 +75,7 @@ def driven_words(proposal: Proposal) -> str:
     return ", ".join(f"{f - proposal.centre_hz:+.4g}" for f in proposal.tones_hz) + " Hz"
 
 
-def recorded_words(recording: ProposedRecording) -> str:
+def recorded_words(recording: Recording) -> str:
     """How a recording is made.
 
     Args:
