@@ -29,7 +29,7 @@ from scipy.special import gammaln
 from fitting.api.fmu import Fmu, held_fmu
 from fitting.api.start_values import Starts, started
 from fitting.campaign import Campaign, ContinuationSettings, WrittenFmu, bind
-from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
+from fitting.campaign.arrays import Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
 from fitting.campaign.repeats import refuse_repeats
@@ -95,14 +95,14 @@ class Problem:
         noise: Noise | None = None,
     ) -> None:
         fmu = held_fmu(fmu)
-        data = ArrayData(
-            parameters=[parameters] if isinstance(parameters, Parameter) else parameters,
-            measurements=measurements if isinstance(measurements, Sequence) else [measurements],
+        bound = bind_arrays(
+            [parameters] if isinstance(parameters, Parameter) else parameters,
+            measurements if isinstance(measurements, Sequence) else [measurements],
+            fmu.variables,
             derived=[derived] if isinstance(derived, str) else derived,
-            alternatives=alternatives or {},
-            noise=noise or Noise(),
+            alternatives=alternatives,
+            noise=noise,
         )
-        bound = bind_arrays(data, fmu.variables)
         refuse_repeats(bound)
         record = problem_of(bound)
         self._take(record, options_of(ContinuationSettings(), record.measurements), fmu)

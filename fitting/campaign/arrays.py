@@ -8,43 +8,43 @@ have their own.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fitting.campaign import parameters as bound_parameters
-from fitting.campaign.asked_parameters import bind_parameters
+from fitting.campaign.asked_parameters import (
+    bind_parameters,
+    in_one_unit,
+    of_experiments,
+    written_numbers,
+)
 from fitting.campaign.binder import Binder
-from fitting.campaign.binding import bind_alternatives, bind_experiment, free_scale
+from fitting.campaign.binding import bind_alternatives, bind_experiment, completed, free_scale
 from fitting.campaign.bound import BoundCampaign, SweepData
-from fitting.campaign.bound_laws import with_laws
-from fitting.campaign.conflicts import check_conflicts
 from fitting.campaign.file import ContinuationSettings, offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
-from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep, Phases
+from fitting.campaign.measured import NO_FILE, MeasuredExperiment, Phases
 from fitting.campaign.noise import Noise
-from fitting.campaign.places import Places, places_of_series
+from fitting.campaign.parameters import SCOPES, ParameterTable
+from fitting.campaign.places import places_of_series
 from fitting.campaign.setup import Drive, Setup
-from fitting.campaign.stated import DriftPriors, bind_sigmas, with_offsets
-from fitting.campaign.unnamed_tones import check_tones
+from fitting.campaign.stated import DriftPriors, bind_sigmas
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.units import checked_accuracy, convert, parse_quantity, same_kind
-from fitting.text.written import Written, as_written, difference_in, in_unit, written_values
-
-SCOPES = ("campaign", "experiment")
+from fitting.text.units import checked_accuracy, convert, same_kind
+from fitting.text.written import Written, as_written, written_values
 
 
 @checked
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(ParameterTable[float | str]):
     """A coefficient that is looked for: a Real parameter of the FMU and the box it lies in.
 
     Args:
@@ -64,69 +64,46 @@ class Parameter:
         BadInput: bounds reversed, a start outside, numbers that are not finite or not positive.
     """
 
-    name: str
-    start: float | str
-    _: KW_ONLY
-    bounds: tuple[float | str, float | str]
-    unit: str | None = None
-    reference: float | str | None = None
-    scale: float | str | None = None
-    period: float | str | None = None
-    prior: float | str | None = None
-    scope: str = "campaign"
-
-    def __post_init__(self) -> None:
-        if self.scope not in SCOPES:
+    def __init__(  # noqa: PLR0913 - the fields of the record
+        self,
+        name: str,
+        start: float | str,
+        *,
+        bounds: tuple[float | str, float | str],
+        unit: str | None = None,
+        reference: float | str | None = None,
+        scale: float | str | None = None,
+        period: float | str | None = None,
+        prior: float | str | None = None,
+        scope: str = SCOPES[0],
+    ) -> None:
+        if scope not in SCOPES:
             raise BadInput(
-                f"parameter '{self.name}': scope is {self.scope!r}, wanted one of "
-                f"{', '.join(SCOPES)}"
+                f"parameter '{name}': scope is {scope!r}, wanted one of {', '.join(SCOPES)}"
             )
-        if np.shape(self.bounds) != (2,):
-            raise BadInput(
-                f"parameter '{self.name}': bounds are {self.bounds!r}, wanted (lower, upper)"
-            )
-        numbers = self.numbers
-        if len({written.unit is None for written in numbers.values()}) > 1:
-            return  # plain numbers are in the FMU's unit, which is known beside it alone
-        found = {
-            key: (difference_in if key in bound_parameters.DIFFERENCES else in_unit)(
-                written, self.unit
-            )
-            for key, written in numbers.items()
-        }
-        bound_parameters.Parameter(
-            name=self.name,
-            unit=self.unit or "",
-            lower=found["lower"],
-            upper=found["upper"],
-            start=found["start"],
-            reference=found.get("reference", found["start"]),
-            scale=found.get("scale", max(0.5 * (found["upper"] - found["lower"]), 1e-300)),
-            period=found.get("period"),
-            prior_sigma=found.get("prior"),
+        if np.shape(bounds) != (2,):
+            raise BadInput(f"parameter '{name}': bounds are {bounds!r}, wanted (lower, upper)")
+        super().__init__(
+            name=name,
+            unit=unit,
+            scope=scope,
+            lower=bounds[0],
+            upper=bounds[1],
+            start=start,
+            reference=reference,
+            scale=scale,
+            period=period,
+            prior=prior,
         )
+        numbers = written_numbers(self)
+        # where some have a unit, plain numbers are in the FMU's, which is known beside it alone
+        if len({written.unit is None for written in numbers.values()}) == 1:
+            in_one_unit(name, numbers, unit)
 
     @property
-    def numbers(self) -> dict[str, Written]:
-        """What was said of it by key, each in the unit that stands with it, else in ``unit``.
-
-        Raises:
-            BadInput: what is neither a number nor a quantity with a unit.
-        """
-        said = {
-            "lower": self.bounds[0],
-            "upper": self.bounds[1],
-            "start": self.start,
-            "reference": self.reference,
-            "scale": self.scale,
-            "period": self.period,
-            "prior": self.prior,
-        }
-        return {
-            key: _number(value, self.unit, f"parameter '{self.name}': {key}")
-            for key, value in said.items()
-            if value is not None
-        }
+    def bounds(self) -> tuple[float | str, float | str]:
+        """Lower and upper end of the box."""
+        return self.lower, self.upper
 
 
 @checked
@@ -171,10 +148,14 @@ class Tones:
     series: str = ""
     unknown: str = "phase"
     restarted: Sequence[str] = ()
-    experiments: tuple[MeasuredExperiment, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         _check_setup("tones", self.setup)
+        _ = self.experiments  # what is nonsense is refused here
+
+    @cached_property
+    def experiments(self) -> tuple[MeasuredExperiment, ...]:
+        """What was measured, as of a file."""
         drive_hz = _table(self.drive_hz, "drive_hz", None)
         count = len(drive_hz)
         names = self.setup.drive.frequency_names
@@ -196,7 +177,7 @@ class Tones:
             raise BadInput(f"tones: {len(labels)} labels, wanted {count}, one per experiment")
         columns = {name: _column(each, count, name) for name, each in self.settings.items()}
         phases = self._phases(values, labels)
-        made = tuple(
+        return tuple(
             MeasuredExperiment(
                 label=str(label),
                 tones_hz=tuple(map(float, drive_hz[i])),
@@ -209,7 +190,6 @@ class Tones:
             )
             for i, label in enumerate(labels)
         )
-        object.__setattr__(self, "experiments", made)
 
     def _phases(self, values: ComplexArray, labels: Sequence[str]) -> list[Phases | None]:
         """Phases of every experiment; None for amplitudes."""
@@ -239,8 +219,8 @@ class Tones:
 
 
 @checked
-@dataclass(frozen=True, eq=False)
-class Sweep:
+@dataclass(frozen=True, eq=False, init=False)
+class Sweep(SweepData):
     """Amplitudes of a steady response to one tone after another: n points.
 
     Args:
@@ -267,55 +247,56 @@ class Sweep:
     """
 
     setup: Setup
-    frequency_hz: npt.ArrayLike
-    amplitude_v: npt.ArrayLike
-    _: KW_ONLY
-    phase_rad: npt.ArrayLike | None = None
-    settings: Mapping[str, Scalar] = field(default_factory=dict)
-    setting_sigma: Mapping[str, float | str] = field(default_factory=dict)
-    use: str = "fit"
-    scale: str = "fit"
-    background: str = "none"
-    amplitude_unit: str = "V"
-    series: str = ""
-    measured: MeasuredSweep = field(init=False)
+    series: str
 
-    def __post_init__(self) -> None:
-        _check_setup("sweep", self.setup)
-        if np.iscomplexobj(self.amplitude_v):
+    def __init__(  # noqa: PLR0913 - the fields of the record
+        self,
+        setup: Setup,
+        frequency_hz: npt.ArrayLike,
+        amplitude_v: npt.ArrayLike,
+        *,
+        phase_rad: npt.ArrayLike | None = None,
+        settings: Mapping[str, Scalar] | None = None,
+        setting_sigma: Mapping[str, float | str] | None = None,
+        use: str = "fit",
+        scale: str = "fit",
+        background: str = "none",
+        amplitude_unit: str = "V",
+        series: str = "",
+    ) -> None:
+        _check_setup("sweep", setup)
+        if np.iscomplexobj(amplitude_v):
             raise BadInput("sweep: amplitude_v is complex, wanted peak amplitudes (numpy.abs)")
-        for name, known in (
-            ("use", ("fit", "scale")),
-            ("scale", SCALES),
-            ("background", BACKGROUNDS),
+        for key, word, known in (
+            ("use", use, ("fit", "scale")),
+            ("scale", scale, SCALES),
+            ("background", background, BACKGROUNDS),
         ):
-            if getattr(self, name) not in known:
-                raise BadInput(
-                    f"sweep: {name} is {getattr(self, name)!r}, wanted one of {', '.join(known)}"
-                )
-        if self.setting_sigma and self.use != "fit":
+            if word not in known:
+                raise BadInput(f"sweep: {key} is {word!r}, wanted one of {', '.join(known)}")
+        if setting_sigma and use != "fit":
             raise BadInput('sweep: setting_sigma has a meaning with use = "fit" only')
-        for trouble in offset_trouble(self.background, self.use, self.scale):
+        for trouble in offset_trouble(background, use, scale):
             raise BadInput(f"sweep: background: {trouble}")
-        measured = MeasuredSweep(
-            frequency_hz=self.frequency_hz,  # type: ignore[arg-type]  # made an array there
-            amplitude_v=self.amplitude_v,  # type: ignore[arg-type]
-            phase_rad=self.phase_rad,  # type: ignore[arg-type]
-            source=Path(f"{places_of_series(self.series).top}sweep"),
-            unit=self.amplitude_unit,
+        object.__setattr__(self, "setup", setup)
+        object.__setattr__(self, "series", series)
+        super().__init__(
+            frequency_hz=frequency_hz,  # type: ignore[arg-type]  # made an array there
+            amplitude_v=amplitude_v,  # type: ignore[arg-type]
+            phase_rad=phase_rad,  # type: ignore[arg-type]
+            source=Path(f"{places_of_series(series).top}sweep"),
+            unit=amplitude_unit,
+            settings=settings or {},
+            setting_sigma=setting_sigma or {},  # type: ignore[arg-type]  # bound to the FMU later
+            use=use,
+            scale=scale,
+            background=background,
         )
-        object.__setattr__(self, "measured", measured)
 
-
-def _number(value: object, unit: str | None, where: str) -> Written:
-    """A number in ``unit``, or a text with its own."""
-    if isinstance(value, str):
-        number, own = parse_quantity(value, where=where, wanted=unit)
-        return Written(number, own or unit, where)
-    try:
-        return Written(float(value), unit, where)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise BadInput(f'{where}: found {value!r}, wanted a number or a text as "400 Hz"') from None
+    @property
+    def amplitude_unit(self) -> str:
+        """The detector's."""
+        return self.unit
 
 
 def _check_setup(kind: str, setup: object) -> None:
@@ -356,244 +337,194 @@ def _kind(measurement: Tones | Sweep) -> str:
     return type(measurement).__name__.lower()
 
 
-@dataclass(frozen=True, kw_only=True)
-class ArrayData:
-    """Everything that a campaign file would say, of a program.
-
-    ``alternatives`` hold values to try by variable, in all combinations; ``derived`` names outputs
-    of the FMU that are reported; ``noise`` is what is declared beside the ``sigmas_v``; further
-    kinds of measurements are in the FMU's units already.
-    """
-
-    parameters: Sequence[Parameter]
-    measurements: Sequence[Tones | Sweep | BoundMeasurement]
-    derived: Sequence[str] = ()
-    alternatives: Mapping[str, Sequence[Scalar]] = field(default_factory=dict)
-    noise: Noise = field(default_factory=Noise)
-    title: str = ""
+Measured = Tones | Sweep | BoundMeasurement
 
 
 def bind_arrays(
-    data: ArrayData, variables: Mapping[str, VariableLike]
+    parameters: Sequence[Parameter],
+    measurements: Sequence[Measured],
+    variables: Mapping[str, VariableLike],
+    *,
+    derived: Sequence[str] = (),
+    alternatives: Mapping[str, Sequence[Scalar]] | None = None,
+    noise: Noise | None = None,
 ) -> tuple[BoundCampaign, ...]:
     """The campaigns that such data are, one for each series, in the FMU's names and units.
 
     Args:
-        data: parameters and measurements.
+        parameters: that are looked for.
+        measurements: those of further kinds are in the FMU's units already.
         variables: of the FMU, by name.
+        derived: outputs of the FMU that are reported.
+        alternatives: values to try by variable, in all combinations.
+        noise: what is declared beside the ``sigmas_v``.
 
     Raises:
         BadInput: nothing to fit, unknown variables, units or kinds that do not match, one series
             with two setups or two sweeps.
     """
-    if not data.parameters:
+    if not parameters:
         raise BadInput("problem: no parameters, wanted at least one")
-    for thing in data.parameters:
+    for thing in parameters:
         if not isinstance(thing, Parameter):
             raise BadInput(f"problem: parameters hold a {type(thing).__name__}, wanted Parameter")
-    for other in data.measurements:
+    for other in measurements:
         if not isinstance(other, Tones | Sweep) and not is_measurement(other):
             raise BadInput(
                 f"problem: measurements hold a {type(other).__name__}, wanted Tones or Sweep"
             )
-    if not any(_is_fitted(m) for m in data.measurements):
+    if not any(_is_fitted(m) for m in measurements):
         raise BadInput('problem: nothing to fit, wanted tones, or a sweep with use = "fit"')
-    names = dict.fromkeys(m.series for m in data.measurements)
-    made = []
-    for name in names:
-        mine = [m for m in data.measurements if m.series == name]
-        made.append(_Series(data, name, Binder(variables, mine[0].setup.laws.names)).bound())
-    return tuple(made)
+    readers = []
+    for name in dict.fromkeys(m.series for m in measurements):
+        mine = [m for m in measurements if m.series == name]
+        readers.append(partial(_bound_series, mine, parameters, variables))
+    tried, known = alternatives or {}, noise or Noise()
+    return tuple(read(derived, tried, known) for read in readers)
 
 
-def _is_fitted(measurement: Tones | Sweep | BoundMeasurement) -> bool:
+def _is_fitted(measurement: Measured) -> bool:
     if isinstance(measurement, Sweep):
         return measurement.use == "fit"
     return isinstance(measurement, Tones) or measurement.rows > 0
 
 
-@dataclass(frozen=True)
-class _Series:
-    """The measurements of one series, and the variables of its FMU."""
-
-    data: ArrayData
-    name: str
-    binder: Binder
-
-    @property
-    def path(self) -> Path:
-        """What results name it by."""
-        return NO_FILE / self.name
-
-    @property
-    def places(self) -> Places:
-        """What complaints name it and its parts by."""
-        return places_of_series(self.name)
-
-    @property
-    def top(self) -> str:
-        """What opens complaints: nothing where there is but one series."""
-        return self.places.top
-
-    @property
-    def mine(self) -> list[Tones | Sweep | BoundMeasurement]:
-        """Its measurements."""
-        return [m for m in self.data.measurements if m.series == self.name]
-
-    def further(self, setup: Setup) -> dict[str, BoundMeasurement]:
-        """Its measurements of further kinds, driven so, by a name for complaints."""
-        others = [m for m in self.mine if not isinstance(m, Tones | Sweep)]
-        return {
-            f"{type(m).__name__} {k}": m.within(setup, "") for k, m in enumerate(others, start=1)
+def _bound_series(
+    mine: Sequence[Measured],
+    parameters: Sequence[Parameter],
+    variables: Mapping[str, VariableLike],
+    derived: Sequence[str],
+    alternatives: Mapping[str, Sequence[Scalar]],
+    noise: Noise,
+) -> BoundCampaign:
+    """The measurements of one series as a campaign."""
+    given, name = mine[0].setup, mine[0].series
+    places, binder = places_of_series(name), Binder(variables, given.laws.names)
+    top, path = places.top, NO_FILE / name  # nothing opens complaints where there is but one series
+    if any(m.setup != given for m in mine):
+        raise BadInput(f"{top}measurements with different setups; wanted a series for each setup")
+    output = binder.real(given.output, f"{top}setup: output", READABLE, "observed")
+    sweeps = [m for m in mine if isinstance(m, Sweep)]
+    if len(sweeps) > 1:
+        raise BadInput(f"{top}{len(sweeps)} sweeps, wanted a series for each of them")
+    factor, unit = _unit([m for m in mine if isinstance(m, Tones | Sweep)], output, top)
+    drive = _drive(given.drive, binder, f"{top}setup: drive")
+    written = written_values(given.start_values, f"{top}setup: start_values")
+    setup = replace(
+        given,
+        drive=drive,
+        start_values={key: binder.setting(key, value) for key, value in written.items()},
+        accuracy=checked_accuracy(given.accuracy, f"{top}setup: accuracy"),
+        source=f"{top}setup",
+    )
+    measured = [e for m in mine if isinstance(m, Tones) for e in m.experiments]
+    experiments = []
+    for e in measured:
+        scaled = replace(e, peaks_v=factor * e.peaks_v, sigmas_v=factor * e.sigmas_v)
+        experiments.append(bind_experiment(scaled, binder, drive, output))
+    others = [m.within(setup, "") for m in mine if not isinstance(m, Tones | Sweep)]
+    further = {f"{type(m).__name__} {k}": m for k, m in enumerate(others, start=1)}
+    labels = [*(e.label for e in experiments), *labels_of(others)]
+    if len(set(labels)) < len(labels):
+        raise BadInput(
+            f"{top}tones: labels {', '.join(labels)}; wanted another one for each experiment"
+        )
+    for key in derived:
+        binder.reported(key, "problem: derived", setup.laws.formulas)
+    sweep = None
+    for found in sweeps:
+        settings = written_values(found.settings, f"{top}sweep: settings")
+        sigmas = written_values(found.setting_sigma, f"{top}sweep: setting_sigma")
+        as_given = {of.name: getattr(found, of.name) for of in fields(SweepData)}
+        bound_to_fmu = {
+            "amplitude_v": factor * found.amplitude_v,
+            "settings": {key: binder.setting(key, value) for key, value in settings.items()},
+            "setting_sigma": bind_sigmas(sigmas, binder),
+            "source": path,
+            "unit": unit,
         }
+        sweep = SweepData(**{**as_given, **bound_to_fmu})
+    fitted = bind_parameters(parameters, binder, places)
+    bound = BoundCampaign(
+        title="Data from arrays",
+        path=path,
+        synthetic=False,
+        setup=setup,
+        experiments=tuple(experiments),
+        sweep=sweep,
+        parameters=(
+            *of_experiments(fitted, labels),
+            *free_scale(sweep, noise),
+            *(p for m in others for p in m.parameters),
+        ),
+        derived=tuple(derived),
+        alternatives=_alternatives(alternatives, binder),
+        continuation=ContinuationSettings(),
+        amplitude_unit=unit,
+        notes=tuple(binder.notes),
+        files=(),
+        noise=noise,
+        measurements=further,
+    )
+    return completed(bound, binder, places, DriftPriors())
 
-    def bound(self) -> BoundCampaign:
-        """The series as a campaign."""
-        given, binder = self._setup(), self.binder
-        output = binder.real(given.output, f"{self.top}setup: output", READABLE, "observed")
-        swept, factor, unit = self._sweep(), *self._unit(output)
-        setup = replace(
-            given,
-            drive=self._drive(given.drive),
-            start_values={
-                name: binder.setting(
-                    name, as_written(value, f"{self.top}setup: start_values: {name}")
-                )
-                for name, value in given.start_values.items()
-            },
-            accuracy=checked_accuracy(given.accuracy, f"{self.top}setup: accuracy"),
-            source=f"{self.top}setup",
+
+def _unit(given: Sequence[Tones | Sweep], output: VariableLike, top: str) -> tuple[float, str]:
+    """Factor and unit of the amplitudes: the output's where no scale stands between the two."""
+    if not given:
+        return 1.0, output.unit or "V"
+    units = {m.amplitude_unit: type(m).__name__.lower() for m in reversed(given)}
+    if len(units) > 1:
+        said = ", ".join(f"{kind} in {unit!r}" for unit, kind in reversed(units.items()))
+        raise BadInput(f"{top}{said}; wanted one amplitude_unit")
+    [(unit, kind)] = units.items()
+    free = any(isinstance(m, Tones) and m.unknown == "gain" for m in given)
+    scaled = any(isinstance(m, Sweep) and m.scale != "none" for m in given)
+    if output.unit is None or free or scaled:
+        return 1.0, unit
+    where = f"{top}{kind}: amplitude_unit"
+    try:
+        return convert(1.0, unit, output.unit, where=where), output.unit
+    except BadInput as error:
+        raise BadInput(
+            f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
+        ) from error
+
+
+def _drive(drive: Drive, binder: Binder, where: str) -> Drive:
+    """The drive, if the FMU can be driven so, with the unit of its frequencies."""
+    if drive.kind == "none":
+        return drive
+    if drive.input is not None:
+        binder.real(drive.input, where, ("input",), "driven")
+        return drive
+    for name in drive.amplitude_names:
+        binder.real(name, where, SETTABLE, "set")
+    names = drive.frequency_names
+    declared = [binder.real(name, where, SETTABLE, "set").unit for name in names]
+    units = [unit or drive.tone_unit for unit in declared]
+    if len(set(units)) > 1:
+        raise BadInput(f"{where}: the FMU has the frequencies in different units: {units}")
+    if drive.frequency_unit not in ("", units[0]):
+        raise BadInput(
+            f"{where}: frequency_unit is {drive.frequency_unit!r}, but the FMU has "
+            f"'{names[0]}' in {units[0]!r}; wanted that, or nothing"
         )
-        measured = [e for m in self.mine if isinstance(m, Tones) for e in m.experiments]
-        experiments = tuple(
-            bind_experiment(
-                replace(e, peaks_v=factor * e.peaks_v, sigmas_v=factor * e.sigmas_v),
-                binder,
-                setup.drive,
-                output,
-            )
-            for e in measured
-        )
-        further = self.further(setup)
-        labels = [*(e.label for e in experiments), *labels_of(further.values())]
-        if len(set(labels)) < len(labels):
+    if not same_kind(units[0], "Hz"):
+        raise BadInput(f"{where}: the unit of '{names[0]}' is {units[0]!r}, wanted a frequency")
+    return replace(drive, frequency_unit=units[0])
+
+
+def _alternatives(
+    asked: Mapping[str, Sequence[Scalar]], binder: Binder
+) -> tuple[Mapping[str, Scalar], ...]:
+    for name, values in asked.items():
+        if isinstance(values, str) or np.ndim(values) != 1 or not len(values):
             raise BadInput(
-                f"{self.top}tones: labels {', '.join(labels)}; wanted another one for each "
-                "experiment"
+                f"problem: alternatives: {name}: found {values!r}, wanted a list of values"
             )
-        for name in self.data.derived:
-            binder.reported(name, "problem: derived", setup.laws.formulas)
-        sweep = None if swept is None else self._sweep_data(swept, factor, unit)
-        bound = BoundCampaign(
-            title=self.data.title or "Data from arrays",
-            path=self.path,
-            synthetic=False,
-            setup=setup,
-            experiments=experiments,
-            sweep=sweep,
-            parameters=(
-                *bind_parameters(self.data.parameters, binder, self.places, labels),
-                *free_scale(sweep, self.data.noise),
-                *(p for m in further.values() for p in m.parameters),
-            ),
-            derived=tuple(self.data.derived),
-            alternatives=self._alternatives(),
-            continuation=ContinuationSettings(),
-            amplitude_unit=unit,
-            notes=tuple(binder.notes),
-            files=(),
-            noise=self.data.noise,
-            measurements=further,
-        )
-        bound = with_offsets(bound, binder, DriftPriors())
-        check_conflicts(bound, self.places)
-        check_tones(bound, binder.variables, self.places)
-        return with_laws(bound, binder, self.places)
-
-    def _setup(self) -> Setup:
-        setups = [m.setup for m in self.mine]
-        if any(setup != setups[0] for setup in setups):
-            raise BadInput(
-                f"{self.top}measurements with different setups; wanted a series for each setup"
-            )
-        return setups[0]
-
-    def _sweep(self) -> Sweep | None:
-        found = [m for m in self.mine if isinstance(m, Sweep)]
-        if len(found) > 1:
-            raise BadInput(f"{self.top}{len(found)} sweeps, wanted a series for each of them")
-        return found[0] if found else None
-
-    def _unit(self, output: VariableLike) -> tuple[float, str]:
-        """Factor and unit of the amplitudes: the output's where no scale stands between the two."""
-        given = [m for m in self.mine if isinstance(m, Tones | Sweep)]
-        if not given:
-            return 1.0, output.unit or "V"
-        units = {m.amplitude_unit: _kind(m) for m in reversed(given)}
-        if len(units) > 1:
-            said = ", ".join(f"{kind} in {unit!r}" for unit, kind in reversed(units.items()))
-            raise BadInput(f"{self.top}{said}; wanted one amplitude_unit")
-        sweep, [(unit, kind)] = self._sweep(), units.items()
-        free = any(isinstance(m, Tones) and m.unknown == "gain" for m in given)
-        if output.unit is None or free or (sweep is not None and sweep.scale != "none"):
-            return 1.0, unit
-        where = f"{self.top}{kind}: amplitude_unit"
-        try:
-            return convert(1.0, unit, output.unit, where=where), output.unit
-        except BadInput as error:
-            raise BadInput(
-                f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
-            ) from error
-
-    def _drive(self, drive: Drive) -> Drive:
-        where = f"{self.top}setup: drive"
-        if drive.kind == "none":
-            return drive
-        if drive.input is not None:
-            self.binder.real(drive.input, where, ("input",), "driven")
-            return drive
-        for name in drive.amplitude_names:
-            self.binder.real(name, where, SETTABLE, "set")
-        names = drive.frequency_names
-        declared = [self.binder.real(name, where, SETTABLE, "set").unit for name in names]
-        units = [unit or drive.tone_unit for unit in declared]
-        if len(set(units)) > 1:
-            raise BadInput(f"{where}: the FMU has the frequencies in different units: {units}")
-        if drive.frequency_unit not in ("", units[0]):
-            raise BadInput(
-                f"{where}: frequency_unit is {drive.frequency_unit!r}, but the FMU has "
-                f"'{names[0]}' in {units[0]!r}; wanted that, or nothing"
-            )
-        if not same_kind(units[0], "Hz"):
-            raise BadInput(f"{where}: the unit of '{names[0]}' is {units[0]!r}, wanted a frequency")
-        return replace(drive, frequency_unit=units[0])
-
-    def _sweep_data(self, sweep: Sweep, factor: float, unit: str) -> SweepData:
-        written = written_values(sweep.settings, f"{self.top}sweep: settings")
-        return SweepData(
-            frequency_hz=sweep.measured.frequency_hz,
-            amplitude_v=factor * sweep.measured.amplitude_v,
-            phase_rad=sweep.measured.phase_rad,
-            settings={name: self.binder.setting(name, w) for name, w in written.items()},
-            setting_sigma=bind_sigmas(
-                written_values(sweep.setting_sigma, f"{self.top}sweep: setting_sigma"),
-                self.binder,
-            ),
-            use=sweep.use,
-            scale=sweep.scale,
-            source=self.path,
-            background=sweep.background,
-            unit=unit,
-        )
-
-    def _alternatives(self) -> tuple[Mapping[str, Scalar], ...]:
-        for name, values in self.data.alternatives.items():
-            if isinstance(values, str) or np.ndim(values) != 1 or not len(values):
-                raise BadInput(
-                    f"problem: alternatives: {name}: found {values!r}, wanted a list of values"
-                )
-        asked = {
-            name: [as_written(value, f"problem: alternatives: {name}") for value in values]
-            for name, values in self.data.alternatives.items()
-        }
-        return bind_alternatives(asked, self.binder)
+    written = {
+        name: [as_written(value, f"problem: alternatives: {name}") for value in values]
+        for name, values in asked.items()
+    }
+    return bind_alternatives(written, binder)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields
 from functools import partial
 
-from fitting.campaign.data import Campaign
-from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
+from fitting.campaign.file import WrittenAccuracy
+from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, did_you_mean, gathered
+from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered
 from fitting.text.units import dimension_of, parse_quantity, to_base
 from fitting.text.written import Written, in_unit
 
@@ -186,53 +187,40 @@ class Binder:
         return in_unit(written, self.control_units.setdefault(name, unit))
 
 
-def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
+def bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> AccuracyAnnotation:
     """The [accuracy] table in the FMU's names and units.
 
     Args:
-        campaign: campaign as it was read.
+        choice: the table as it is written.
         binder: of the campaign to its FMU.
+        where: what complaints name it by.
 
     Raises:
         BadInput: a variable that is not there, or cannot be set or read; force or forbid of what
             is no reduction.
     """
-    gathered(annotation_readers(campaign, binder))
-    choice, where = campaign.file.accuracy, f"{campaign.path}: [accuracy]"
-    reductions = tuple(
-        Reduction(e.name, binder.settings(e.set), bound=e.bound, cost=e.cost)
-        for e in choice.reductions
-    )
+    said = Complaints()
+    reductions: list[Reduction] = []
+    for name in (choice.tolerance, choice.substep):
+        with said:
+            if name is not None:
+                binder.real(name, where, SETTABLE, "set")
+    for entry in choice.reductions:
+        with said:
+            if entry.bound is not None and "{output}" not in entry.bound:
+                inside = f"{where.removesuffix(']')}.reductions '{entry.name}'] bound"
+                binder.real(entry.bound, inside, READABLE, "read")
+        with said:
+            values = binder.settings(entry.set)
+            reductions.append(Reduction(entry.name, values, bound=entry.bound, cost=entry.cost))
+    with said:
+        full = binder.settings(choice.full)
+    said.check()
+    names = {of.name: getattr(choice, of.name) for of in fields(AccuracyNames)}
     try:
-        return AccuracyAnnotation(
-            tolerance=choice.tolerance,
-            substep=choice.substep,
-            full=binder.settings(choice.full),
-            reductions=reductions,
-            force=choice.force,
-            forbid=choice.forbid,
-        )
+        return AccuracyAnnotation(**names, full=full, reductions=tuple(reductions))
     except BadInput as error:
         raise BadInput(f"{where} {error}") from error
-
-
-def annotation_readers(campaign: Campaign, binder: Binder) -> Iterator[Callable[[], object]]:
-    """What looks at each name and value of the [accuracy] table by itself.
-
-    Args:
-        campaign: campaign as it was read.
-        binder: of the campaign to its FMU.
-    """
-    choice, where = campaign.file.accuracy, f"{campaign.path}: [accuracy]"
-    for name in (choice.tolerance, choice.substep):
-        if name is not None:
-            yield partial(binder.real, name, where, SETTABLE, "set")
-    for entry in choice.reductions:
-        if entry.bound is not None and "{output}" not in entry.bound:
-            inside = f"{campaign.path}: [accuracy.reductions '{entry.name}'] bound"
-            yield partial(binder.real, entry.bound, inside, READABLE, "read")
-        yield partial(binder.settings, entry.set)
-    yield partial(binder.settings, choice.full)
 
 
 def _starts(variable: VariableLike, role: str) -> bool:

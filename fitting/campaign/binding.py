@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
 
-from fitting.campaign.asked_parameters import bind_parameters
+from fitting.campaign.asked_parameters import bind_parameters, of_experiments
 from fitting.campaign.assumptions import with_assumptions
 from fitting.campaign.binder import Binder, bind_annotation
 from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
 from fitting.campaign.bound_laws import with_laws
-from fitting.campaign.conflicts import check_conflicts
+from fitting.campaign.conflicts import check_conflicts, check_tones
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
-from fitting.campaign.driving import bind_drive
+from fitting.campaign.file import SAMPLES_PER_PERIOD, WrittenCampaign, WrittenDrive
 from fitting.campaign.kind import labels_of
-from fitting.campaign.measured import MeasuredExperiment
-from fitting.campaign.names import check_names
+from fitting.campaign.laws import Laws
+from fitting.campaign.measured import MeasuredExperiment, Peaks
 from fitting.campaign.noise import (
     Noise,
     bind_noise,
@@ -30,18 +31,21 @@ from fitting.campaign.noise import (
     sweep_sigmas,
 )
 from fitting.campaign.parameters import Parameter
-from fitting.campaign.places import places_of_file
+from fitting.campaign.places import Places, places_of_file
 from fitting.campaign.setup import USUAL_ACCURACY, Drive, Setup
-from fitting.campaign.stated import bind_sigmas, drift_priors, with_offsets
-from fitting.campaign.unnamed_tones import check_tones
+from fitting.campaign.stated import DriftPriors, bind_sigmas, drift_priors, with_offsets
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, gathered
+from fitting.text.errors import BadInput, Complaints, gathered
 from fitting.text.units import base_unit, convert
 from fitting.text.written import Written
 
 #: Each combination of alternatives is a fit of its own.
 MOST_ALTERNATIVES = 100
+#: Causalities of variables that hold a tone.
+HOLD_TONES = ("parameter", "input")
+#: A word of a formula.
+WORD = re.compile(r"[A-Za-z_]\w*")
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
@@ -60,30 +64,78 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             not match, a value outside the FMU's range, a variable set in two ways; a line each.
     """
     file, top, places = campaign.file, str(campaign.path), places_of_file(campaign.path)
-    laws = check_names(campaign, variables, places)
-    binder = Binder(variables, laws.names)
-    output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
-    campaign = _in_unit_of_output(campaign, output, binder)
-    drive = bind_drive(campaign, binder)
-    drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
-    experiments = _bind_experiments(campaign, binder, drive, drift, output)
+    said = Complaints()  # of every table by itself, then of what rests on several
+    laws, output, drive = Laws(), None, None
+    with said:
+        laws = Laws(file.laws, file.constants, source=f"{places.top}{places.laws}")
+    swept = {} if file.sweep is None else file.sweep.set
+    columns: dict[str, Written] = {}  # each where it is first written
+    for measured in campaign.experiments:
+        columns = {**measured.settings, **columns}
+    named = _may_be_named(file, {*swept, *columns}) if said.lines else laws.names
+    binder = Binder(variables, named)
+    with said:
+        where = f"{top}: [observe] output"
+        output = binder.real(file.observe.output, where, READABLE, "observed")
+        campaign = _in_unit_of_output(campaign, output, binder)
+    with said:
+        drive = bind_drive(file.drive, binder, f"{top}: [drive]")
+    with said:
+        drift = bind_drift(campaign, binder)
+    with said:
+        noise = _bind_noise(campaign)
+    with said:
+        binder.settings(columns)
     for name in file.derived.outputs:
-        binder.reported(name, f"{top}: [derived] outputs", laws.formulas)
-    setup = Setup(
-        drive=drive,
-        output=output.name,
-        start_values=binder.settings(file.fmu.start),
-        steady_start=file.observe.steady_start,
-        line_width_hz=file.observe.line_width,
-        accuracy=USUAL_ACCURACY if file.accuracy.amplitude is None else file.accuracy.amplitude,
-        usual_accuracy=file.accuracy.amplitude is None,
-        annotation=bind_annotation(campaign, binder),
-        laws=laws,
-        source=top,
-    )
-    sweep = _bind_sweep(campaign, binder)
-    readers = (partial(m.bind, binder, setup) for m in campaign.measurements.values())
-    further = dict(zip(campaign.measurements, gathered(readers), strict=True))
+        with said:
+            binder.reported(name, f"{top}: [derived] outputs", file.laws)
+    with said:
+        start_values = binder.settings(file.fmu.start)
+    with said:
+        annotation = bind_annotation(file.accuracy, binder, f"{top}: [accuracy]")
+    with said:
+        settings = binder.settings(swept)
+    with said:
+        sigmas = bind_sigmas({} if file.sweep is None else file.sweep.set_sigma, binder)
+    with said:
+        parameters = bind_parameters(file.parameters, binder, places)
+    with said:
+        alternatives = bind_alternatives(file.alternatives, binder)
+    taken = {}
+    for name in file.fmu.taken:
+        with said:
+            variable = binder.real(name, f"{top}: [fmu] taken", SETTABLE, "set")
+            taken[name] = variable.unit or "1"
+    if output is None or drive is None:
+        said.check()
+        raise AssertionError  # pragma: no cover - one of them has complained
+    setup = Setup(drive=drive, output=output.name, laws=laws, source=top)
+    if not said.lines:
+        accuracy = file.accuracy.amplitude
+        setup = replace(
+            setup,
+            start_values=start_values,
+            steady_start=file.observe.steady_start,
+            line_width_hz=file.observe.line_width,
+            accuracy=USUAL_ACCURACY if accuracy is None else accuracy,
+            usual_accuracy=accuracy is None,
+            annotation=annotation,
+        )
+        experiments = _bind_experiments(campaign, binder, drive, drift, output)
+    with said:
+        readers = (partial(m.bind, binder, setup) for m in campaign.measurements.values())
+        further = dict(zip(campaign.measurements, gathered(readers), strict=True))
+    said.check()
+    sweep = None
+    if file.sweep is not None and campaign.sweep is not None:
+        sweep = SweepData(
+            **vars(campaign.sweep),
+            settings=settings,
+            setting_sigma=sigmas,
+            use=file.sweep.use,
+            scale=file.sweep.scale,
+            background=file.sweep.background,
+        )
     labels = [*(e.label for e in experiments), *labels_of(further.values())]
     bound = BoundCampaign(
         title=file.title,
@@ -93,13 +145,13 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         experiments=experiments,
         sweep=sweep,
         parameters=(
-            *bind_parameters(file.parameters, binder, places, labels),
+            *of_experiments(parameters, labels),
             *drift.parameters,
             *free_scale(sweep, noise),
             *(p for m in further.values() for p in m.parameters),
         ),
         derived=file.derived.outputs,
-        alternatives=bind_alternatives(file.alternatives, binder),
+        alternatives=alternatives,
         continuation=file.continuation,
         amplitude_unit=campaign.amplitude_unit,
         notes=tuple(binder.notes),
@@ -107,15 +159,78 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         drift=Drift(drift.ends, {name: variables[name].unit or "1" for name in drift.ends}),
         noise=noise,
         measurements=further,
-        taken={
-            name: binder.real(name, f"{top}: [fmu] taken", SETTABLE, "set").unit or "1"
-            for name in file.fmu.taken
-        },
+        taken=taken,
     )
-    bound = with_offsets(bound, binder, drift_priors(campaign, binder, drift))
+    bound = completed(bound, binder, places, drift_priors(campaign, binder, drift))
+    return with_assumptions(bound, file.assumptions, binder, places)
+
+
+def _may_be_named(file: WrittenCampaign, measured_at: Collection[str]) -> frozenset[str]:
+    """What laws that cannot be read may name: what no variable is called may be meant for them."""
+    words = [word for law in file.laws.values() for word in WORD.findall(law)]
+    return frozenset([*(p.name for p in file.parameters), *measured_at, *words])
+
+
+def completed(
+    bound: BoundCampaign, binder: Binder, places: Places, priors: DriftPriors
+) -> BoundCampaign:
+    """A campaign with offsets of stated values and laws, whose parts do not contradict each other.
+
+    Args:
+        bound: campaign, bound to its FMU but for them.
+        binder: of the campaign to its FMU.
+        places: what complaints name its parts by.
+        priors: what is known beforehand of the error of drifting variables.
+
+    Raises:
+        BadInput: a variable that is set in two ways, a tone that nobody names, a law of what there
+            is not.
+    """
+    bound = with_offsets(bound, binder, priors)
     check_conflicts(bound, places)
-    check_tones(bound, variables, places)
-    return with_assumptions(with_laws(bound, binder, places), file.assumptions, binder, places)
+    check_tones(bound, binder.variables, places)
+    return with_laws(bound, binder, places)
+
+
+def bind_drive(choice: WrittenDrive | None, binder: Binder, where: str) -> Drive:
+    """How the FMU is driven; not at all where the campaign says nothing of tones.
+
+    Args:
+        choice: the table [drive] as it is written.
+        binder: of the campaign to its FMU.
+        where: what complaints name it by.
+
+    Raises:
+        BadInput: a variable that is not there or cannot be set, tones in different units, a level
+            in another unit or not above zero.
+    """
+    if choice is None:
+        return Drive()
+    if choice.kind == "input":
+        target = binder.real(choice.input or "", f"{where} input", ("input",), "driven")
+        units = ["Hz"]
+    else:
+        named = [
+            *((name, f"{where} frequencies") for name in choice.frequencies),
+            *((name, f"{where} amplitudes") for name in choice.amplitudes or ()),
+        ]
+        held = gathered(partial(binder.real, *each, HOLD_TONES, "set") for each in named)
+        target = held[len(choice.frequencies)]
+        units = [tone.unit or "Hz" for tone in held[: len(choice.frequencies)]]
+        if len(set(units)) > 1:
+            raise BadInput(f"{where} frequencies: the FMU has them in different units: {units}")
+    amplitude = binder.number(target, choice.level)
+    if amplitude <= 0.0:
+        raise BadInput(f"{choice.level.where}: found {amplitude:.6g}, wanted a positive amplitude")
+    return Drive(
+        frequency_names=choice.frequencies,
+        amplitude_names=choice.amplitudes or (),
+        input=choice.input,
+        amplitude=amplitude,
+        samples_per_period=choice.samples_per_period or SAMPLES_PER_PERIOD,
+        frequency_unit=units[0],
+        highest_order=choice.highest_order,
+    )
 
 
 def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
@@ -209,16 +324,9 @@ def bind_experiment(
         BadInput: a variable that is not there or cannot be set, another unit of what is observed.
     """
     return Experiment(
-        label=measured.label,
+        **{of.name: getattr(measured, of.name) for of in fields(Peaks)},
         settings=_experiment_settings(measured, binder, drive),
-        tones_hz=measured.tones_hz,
-        peaks_v=measured.peaks_v,
-        sigmas_v=measured.sigmas_v,
-        floor_v=measured.floor_v,
-        spectrum=measured.spectrum,
-        lines_hz=measured.lines_hz,
         output=_observed(measured, binder, output),
-        phases=measured.phases,
     )
 
 
@@ -248,26 +356,6 @@ def _experiment_settings(
     return settings
 
 
-def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
-    choice, measured = campaign.file.sweep, campaign.sweep
-    if choice is None or measured is None:
-        return None
-    return SweepData(
-        frequency_hz=measured.frequency_hz,
-        amplitude_v=measured.amplitude_v,
-        phase_rad=measured.phase_rad,
-        settings=binder.settings(choice.set),
-        setting_sigma=bind_sigmas(choice.set_sigma, binder),
-        use=choice.use,
-        scale=choice.scale,
-        source=measured.source,
-        background=choice.background,
-        unit=measured.unit,
-        notes=measured.notes,
-        left_out=measured.left_out,
-    )
-
-
 def bind_alternatives(
     asked: Mapping[str, Sequence[Written]], binder: Binder
 ) -> tuple[Mapping[str, Scalar], ...]:
@@ -287,7 +375,9 @@ def bind_alternatives(
             f"[alternatives]: {count} combinations of values, wanted {MOST_ALTERNATIVES} at most: "
             "each is a fit of its own"
         )
-    tried = {name: [binder.setting(name, w) for w in values] for name, values in asked.items()}
+    each = [(name, written) for name, values in asked.items() for written in values]
+    values = iter(gathered(partial(binder.setting, *one) for one in each))
+    tried = {name: list(itertools.islice(values, len(written))) for name, written in asked.items()}
     return tuple(
         dict(zip(tried, combination, strict=True))
         for combination in itertools.product(*tried.values())

@@ -12,7 +12,7 @@ import numpy as np
 from fitting.campaign.file import ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement
 from fitting.campaign.laws import Law
-from fitting.campaign.measured import Phases, Spectrum
+from fitting.campaign.measured import MeasuredSweep, Peaks
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.setup import Setup
@@ -21,53 +21,30 @@ from fitting.text.arrays import FloatArray, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment:
+class Experiment(Peaks):
     """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
 
-    ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
-    :class:`fitting.campaign.measured.MeasuredExperiment`; ``lines_hz`` are those of the peaks,
-    empty where they are the tones. ``output`` is the FMU output that is observed (the campaign's,
-    where empty). ``phases`` are those of the peaks, None where nobody measured them.
+    ``output`` is the FMU output that is observed (the campaign's, where empty).
     """
 
-    label: str
     settings: Mapping[str, Scalar]
-    tones_hz: tuple[float, ...]
-    peaks_v: FloatArray
-    sigmas_v: FloatArray
-    floor_v: float
-    spectrum: Spectrum | None
-    lines_hz: tuple[float, ...] = ()
     output: str = ""
-    phases: Phases | None = None
-
-    @property
-    def read_hz(self) -> tuple[float, ...]:
-        """Frequencies of the peaks, Hz."""
-        return self.lines_hz or self.tones_hz
 
 
-@dataclass(frozen=True, kw_only=True)
-class SweepData:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweepData(MeasuredSweep):
     """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``.
 
     ``setting_sigma`` are declared errors of settings; ``label`` is what values of its own are named
-    by, empty where it has none. ``left_out`` says which points of the file are not here, and why.
+    by, empty where it has none.
     """
 
-    frequency_hz: FloatArray
-    amplitude_v: FloatArray
-    phase_rad: FloatArray | None
     settings: Mapping[str, Scalar]
     use: str
     scale: str
-    source: Path
     background: str = "none"
-    unit: str = "V"
-    notes: Mapping[str, str] | None = None
     setting_sigma: Mapping[str, float] = field(default_factory=dict)
     label: str = ""
-    left_out: str = ""
 
     @cached_property
     def far_off(self) -> tuple[tuple[int, float], ...]:

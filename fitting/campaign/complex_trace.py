@@ -7,13 +7,15 @@ output(t) = Re[value exp(i 2 pi u t)]: the phase of a response falls with freque
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from fitting.campaign.instruments import (
     Channel,
+    ComplexColumns,
     Recording,
     Selection,
     read_recording,
@@ -35,9 +37,8 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
-from fitting.text.keys import Keys, Text
 from fitting.text.notation import how_many, prefixed
-from fitting.text.numbers import require_size
+from fitting.text.numbers import as_numbers, as_values, require_size
 from fitting.text.units import convert
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
@@ -50,45 +51,31 @@ MUCH_BETTER = 5.0
 LEAST_CABLE = 0.25
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenComplexColumns(Keys):
-    """Names of a complex trace's columns where they are not the usual ones (empty)."""
-
-    frequency: Text = ""
-    """Column of frequencies."""
-    x: Text = ""
-    """Column of X, the real part."""
-    y: Text = ""
-    """Column of Y, the imaginary part."""
-    amplitude: Text = ""
-    """Column of amplitudes, of dB, or of complex values, as S21."""
-    phase: Text = ""
-    """Column of phases."""
-    drive: Text = ""
-    """Column of the drive's amplitude, which values are divided by; without it the drive is
-    constant."""
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class MeasuredComplex:
     """Complex values (n,) in ``unit`` at ``frequency_hz`` (n,), Hz, rising.
 
-    ``left_out`` says which rows of the file are not here, and why; empty: none.
+    As arrays they are ``y`` and ``u_hz``. ``left_out`` says which rows of the file are not here,
+    and why; empty: none.
 
     Raises:
         BadInput: shapes that differ, fewer than 8 points, frequencies that do not rise from above
             zero, values that are no numbers or all zero.
     """
 
-    frequency_hz: FloatArray
-    values: ComplexArray
+    frequency_hz: npt.ArrayLike
+    values: npt.ArrayLike
+    _: KW_ONLY
     unit: str = "V"
-    source: Path = Path("arrays")
+    source: str = "arrays"
     left_out: str = ""
+    u_hz: FloatArray = field(init=False)
+    y: ComplexArray = field(init=False)
 
     def __post_init__(self) -> None:
-        where = str(self.source)
-        f, values = np.asarray(self.frequency_hz, dtype=float), np.asarray(self.values)
+        where = self.source
+        f = as_numbers(self.frequency_hz, f"{where}: frequencies")
+        values = np.asarray(as_values(self.values, f"{where}: values"), dtype=complex)
         if f.ndim != 1 or f.shape != values.shape:
             raise BadInput(
                 f"{where}: frequencies {f.shape} and values {values.shape}; wanted (n,) for both"
@@ -110,14 +97,14 @@ class MeasuredComplex:
             raise BadInput(f"{where}: wanted frequencies above zero that rise strictly")
         if not np.any(np.abs(values) > 0.0):
             raise BadInput(f"{where}: every value is zero; wanted a resonance")
-        object.__setattr__(self, "frequency_hz", f)
-        object.__setattr__(self, "values", values.astype(complex))
+        object.__setattr__(self, "u_hz", f)
+        object.__setattr__(self, "y", values)
 
 
 def read_complex(
     path: Path,
     layout: str | None = None,
-    columns: WrittenComplexColumns | None = None,
+    columns: ComplexColumns | None = None,
     *,
     trace: int = 1,
     chunk: int | None = None,
@@ -137,22 +124,12 @@ def read_complex(
         BadInput: a column or unit is missing, a cell is no number, frequencies do not rise,
             radians that are degrees or degrees that are radians.
     """
-    columns = columns or WrittenComplexColumns()
-    selection = Selection(
-        frequency=columns.frequency,
-        amplitude=columns.amplitude,
-        phase=columns.phase,
-        x=columns.x,
-        y=columns.y,
-        further=(columns.drive,) if columns.drive else (),
-        trace=trace,
-        chunk=chunk,
-        header_row=header_row,
-    )
+    columns = columns or ComplexColumns()
+    selection = Selection(**vars(columns), trace=trace, chunk=chunk, header_row=header_row)
     return complex_of(read_recording(path, layout, selection), columns)
 
 
-def complex_of(recording: Recording, columns: WrittenComplexColumns) -> MeasuredComplex:
+def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex:
     """The complex values that columns of a recording hold.
 
     Args:
@@ -169,7 +146,7 @@ def complex_of(recording: Recording, columns: WrittenComplexColumns) -> Measured
 
 
 def _values_of(
-    recording: Recording, frequency: Channel, columns: WrittenComplexColumns
+    recording: Recording, frequency: Channel, columns: ComplexColumns
 ) -> MeasuredComplex:
     path = recording.path
     drive = recording.column(columns.drive) if columns.drive else None
@@ -222,7 +199,7 @@ def _driven(found: MeasuredComplex, recording: Recording, drive: Channel | None)
             f"{recording.path}: {recording.places[i]}, column '{drive.name}': {level[i]:.6g}; "
             "wanted the amplitude of the drive, above zero"
         )
-    return replace(found, values=found.values * (level[0] / level))
+    return replace(found, values=found.y * (level[0] / level))
 
 
 def _missing(recording: Recording, what: str) -> BadInput:
@@ -266,7 +243,7 @@ def _measured(
         frequency_hz=hertz_of(axis, written, where=where),
         values=values,
         unit=unit,
-        source=recording.path,
+        source=str(recording.path),
     )
 
 
@@ -305,9 +282,9 @@ def _check_phase(found: MeasuredComplex, phase_rad: FloatArray, unit: str) -> No
 
 def _fits_better(found: MeasuredComplex, phase_rad: FloatArray) -> bool:
     """Whether one mode describes the amplitudes far better with these phases."""
-    other = np.abs(found.values) * np.exp(1j * phase_rad)
-    here = complex_line(found.frequency_hz, found.values, None).misfit
-    there = complex_line(found.frequency_hz, other, None).misfit
+    other = np.abs(found.y) * np.exp(1j * phase_rad)
+    here = complex_line(found.u_hz, found.y, None).misfit
+    there = complex_line(found.u_hz, other, None).misfit
     return there < PLAIN_LINE and there * MUCH_BETTER < here
 
 
@@ -322,10 +299,10 @@ def check_sense(found: MeasuredComplex, delay_s: float | None, where: str) -> No
     Raises:
         BadInput: one mode describes the data, but with phases counted the other way.
     """
-    line = complex_line(found.frequency_hz, found.values, delay_s)
-    spacing = float(np.median(np.diff(found.frequency_hz)))
-    inside = found.frequency_hz[0] <= line.eta_hz <= found.frequency_hz[-1]
-    seen = 2.0 * spacing < -line.width_hz < float(np.ptp(found.frequency_hz))
+    line = complex_line(found.u_hz, found.y, delay_s)
+    spacing = float(np.median(np.diff(found.u_hz)))
+    inside = found.u_hz[0] <= line.eta_hz <= found.u_hz[-1]
+    seen = 2.0 * spacing < -line.width_hz < float(np.ptp(found.u_hz))
     if line.misfit < PLAIN_LINE and inside and seen:
         raise BadInput(
             f"{where}: the phase rises with frequency over the resonance at {line.eta_hz:.9g} Hz; "
@@ -347,16 +324,16 @@ def check_delay(found: MeasuredComplex, delay_s: float | None, where: str) -> No
     """
     if delay_s is None:
         return
-    told = complex_line(found.frequency_hz, found.values, delay_s)
-    free = complex_line(found.frequency_hz, found.values, None)
-    turns = (free.delay_s - delay_s) * float(np.ptp(found.frequency_hz))
+    told = complex_line(found.u_hz, found.y, delay_s)
+    free = complex_line(found.u_hz, found.y, None)
+    turns = (free.delay_s - delay_s) * float(np.ptp(found.u_hz))
     if abs(turns) < 1.0 or free.misfit > PLAIN_LINE or free.misfit * MUCH_BETTER > told.misfit:
         return
     told_text = f"{_seconds(delay_s)} were told" if delay_s else "no delay was told"
-    is_cable = abs(free.delay_s) * float(np.ptp(found.frequency_hz)) >= LEAST_CABLE
+    is_cable = abs(free.delay_s) * float(np.ptp(found.u_hz)) >= LEAST_CABLE
     cable_s = free.delay_s
     if cable_s < 0.0:  # frequencies an equal step apart tell a delay up to one over the step
-        cable_s += 1.0 / float(np.median(np.diff(found.frequency_hz)))
+        cable_s += 1.0 / float(np.median(np.diff(found.u_hz)))
     seen = f"behind a cable of {_seconds(cable_s)}" if is_cable else "without a cable"
     wanted = "the one of the cable" if is_cable else '"none"'
     raise BadInput(
@@ -375,4 +352,4 @@ def conjugated(found: MeasuredComplex) -> MeasuredComplex:
     Args:
         found: complex values.
     """
-    return replace(found, values=np.conj(found.values))
+    return replace(found, values=np.conj(found.y))

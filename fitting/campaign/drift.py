@@ -13,7 +13,7 @@ measurement is fitted at is stated by itself and has a delta of its own: `campai
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -25,7 +25,7 @@ from fitting.campaign.data import Campaign
 from fitting.campaign.measured import MeasuredExperiment
 from fitting.campaign.parameters import Parameter
 from fitting.fmu.variables import SETTABLE
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, Complaints, gathered
 from fitting.text.units import convert
 from fitting.text.written import Written, difference_in, in_unit
 
@@ -72,9 +72,18 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
             of different units that are to share an offset.
     """
     choice = campaign.file.drift
+    said = Complaints()
     ends = {}
     for name, both in choice.ends.items():
-        ends[name] = (_end(name, both.before, binder), _end(name, both.after, binder))
+        sides = (both.before, both.after) if name in binder.variables else (both.before,)
+        with said:
+            before, after = gathered(partial(_end, name, side, binder) for side in sides)
+            ends[name] = before, after
+    known = [name for name in choice.ends if name in binder.variables]
+    if choice.prior is not None and known:
+        with said:
+            prior_of_drift(campaign, binder, (known[0],), "")
+    said.check()
     positions = _positions(campaign)
     if choice.model == "linear" or not ends:
         return Drifting(ends, positions, ())
@@ -88,23 +97,6 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
         positions,
         tuple(p for prior in made for p in _corrections(campaign, positions, prior)),
     )
-
-
-def drift_readers(campaign: Campaign, binder: Binder) -> Iterator[Callable[[], object]]:
-    """What looks at each value of the [drift] table by itself.
-
-    Args:
-        campaign: campaign as it was read.
-        binder: of the campaign to its FMU.
-    """
-    choice = campaign.file.drift
-    for name, both in choice.ends.items():
-        yield partial(_end, name, both.before, binder)
-        if name in binder.variables:  # else it is one complaint
-            yield partial(_end, name, both.after, binder)
-    known = [name for name in choice.ends if name in binder.variables]
-    if choice.prior is not None and known:
-        yield partial(prior_of_drift, campaign, binder, (known[0],), "")
 
 
 def _end(name: str, written: Written, binder: Binder) -> float:
@@ -209,7 +201,7 @@ class Prior:
             experiment=labels[0],
             further=tuple(labels[1:]),
             adds_to=self.variables,
-            prior_sigma=float(sigma),
+            prior=float(sigma),
         )
 
 

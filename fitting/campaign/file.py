@@ -15,10 +15,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from fitting.campaign.instruments import LAYOUTS, Selection
+from fitting.campaign.instruments import LAYOUTS, Columns, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
 from fitting.campaign.other_kinds import other_kind
+from fitting.campaign.parameters import ParameterTable
+from fitting.fmu.accuracy import AccuracyNames
 from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import ADDED, BACKGROUNDS, FLOOR_KINDS
@@ -164,18 +166,6 @@ class WrittenDrive(Keys):
         return self._lines()[1]
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenColumns(Keys):
-    """Names of a trace's columns where they are not the usual ones (empty)."""
-
-    frequency: Text = ""
-    """Column of frequencies."""
-    amplitude: Text = ""
-    """Column of amplitudes."""
-    phase: Text = ""
-    """Column of phases."""
-
-
 @dataclass(frozen=True)
 class TraceFormat:
     """How a trace file is read: layout (None: told by its content), amplitude, selection in it."""
@@ -231,7 +221,7 @@ class WrittenTrace(Keys):
     """With dBm only, and required there."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
     """How the instrument writes; without it the file's content tells."""
-    columns: WrittenColumns = WrittenColumns()
+    columns: Columns = field(default_factory=Columns)
     """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
     where the file tells none."""
     trace: Annotated[Count | None, Usually(1)] = None
@@ -258,19 +248,14 @@ class WrittenTrace(Keys):
     @property
     def format(self) -> TraceFormat:
         """How a file is read."""
-        columns = self.columns
-        return TraceFormat(
-            layout=self.layout,
-            amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
-            selection=Selection(
-                frequency=columns.frequency,
-                amplitude=columns.amplitude,
-                phase=columns.phase,
-                trace=self.trace or 1,
-                chunk=self.chunk,
-                header_row=self.header_row,
-            ),
+        selection = Selection(
+            **vars(self.columns),
+            trace=self.trace or 1,
+            chunk=self.chunk,
+            header_row=self.header_row,
         )
+        amplitude = declared_amplitude(self.amplitude, self.impedance, "")
+        return TraceFormat(layout=self.layout, amplitude=amplitude, selection=selection)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -413,39 +398,6 @@ def offset_trouble(background: str, use: str, scale: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenParameter(Keys):
-    """A fitted FMU parameter; ``unit`` belongs to every bare number of the entry."""
-
-    name: Text
-    """A Real parameter of the FMU, the start value of a state, or a coefficient of a law."""
-    unit: Text | None = None
-    """Of the bare numbers in this table; without it the FMU's, which has none of a coefficient."""
-    scope: Annotated[Text, OneOf(("campaign", "experiment"))] = "campaign"
-    """With "campaign" one value, with "experiment" every experiment has one of its own."""
-    lower: Value
-    """Lower end of the box."""
-    upper: Value
-    """Upper end of the box."""
-    start: Value
-    """First start, inside the box."""
-    reference: Value | None = None
-    """Where the Tikhonov term pulls to; without it start."""
-    scale: Value | None = None
-    """The change that counts as 1 in x; without it half the box."""
-    period: Value | None = None
-    """Values that far apart are the same system; reported in [0, period)."""
-    prior: Value | None = None
-    """Standard deviation of a Gaussian prior about reference."""
-
-    @property
-    def numbers(self) -> dict[str, Written]:
-        """The numbers of the entry by their keys, as far as they are written."""
-        keys = ("lower", "upper", "start", "reference", "scale", "period", "prior")
-        found = {key: getattr(self, key) for key in keys}
-        return {key: written for key, written in found.items() if written is not None}
-
-
-@dataclass(frozen=True, kw_only=True)
 class DriftEnds(Keys):
     """Values of a drifting variable before and after the series."""
 
@@ -568,26 +520,32 @@ class WrittenDerived(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContinuationSettings(Keys):
-    """Algorithm 2: its weights ν, tolerance, misfit and starts; whose estimate is reported."""
+class Continuation(Keys):
+    """Weights ν of Algorithm 2, its tolerance and its starts."""
 
     nu_start: Weight = 0.1
     """First ν, zero or more."""
     beta: Factor = 0.1
     """Factor from one ν to the next, below 1."""
-    iterations: Repeats = 9
-    """Number of ν."""
     tolerance: Positive = 2.22e-16
     """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
-    misfit: Annotated[Text, OneOf(MISFITS)] | None = None
-    """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
-    r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""
     starts: Repeats = 3
     """Different ends that are looked for, from the campaign's own start and the lowest minima of a
     search of the box: a start that ends where another did is not counted, and a further one is
     followed in its place. Places where J is flat come on top. 1: no search."""
     seed: WholeNumber = 1
     """Of the search."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContinuationSettings(Continuation):
+    """Algorithm 2: its weights ν, tolerance, misfit and starts; whose estimate is reported."""
+
+    iterations: Repeats = 9
+    """Number of ν."""
+    misfit: Annotated[Text, OneOf(MISFITS)] | None = None
+    """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
+    r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""
     estimator: Annotated[Text, OneOf(ESTIMATORS)] = LIKELIHOOD
     """Whose estimate is reported as the value: "likelihood": the most likely one; "algorithm2":
     the paper's, at the last nu. Errors and intervals are the likelihood's."""
@@ -612,7 +570,7 @@ class WrittenReduction(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenAccuracy(Keys):
+class WrittenAccuracy(AccuracyNames):
     """How accurate amplitudes must be, and what may be left out for it.
 
     `fitting.fmu.accuracy.AccuracyAnnotation` tells what the names mean.
@@ -620,20 +578,12 @@ class WrittenAccuracy(Keys):
 
     amplitude: Positive | None = None
     """Wanted relative accuracy of simulated amplitudes, below 1; none: 1e-6, or the FMU's best."""
-    tolerance: Text | None = None
-    """FMU parameter that bounds its solver's relative error."""
-    substep: Text | None = None
-    """FMU parameter: longest substep, s."""
     full: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the model with nothing left out."""
     reductions: Annotated[
         tuple[WrittenReduction, ...], listed("[[accuracy.reductions]] tables", least=0)
     ] = ()
     """Ways to leave something out, which a plan may take."""
-    force: Texts = ()
-    """Names of reductions to take, whatever they cost."""
-    forbid: Texts = ()
-    """Names of reductions not to take."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
@@ -761,7 +711,9 @@ class WrittenCampaign(Keys):
     """Declared noise of the amplitudes."""
     sweep: WrittenSweep | None = None
     """A measured frequency response."""
-    parameters: Annotated[tuple[WrittenParameter, ...], listed("one [[parameters]] table or more")]
+    parameters: Annotated[
+        tuple[ParameterTable[Value], ...], listed("one [[parameters]] table or more")
+    ]
     """The FMU parameters that are fitted."""
     laws: Mapping[str, Text] = field(default_factory=dict)
     """FMU variable: the formula that it follows, of parameters, constants and control quantities

@@ -111,7 +111,7 @@ def _compared(
     known: Parameter, home: BoundCampaign, parameter: Parameter, bound: BoundCampaign
 ) -> list[str]:
     """A note where two campaigns begin a shared parameter elsewhere."""
-    for field in ("unit", "lower", "upper", "period", "prior_sigma"):
+    for field in ("unit", "lower", "upper", "period", "prior"):
         one, two = getattr(known, field), getattr(parameter, field)
         if one != two:
             raise BadInput(

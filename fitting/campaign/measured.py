@@ -47,7 +47,7 @@ class Spectrum:
         _check_curve(self.frequency_hz, self.amplitude_v, MIN_SPECTRUM_POINTS, str(self.source))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredSweep:
     """The FRF sweep: ``frequency_hz``, ``amplitude_v`` peak, ``phase_rad`` or None, (n,) each.
 
@@ -110,17 +110,38 @@ class Phases:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredExperiment:
+class Peaks:
+    """What was measured in one experiment.
+
+    ``tones_hz`` are the drive frequencies; ``lines_hz`` those of the lines that were read, the
+    tones where it is empty; ``peaks_v`` and ``sigmas_v`` (n,) per line: peak amplitude with the
+    noise floor removed, its standard deviation (nan where it is unknown); ``floor_v`` mean noise
+    magnitude; ``phases`` of the peaks, where they were measured.
+    """
+
+    label: str
+    tones_hz: tuple[float, ...]
+    peaks_v: FloatArray
+    sigmas_v: FloatArray = field(default_factory=lambda: np.empty(0))
+    lines_hz: tuple[float, ...] = ()
+    floor_v: float = 0.0
+    spectrum: Spectrum | None = None
+    phases: Phases | None = None
+
+    @property
+    def read_hz(self) -> tuple[float, ...]:
+        """Frequencies of the peaks, Hz."""
+        return self.lines_hz or self.tones_hz
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredExperiment(Peaks):
     """One experiment as measured.
 
     ``settings`` set FMU variables, the tones' parameters among them, as they were written
-    (`fitting.text.written.written_values` makes them of plain values); ``tones_hz`` the drive
-    frequencies; ``lines_hz`` those of the lines that were read, the tones where nothing is said;
-    ``peaks_v`` and ``sigmas_v`` (n,) per line: peak amplitude with the noise floor removed, its
-    standard deviation (nan where it is unknown, which all are if nothing is said); ``floor_v`` mean
-    noise magnitude; ``output`` the FMU output that this experiment observes, None for the
-    campaign's; ``stamp`` its time, if drift asks; ``phases`` of the peaks, where they were
-    measured.
+    (`fitting.text.written.written_values` makes them of plain values); ``output`` the FMU output
+    that this experiment observes, None for the campaign's; ``stamp`` its time, if drift asks. All
+    standard deviations are unknown if nothing is said of them.
 
     Raises:
         BadInput: tones that are not positive and different, another number of peaks, phases or
@@ -128,22 +149,14 @@ class MeasuredExperiment:
             deviations.
     """
 
-    label: str
-    tones_hz: tuple[float, ...]
-    peaks_v: FloatArray
-    sigmas_v: FloatArray = field(default_factory=lambda: np.empty(0))
     settings: Mapping[str, Written] = field(default_factory=dict)
-    lines_hz: tuple[float, ...] = ()
-    floor_v: float = 0.0
-    spectrum: Spectrum | None = None
     output: Written | None = None
     stamp: Written | None = None
-    phases: Phases | None = None
 
     def __post_init__(self) -> None:
         where = f"experiment '{self.label}'"
         _as_arrays(self, "peaks_v", "sigmas_v")
-        lines_hz = self.lines_hz or self.tones_hz
+        lines_hz = self.read_hz
         _check_frequencies(self.tones_hz, f"{where}: drive frequencies", different=True)
         _check_frequencies(lines_hz, f"{where}: lines", different=False)
         _set(self, "lines_hz", lines_hz)

@@ -205,6 +205,6 @@ def scale_parameter(sigma: float, *, swept: bool) -> Parameter:
         start=0.0,
         reference=0.0,
         scale=min(sigma, 0.25 * SCALE_REACH),
-        prior_sigma=None if swept else sigma,
+        prior=None if swept else sigma,
         role="scale",
     )

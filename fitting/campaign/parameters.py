@@ -5,25 +5,68 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.estimate import SLACK
+from fitting.text.keys import Keys, OneOf, Text
+
+#: A number as it is written, or in the unit of its parameter.
+Number = TypeVar("Number")
+#: One value for all data, or every experiment has its own.
+SCOPES = ("campaign", "experiment")
+#: Keys of a parameter that are numbers.
+NUMBERS = ("lower", "upper", "start", "reference", "scale", "period", "prior")
 
 #: Width of a uniform distribution in its standard deviations: its variance is (u - l)^2/12.
 UNIFORM_WIDTH = math.sqrt(12.0)
 #: Ratio of the bounds of a positive parameter from which its box spans decades.
 DECADE = 10.0
-#: Numbers of a parameter that are differences of its values: 1 degC of them is 1 K.
-DIFFERENCES = ("scale", "period", "prior")
 #: Ratio of a box to the scale of its parameter, or the inverse, beyond which sums lose all digits.
 WIDEST = 1e12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parameter:
+class ParameterTable(Keys, Generic[Number]):
+    """A fitted FMU parameter; ``unit`` belongs to every bare number of the entry.
+
+    Its numbers are as written in a campaign file or given by a program, or, where the campaign
+    is bound to an FMU (`Parameter`), numbers in the FMU's unit.
+    """
+
+    name: Text
+    """A Real parameter of the FMU, the start value of a state, or a coefficient of a law."""
+    unit: Text | None = None
+    """Of the bare numbers in this table; without it the FMU's, which has none of a coefficient."""
+    scope: Annotated[Text, OneOf(SCOPES)] = SCOPES[0]
+    """With "campaign" one value, with "experiment" every experiment has one of its own."""
+    lower: Number
+    """Lower end of the box."""
+    upper: Number
+    """Upper end of the box."""
+    start: Number
+    """First start, inside the box."""
+    reference: Number | None = None
+    """Where the Tikhonov term pulls to; without it start."""
+    scale: Number | None = None
+    """The change that counts as 1 in x; without it half the box."""
+    period: Number | None = None
+    """Values that far apart are the same system; reported in [0, period)."""
+    prior: Number | None = None
+    """Standard deviation of a Gaussian prior about reference."""
+
+    @property
+    def numbers(self) -> dict[str, Number]:
+        """The numbers of the entry by their keys, as far as there are any."""
+        found = {key: getattr(self, key) for key in NUMBERS}
+        return {key: number for key, number in found.items() if number is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter(ParameterTable[float]):
     """One fitted FMU parameter, all numbers in ``unit`` (the FMU's own).
 
     ``lower <= start <= upper``; ``reference`` is where the Tikhonov term pulls to; ``scale`` is the
@@ -33,28 +76,22 @@ class Parameter:
     One value holds for the whole campaign, its sweep included, unless ``experiment`` names the one
     experiment that it belongs to (``further``: and others that share it). It is the value of the
     FMU's ``variable`` (the name, where empty), or, with ``adds_to``, is added to those variables.
-    ``prior_sigma`` is the standard deviation of a Gaussian prior about ``reference``; without it
+    ``prior`` is the standard deviation of a Gaussian prior about ``reference``; without it
     only box and Tikhonov term hold the value. ``role`` "coefficient" is no variable of the FMU but
     one of the laws that variables follow, "scale" the logarithm of a factor on the scale. ``least``
     and ``most`` are what the model itself allows, as it declares it: the box says where to look,
     these say what there is.
 
     Raises:
-        BadInput: bounds reversed, start outside, a number not finite, scale, period or prior_sigma
+        BadInput: bounds reversed, start outside, a number not finite, scale, period or prior
             not positive.
     """
 
-    name: str
     unit: str
-    lower: float
-    upper: float
-    start: float
     reference: float
     scale: float
-    period: float | None = None
     experiment: str | None = None
     adds_to: tuple[str, ...] = ()
-    prior_sigma: float | None = None
     variable: str = ""
     further: tuple[str, ...] = ()
     role: str = "model"
@@ -63,10 +100,9 @@ class Parameter:
 
     def __post_init__(self) -> None:
         who = f"parameter '{self.name}'"
-        for field in ("lower", "upper", "start", "reference", "scale", "period", "prior_sigma"):
-            value = getattr(self, field)
-            if value is not None and not math.isfinite(value):
-                raise BadInput(f"{who}: {field} is {value!r}; wanted a finite number")
+        for key, value in self.numbers.items():
+            if not math.isfinite(value):
+                raise BadInput(f"{who}: {key} is {value!r}; wanted a finite number")
         if not self.lower < self.upper:
             raise BadInput(
                 f"{who}: lower = {self.lower!r} is not below upper = "
@@ -87,8 +123,13 @@ class Parameter:
             )
         if self.period is not None and self.period <= 0.0:
             raise BadInput(f"{who}: period = {self.period!r}; wanted a positive number")
-        if self.prior_sigma is not None and self.prior_sigma <= 0.0:
-            raise BadInput(f"{who}: prior = {self.prior_sigma!r}; wanted a positive number")
+        if self.prior is not None and self.prior <= 0.0:
+            raise BadInput(f"{who}: prior = {self.prior!r}; wanted a positive number")
+
+    @property
+    def prior_sigma(self) -> float | None:
+        """Standard deviation of its Gaussian prior, in its unit; None: it has none."""
+        return self.prior
 
     @property
     def target(self) -> str:
@@ -133,7 +174,7 @@ class Parameter:
         of its values may fit alike. Offsets of single experiments and factors on a scale are
         made with a prior as narrow as what they stand for.
         """
-        return self.prior_sigma is None or (self.moves_model and not self.experiments)
+        return self.prior is None or (self.moves_model and not self.experiments)
 
     @property
     def experiments(self) -> tuple[str, ...]:
@@ -301,10 +342,7 @@ def inverse_priors(parameters: Sequence[Parameter], *, drift: bool = False) -> F
         drift: whether only those count that belong to single experiments.
     """
     return np.array(
-        [
-            p.scale / p.prior_sigma if p.prior_sigma and (p.experiments or not drift) else 0.0
-            for p in parameters
-        ]
+        [p.scale / p.prior if p.prior and (p.experiments or not drift) else 0.0 for p in parameters]
     )
 
 
@@ -329,8 +367,8 @@ def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:
     lower, upper = search_bounds(parameters)
     widths = upper - lower
     for i, p in enumerate(parameters):
-        if p.prior_sigma is not None:
-            widths[i] = UNIFORM_WIDTH * p.prior_sigma / p.scale
+        if p.prior is not None:
+            widths[i] = UNIFORM_WIDTH * p.prior / p.scale
     return np.asarray(widths, dtype=float)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.keys import Keys, Text, Texts
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,21 @@ class Reduction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AccuracyAnnotation:
+class AccuracyNames(Keys):
+    """Parameters of an FMU that set its accuracy, and reductions by their names."""
+
+    tolerance: Text | None = None
+    """FMU parameter that bounds its solver's relative error."""
+    substep: Text | None = None
+    """FMU parameter: longest substep, s."""
+    force: Texts = ()
+    """Names of reductions to take, whatever they cost."""
+    forbid: Texts = ()
+    """Names of reductions not to take."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccuracyAnnotation(AccuracyNames):
     """What is known of an FMU: how it is told to be accurate, and what makes it cheaper.
 
     `tolerance` and `substep` name the parameters that bound its solver's relative error and its
@@ -50,12 +65,8 @@ class AccuracyAnnotation:
             any: an FMU may have its own), or is in both.
     """
 
-    tolerance: str | None = None
-    substep: str | None = None
     full: Mapping[str, Scalar] = field(default_factory=dict)
     reductions: tuple[Reduction, ...] = ()
-    force: Sequence[str] = ()
-    forbid: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         names = [r.name for r in self.reductions]

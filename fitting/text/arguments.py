@@ -10,7 +10,6 @@ import inspect
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import is_dataclass
 from functools import cache, wraps
 from os import PathLike
 from pathlib import Path
@@ -68,7 +67,9 @@ def _hints(called: Callable[..., Any]) -> dict[str, Any]:
     """Hints of parameters that are one value each; of a record those of its fields."""
     parameters = inspect.signature(called).parameters.values()
     many = {p.name for p in parameters if p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD)}
-    is_plain = isinstance(called, type) and not is_dataclass(called)
+    # the __init__ of a record is made of its fields, unless it has one of its own
+    made = vars(called).get("__dataclass_params__")
+    is_plain = isinstance(called, type) and not (made and made.init)
     try:  # names of fields are looked up in the module of the class that has them
         found = typing.get_type_hints(called.__init__ if is_plain else called)
     except NameError:  # a name that is there for type checkers alone

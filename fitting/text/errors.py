@@ -64,6 +64,32 @@ def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -
     return ""
 
 
+class Complaints:
+    """What several readers complain of, each within ``with``; `check` raises all of it at once."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def __enter__(self) -> None:
+        """Read within."""
+
+    def __exit__(self, kind: object, error: object, trace: object) -> bool:
+        """Keep what was wrong, and go on."""
+        if not isinstance(error, BadInput):
+            return False
+        self.lines += error.args
+        return True
+
+    def check(self) -> None:
+        """Complain, if there is anything.
+
+        Raises:
+            BadInput: every line once.
+        """
+        if self.lines:
+            raise BadInput(*dict.fromkeys(self.lines))
+
+
 def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
     """What all the readers make.
 
@@ -74,14 +100,11 @@ def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
         BadInput: what any of them complains of, every line once.
     """
     made: list[Made] = []
-    complaints: list[str] = []
+    said = Complaints()
     for read in readers:
-        try:
+        with said:
             made.append(read())
-        except BadInput as error:
-            complaints += error.args
-    if complaints:
-        raise BadInput(*dict.fromkeys(complaints))
+    said.check()
     return made
 
 

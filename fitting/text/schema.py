@@ -187,7 +187,8 @@ def _record_at(kind: Any, loc: Place) -> Any:
     for step in loc:
         hints = typing.get_type_hints(kind, include_extras=True)
         if step in hints:
-            kind = next((k for k in _kinds(hints[str(step)]) if dataclasses.is_dataclass(k)), kind)
+            inside = (typing.get_origin(k) or k for k in _kinds(hints[str(step)]))
+            kind = next(filter(dataclasses.is_dataclass, inside), kind)
     return kind
 
 

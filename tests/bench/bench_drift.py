@@ -50,7 +50,7 @@ def longer(bound: BoundCampaign, count: int) -> BoundCampaign:
                 scale=30.0,
                 experiment=label,
                 adds_to=("eta_plus", "eta_minus"),
-                prior_sigma=30.0,
+                prior=30.0,
             )
         )
     return replace(bound, experiments=tuple(pairs), parameters=(*bound.parameters[:3], *offsets))

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
-from fitting.campaign.instruments import Selection, read_trace
+from fitting.campaign.complex_trace import read_complex
+from fitting.campaign.instruments import ComplexColumns, Selection, read_trace
 from fitting.campaign.recognised import Recognised, recognised
 from fitting.text.errors import BadInput
 from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line
@@ -114,11 +114,11 @@ def test_the_resonance_is_found_in_any_spelling(name: str, tmp_path: Path) -> No
         data = data.replace(b"f (Hz),x (V),y (V)", b"Rec 7\r\nf (Hz),x (V),y (V)")
     path = tmp_path / "sweep.txt"
     path.write_bytes(data)
-    measured = read_complex(path, None, WrittenComplexColumns(**columns))
-    f, width = found_line(measured.frequency_hz, measured.values)
+    measured = read_complex(path, None, ComplexColumns(**columns))
+    f, width = found_line(measured.u_hz, measured.y)
     assert f == pytest.approx(F_HZ, abs=1e-6)
     assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
-    np.testing.assert_allclose(measured.values, VALUES, atol=1e-9 * np.max(np.abs(VALUES)))
+    np.testing.assert_allclose(measured.y, VALUES, atol=1e-9 * np.max(np.abs(VALUES)))
     trace = read_trace(path, None, selection_of(columns))
     np.testing.assert_allclose(
         trace.amplitude if trace.amplitude_unit == "V" else 10 ** (trace.amplitude / 20),

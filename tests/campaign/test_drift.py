@@ -266,7 +266,7 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
             start=0.0,
             reference=0.0,
             scale=1.0,
-            prior_sigma=2.0,
+            prior=2.0,
         ),
         *(
             Parameter(
@@ -278,7 +278,7 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
                 reference=0.0,
                 scale=prior,
                 experiment=str(m),
-                prior_sigma=prior,
+                prior=prior,
             )
             for m in (1, 2)
         ),

@@ -22,8 +22,15 @@ import pyuff
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
-from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
-from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, read_recording, read_trace
+from fitting.campaign.complex_trace import read_complex
+from fitting.campaign.instruments import (
+    LAYOUTS,
+    ComplexColumns,
+    Selection,
+    layout_of,
+    read_recording,
+    read_trace,
+)
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex.table import ComplexSweepTable
 from fitting.resonance.reading import Columns as LineColumns
@@ -324,11 +331,11 @@ def test_the_resonance_is_found(name: str, tmp_path: Path) -> None:
     path = tmp_path / file
     write(path)
     assert layout_of(path) == layout
-    measured = read_complex(path, None, WrittenComplexColumns(**columns))
-    f, width = found_line(measured.frequency_hz, measured.values)
+    measured = read_complex(path, None, ComplexColumns(**columns))
+    f, width = found_line(measured.u_hz, measured.y)
     assert f == pytest.approx(F_HZ, abs=1e-5)
     assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
-    np.testing.assert_allclose(measured.values, VALUES, atol=1e-9 * np.max(R))
+    np.testing.assert_allclose(measured.y, VALUES, atol=1e-9 * np.max(R))
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -642,7 +649,7 @@ def test_a_damaged_file_is_read_or_refused(name: str, tmp_path: Path) -> None:
         cut = int(draw.integers(1, len(data))) if k % 3 == 0 else len(data)
         path = folder / file
         path.write_bytes(damaged[:cut])
-        told = WrittenComplexColumns(**columns)
+        told = ComplexColumns(**columns)
         said = complaints(partial(recognised, path))
         said += complaints(partial(read_complex, path, None, told))
         assert all(str(path) in line for line in said)
@@ -653,8 +660,8 @@ def test_names_of_matlab_end_in_their_unit(tmp_path: Path) -> None:
     path = tmp_path / "sweep.mat"
     savemat(path, {"f_kHz": 1e-3 * AXIS_HZ, "z_mV": 1e3 * VALUES})
     read = read_complex(path)
-    np.testing.assert_allclose(read.frequency_hz, AXIS_HZ, rtol=1e-12)
-    np.testing.assert_allclose(1e-3 * read.values, VALUES, rtol=1e-12)
+    np.testing.assert_allclose(read.u_hz, AXIS_HZ, rtol=1e-12)
+    np.testing.assert_allclose(1e-3 * read.y, VALUES, rtol=1e-12)
     assert read.unit == "mV"
 
 

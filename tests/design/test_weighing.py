@@ -93,7 +93,7 @@ def test_offsets_that_are_fitted_bring_their_prior(
         scale=30.0,
         experiment="pair1",
         adds_to=("eta_plus",),
-        prior_sigma=30.0,
+        prior=30.0,
     )
     found = limits_from(replace(bound, parameters=(*bound.parameters, offset)), workers)
     assert found.setting_sigmas == pytest.approx({"eta_plus": 30.0, "eta_minus": 5.0}, rel=0.01)

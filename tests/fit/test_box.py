@@ -26,7 +26,7 @@ PLAIN = parameter("plain", -2.0, 6.0, scale=2.0)
 DECADES = parameter("decades", 1.0, 1000.0, scale=50.0)
 NARROW = parameter("narrow", 1.0, 9.9)
 TURNING = parameter("turning", 1.0, 8.0, period=3.0)
-PRIOR = parameter("prior", 0.0, 1.0, prior_sigma=0.1, start=0.3, experiment="e1")
+PRIOR = parameter("prior", 0.0, 1.0, prior=0.1, start=0.3, experiment="e1")
 ALL = (PLAIN, DECADES, NARROW, TURNING, PRIOR)
 
 
@@ -275,7 +275,7 @@ def test_exchanges_are_found_among_boxes_that_share_a_tenth() -> None:
     assert len(twins_of(rows, a, box(7.0))) == 1
     assert twins_of(rows, a, box(9.1)) == []
     assert twins_of(rows, a, box(0.0, unit="Hz")) == []
-    assert twins_of(rows, a, box(0.0, prior_sigma=1.0)) == []
+    assert twins_of(rows, a, box(0.0, prior=1.0)) == []
 
 
 def test_all_orders_of_three_alike_are_found() -> None:

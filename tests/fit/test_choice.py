@@ -288,7 +288,7 @@ def test_what_is_promised_of_a_scale_bounds_the_rows_of_its_series_alone() -> No
 def test_weights_of_priors_are_those_of_the_noise() -> None:
     """2 sigma^2 for squares, sigma^-2 on average; sqrt(2/pi) sigma for absolute values."""
     sigma = np.array([0.1, 0.2])
-    own = parameter("a", -1.0, 1.0), parameter("b", -1.0, 1.0, prior_sigma=0.5, scale=2.0)
+    own = parameter("a", -1.0, 1.0), parameter("b", -1.0, 1.0, prior=0.5, scale=2.0)
     objective = replace(whitened(lambda p: p[:2], *own), data=dataset(np.ones(2), sigma))
     squares = weights(objective, 0.3, "squares")
     assert squares == pytest.approx([0.3, 16.0 * 2.0 / np.mean(sigma**-2)])

@@ -83,7 +83,7 @@ def test_campaigns_share_by_name_and_keep_what_is_theirs(shipped: Campaigns) -> 
         shipped[0].parameters[1],
         name="offset[pair2]",
         experiment="pair2",
-        prior_sigma=3.0,
+        prior=3.0,
         adds_to=("eta_plus",),
     )
     one = replace(shipped[0], parameters=(*shipped[0].parameters, offset))

@@ -43,7 +43,7 @@ def test_chi_square_is_minus_twice_the_logarithm_of_the_density(inflation: float
     """Differences of it, data with errors of their own and shared ones, and a Gaussian prior."""
     sigma = np.array([0.01, 0.02, 0.01, 0.03, 0.015])
     common = 0.02 * GENERATOR.standard_normal((5, 2))
-    own = parameter("a", -10.0, 10.0, prior_sigma=0.4, scale=2.0), parameter("b", -10.0, 10.0)
+    own = parameter("a", -10.0, 10.0, prior=0.4, scale=2.0), parameter("b", -10.0, 10.0)
     objective = whitened(lambda p: MATRIX @ p, *own)
     likelihood = replace(likelihood_of(objective, sigma, common), inflation=inflation)
     evaluator = LikelihoodEvaluator(likelihood)

@@ -96,7 +96,7 @@ def test_another_value_goes_by_three_widths_of_its_box() -> None:
 
 @pytest.mark.parametrize("lower", [-50.0, 0.0])
 def test_a_value_with_a_prior_goes_by_ten_of_its_sigmas(lower: float) -> None:
-    own = parameter("p", lower, 50.0, start=20.0, prior_sigma=0.3, scale=0.2)
+    own = parameter("p", lower, 50.0, start=20.0, prior=0.3, scale=0.2)
     assert room(own, 20.5) == pytest.approx((17.0, 23.0))
 
 
@@ -104,7 +104,7 @@ def test_nothing_goes_beyond_what_the_model_declares() -> None:
     positive = parameter("p", 1.0, 8.0, least=0.5, most=12.0)
     assert room(positive, 4.0) == pytest.approx((0.5, 12.0))
     assert room(parameter("p", -1.0, 3.0, least=-2.0, most=4.0), 0.5) == pytest.approx((-2.0, 4.0))
-    prior = parameter("p", 0.0, 50.0, start=20.0, prior_sigma=0.3, least=19.0, most=21.0)
+    prior = parameter("p", 0.0, 50.0, start=20.0, prior=0.3, least=19.0, most=21.0)
     assert room(prior, 20.0) == pytest.approx((19.0, 21.0))
 
 

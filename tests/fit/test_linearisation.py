@@ -181,7 +181,7 @@ def test_priors_are_boxes_and_gaussians() -> None:
         start=1.0,
         reference=1.0,
         scale=2.0,
-        prior_sigma=3.0,
+        prior=3.0,
     )
     assert prior_sigmas([box, gaussian]) == pytest.approx([6.0 / math.sqrt(12.0), 1.5])
     expected = 1.0 / math.sqrt(1.0 / 3.0 + 0.1)

@@ -117,7 +117,7 @@ def test_a_prior_that_pulls_hides_no_direction() -> None:
         return np.array([(a * b + o - 7.0) / 0.1, (a * b - o - 5.0) / 0.1])
 
     own = parameter("a", 1.0, 6.0, start=2.0), parameter("b", 1.0, 6.0, start=3.0)
-    drift = parameter("o", -4.0, 4.0, start=0.0, prior_sigma=0.1)
+    drift = parameter("o", -4.0, 4.0, start=0.0, prior=0.1)
     known = learnt(whitened(rows, *own, drift))
     [unseen] = [each for each in known.knowledge.directions if each.sentence]
     assert abs(unseen.change["a"]) > 0.1

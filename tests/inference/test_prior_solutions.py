@@ -36,7 +36,7 @@ def square(p: FloatArray) -> FloatArray:
     return np.array([(p[0] ** 2 - TRUE**2) / ERROR, (p[1] - 2.0) / 0.1, 0.3])
 
 
-A = parameter("a", -3.0, 3.0, start=0.5, prior_sigma=1.8)
+A = parameter("a", -3.0, 3.0, start=0.5, prior=1.8)
 R = parameter("r", 0.2, 10.0, start=1.0)
 
 
@@ -49,7 +49,7 @@ def values(determined: Determined, name: str) -> list[float]:
 @pytest.mark.parametrize("prior", [0.9, 1.8, 20.0])
 def test_the_other_sign_is_listed_however_wide_the_prior_is(prior: float) -> None:
     """(0.5 + 0.8)^2 - (0.5 - 0.8)^2 = 1.6 over the prior variance is what the other costs."""
-    own = parameter("a", -3.0, 3.0, start=0.5, prior_sigma=prior)
+    own = parameter("a", -3.0, 3.0, start=0.5, prior=prior)
     determined = learnt(whitened(square, own, R))
     assert values(determined, "a") == pytest.approx([-TRUE], abs=0.05)
     [delta, *_] = [other.delta for other in determined.knowledge.equivalents]
@@ -59,7 +59,7 @@ def test_the_other_sign_is_listed_however_wide_the_prior_is(prior: float) -> Non
 
 
 def test_a_prior_that_excludes_the_other_sign_determines_the_value() -> None:
-    own = parameter("a", -3.0, 3.0, start=0.5, prior_sigma=0.2)
+    own = parameter("a", -3.0, 3.0, start=0.5, prior=0.2)
     determined = learnt(whitened(square, own, R))
     assert values(determined, "a") == []
     assert determined.parameters["a"].status is Verdict.DETERMINED
@@ -69,7 +69,7 @@ def test_two_values_exchanged_are_listed_where_one_of_them_has_a_prior() -> None
     def rows(p: FloatArray) -> FloatArray:
         return np.array([(p[0] + p[1] - 10.0) / 0.2, (p[0] * p[1] - 21.0) / 0.5, 0.3])
 
-    one = parameter("p1", 0.0, 20.0, start=7.5, prior_sigma=4.0)
+    one = parameter("p1", 0.0, 20.0, start=7.5, prior=4.0)
     other = parameter("p2", 0.0, 20.0, start=2.0)
     determined = learnt(whitened(rows, one, other))
     assert values(determined, "p1") == pytest.approx([3.0], abs=0.2)
@@ -120,7 +120,7 @@ def test_a_search_of_the_box_goes_through_both_signs() -> None:
 
 def test_what_is_searched_of_a_prior_ends_where_it_excludes() -> None:
     """Three standard deviations, and never beyond the bounds."""
-    narrow = parameter("n", -10.0, 10.0, start=2.0, prior_sigma=0.5)
+    narrow = parameter("n", -10.0, 10.0, start=2.0, prior=0.5)
     points = np.array(Box((narrow, A)).spread(64, 1)) + np.array([2.0, 0.5])
     assert points.min(axis=0) == pytest.approx([0.5, -3.0], abs=0.2)
     assert points.max(axis=0) == pytest.approx([3.5, 3.0], abs=0.2)
@@ -129,9 +129,9 @@ def test_what_is_searched_of_a_prior_ends_where_it_excludes() -> None:
 def test_an_offset_of_one_experiment_that_a_prior_holds_stays_where_it_is() -> None:
     """There are as many as experiments: each would double what is searched."""
     offset = parameter(
-        "offset", -50.0, 50.0, prior_sigma=10.0, experiment="e1", adds_to=("f",), variable="f"
+        "offset", -50.0, 50.0, prior=10.0, experiment="e1", adds_to=("f",), variable="f"
     )
-    scale = parameter("scale", -50.0, 50.0, prior_sigma=10.0, role="scale")
+    scale = parameter("scale", -50.0, 50.0, prior=10.0, role="scale")
     assert list(Box((A, offset, scale)).free) == [True, False, False]
 
 

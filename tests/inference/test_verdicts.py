@@ -130,7 +130,7 @@ def test_with_as_many_unknowns_as_data_nothing_is_determined() -> None:
 def test_a_gaussian_prior_is_one_more_datum() -> None:
     """That of q, far wider than what the data say of it, tests the model for both."""
     p = parameter("p", 1.0, 20.0, start=6.0)
-    q = parameter("q", 1.0, 20.0, start=6.0, prior_sigma=2.0)
+    q = parameter("q", 1.0, 20.0, start=6.0, prior=2.0)
     rows = whitened(lambda x: np.array([(x[0] - 5.0) / 0.1, (x[0] + x[1] - 12.0) / 0.1]), p, q)
     assert {v.status for v in learnt(rows).parameters.values()} == {Verdict.DETERMINED}
 
@@ -195,7 +195,7 @@ def test_what_the_prior_knows_is_not_said_of_the_data(
     tau: float, verdict: Verdict, reason: str
 ) -> None:
     """Variances add inversely: the data answer for tau^2/(1 + tau^2), here about 1/10 and 9/10."""
-    own = parameter("p", 0.0, 200.0, start=100.0, prior_sigma=tau)
+    own = parameter("p", 0.0, 200.0, start=100.0, prior=tau)
     found = profile_of(lambda p: p - 100.0, own)
     half = Z95 * tau / math.hypot(1.0, tau)
     assert found.ci95 == pytest.approx((100.0 - half, 100.0 + half), abs=0.01 * half)

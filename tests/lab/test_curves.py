@@ -26,7 +26,7 @@ def test_a_wired_resonance_is_that_of_the_closed_form(kind: str, tmp_path: Path)
     made = ff.synthesize_curves(kind, noise=0.0, out=tmp_path)
     told = made.truth["curve"]
     read = read_complex(tmp_path / "sweep.csv")
-    u, eta, width = read.frequency_hz, told["eta_hz"], told["width_hz"]
+    u, eta, width = read.u_hz, told["eta_hz"], told["width_hz"]
     q = eta / width
     line = 0.3 * np.exp(1.1j) * np.exp(-2j * np.pi * (u - eta) * told["delay_s"])
     if kind == "transmission":
@@ -39,7 +39,7 @@ def test_a_wired_resonance_is_that_of_the_closed_form(kind: str, tmp_path: Path)
         exact = line * (notch(u, eta, q, coupling / twice) + slope)
         quality = 1.0 / np.real(1.0 / coupling)
         assert made.truth["outcome"]["Q_coupling"] == pytest.approx(quality, rel=1e-12)
-    assert read.values == pytest.approx(exact, abs=1e-9 * float(np.max(np.abs(exact))))
+    assert read.y == pytest.approx(exact, abs=1e-9 * float(np.max(np.abs(exact))))
 
 
 def test_the_fit_finds_what_was_put_in(oscillator_fmu: Path, tmp_path: Path) -> None:

@@ -160,9 +160,9 @@ def test_every_way_to_write_complex_values_is_read(way: str, tmp_path: Path) -> 
     rows = np.column_stack(columns(SEEN, y))
     path.write_text("\n".join([header, *(";".join(map(repr, row)) for row in rows.tolist())]))
     read = read_complex(path)
-    assert read.frequency_hz == pytest.approx(SEEN)
+    assert read.u_hz == pytest.approx(SEEN)
     factor = 1e-3 if way == "X and Y" else 1.0
-    assert factor * read.values == pytest.approx(y, rel=1e-9)
+    assert factor * read.y == pytest.approx(y, rel=1e-9)
     assert read.unit == {"X and Y": "mV", "decibel": "1"}.get(way, "V")
 
 

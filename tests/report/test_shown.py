@@ -53,7 +53,7 @@ def test_a_drift_that_is_corrected_is_not_called_linear(tmp_path: Path) -> None:
         campaign(tmp_path / "a"),
         drift=Drift({"eta": (6.9, 6.8)}, {"eta": "MHz"}),
         parameters=tuple(
-            parameter(f"offset[{k}]", -180.0, 180.0, unit="Hz", prior_sigma=30.0) for k in range(3)
+            parameter(f"offset[{k}]", -180.0, 180.0, unit="Hz", prior=30.0) for k in range(3)
         ),
     )
     own = tuple(replace(p, experiment=p.name, adds_to=("eta",)) for p in bound.parameters)

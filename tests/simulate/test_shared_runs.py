@@ -54,7 +54,7 @@ def offset(label: str, *further: str) -> Parameter:
         experiment=label,
         further=further,
         adds_to=("eta_plus", "eta_minus"),
-        prior_sigma=30.0,
+        prior=30.0,
     )
 
 

@@ -59,7 +59,7 @@ def parameter(
         start=start,
         reference=start if prior is None else prior[0],
         scale=0.1 * (upper - lower),
-        prior_sigma=None if prior is None else prior[1],
+        prior=None if prior is None else prior[1],
     )
 
 

@@ -54,7 +54,7 @@ def line_parameters(*, prior_hz: float | None = None) -> tuple[Parameter, ...]:
         start=1000.5,
         reference=centre,
         scale=10.0,
-        prior_sigma=prior_hz,
+        prior=prior_hz,
     )
     return (
         eta,

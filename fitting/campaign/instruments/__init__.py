@@ -25,6 +25,8 @@ from fitting.campaign.instruments.foreign import foreign_kind, refuse_foreign
 from fitting.campaign.instruments.recording import Channel, Recording, unit_of
 from fitting.campaign.instruments.roles import trace_of
 from fitting.campaign.instruments.trace import (
+    Columns,
+    ComplexColumns,
     Head,
     Layout,
     RawTrace,
@@ -39,6 +41,8 @@ __all__ = [
     "LAYOUTS",
     "PLAIN",
     "Channel",
+    "Columns",
+    "ComplexColumns",
     "Head",
     "Layout",
     "RawTrace",

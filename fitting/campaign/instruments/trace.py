@@ -13,6 +13,7 @@ from fitting.campaign.instruments.recording import Recording
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.files import read_head
+from fitting.text.keys import Keys, Text
 from fitting.text.notation import how_many
 from fitting.text.tables import decoded, naming_neighbours
 
@@ -47,7 +48,34 @@ class RawTrace:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Selection:
+class Columns(Keys):
+    """Names of a trace's columns where they are not the usual ones (empty)."""
+
+    frequency: Text = ""
+    """Column of frequencies."""
+    amplitude: Text = ""
+    """Column of amplitudes."""
+    phase: Text = ""
+    """Column of phases."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComplexColumns(Columns):
+    """Names of a complex trace's columns where they are not the usual ones (empty)."""
+
+    x: Text = ""
+    """Column of X, the real part."""
+    y: Text = ""
+    """Column of Y, the imaginary part."""
+    amplitude: Text = ""
+    """Column of amplitudes, of dB, or of complex values, as S21."""
+    drive: Text = ""
+    """Column of the drive's amplitude, which values are divided by; without it the drive is
+    constant."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection(ComplexColumns):
     """What to take from a file that holds more: column names, trace number, chunk.
 
     Empty names mean the usual ones, and a name may say the unit that the file does not, as
@@ -57,11 +85,6 @@ class Selection:
     columns of text, from 1 (None: it is found).
     """
 
-    frequency: str = ""
-    amplitude: str = ""
-    phase: str = ""
-    x: str = ""
-    y: str = ""
     time: str = ""
     further: tuple[str, ...] = ()
     trace: int = 1
@@ -84,7 +107,7 @@ class Selection:
     def values(self) -> tuple[str, ...]:
         """Names of all other columns that are told."""
         beside = self.frequency if self.time else ""
-        told = (self.amplitude, self.phase, self.x, self.y, beside, *self.further)
+        told = (self.amplitude, self.phase, self.x, self.y, beside, self.drive, *self.further)
         return tuple(name for name in told if name)
 
 

@@ -128,7 +128,7 @@ def twins_but_for_priors(evaluator: Evaluator, seed: int) -> list[Twin]:
     if not any(held):
         return []
     bare = tuple(
-        replace(p, prior_sigma=None) if has_prior else p
+        replace(p, prior=None) if has_prior else p
         for p, has_prior in zip(parameters, held, strict=True)
     )
     without = Evaluator(replace(evaluator.objective, parameters=bare))

@@ -19,6 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
+from fitting.campaign.file import Continuation
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_search
 from fitting.fit.objective import Nu, Objective, j_reg, weights
 from fitting.fit.solver.evaluator import Counts, Evaluator, total
@@ -45,19 +46,14 @@ LOWER = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class Schedule(Continuation):
     """nu_l = nu_start beta^l for l < levels; `tolerance` for E; starts and seed of the search.
 
     The first of `starts` is the campaign's own, the others are the lowest minima that a search of
     the box finds; with one start there is no search.
     """
 
-    nu_start: float = 0.1
-    beta: float = 0.1
     levels: int = 9
-    tolerance: float = 2.22e-16
-    starts: int = 3
-    seed: int = 1
 
     def nu(self, level: int) -> float:
         """Regularisation of one level.

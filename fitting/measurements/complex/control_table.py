@@ -67,10 +67,8 @@ class ComplexControlSweepTable(MeasurementTable, ComplexKeys, ControlKeys):
 
     def _inside(self, measured: MeasuredComplex, place: ControlPlace) -> MeasuredComplex:
         where = f"{measured.source}: the sweep at {place.label}"
-        kept = inside(measured.frequency_hz, self.range_hz, where)
-        return replace(
-            measured, frequency_hz=measured.frequency_hz[kept], values=measured.values[kept]
-        )
+        kept = inside(measured.u_hz, self.range_hz, where)
+        return replace(measured, frequency_hz=measured.u_hz[kept], values=measured.y[kept])
 
 
 @dataclass(frozen=True)

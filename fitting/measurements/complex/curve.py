@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.complex_trace import MeasuredComplex
 from fitting.measurements.complex.wiring import Wiring
@@ -20,7 +18,6 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
-from fitting.text.numbers import as_numbers, as_values
 
 #: Line widths that a sweep has to span for a delay to be told from the phase of the line itself.
 WIDTHS_FOR_DELAY = 3.0
@@ -28,7 +25,7 @@ WIDTHS_FOR_DELAY = 3.0
 
 @checked
 @dataclass(frozen=True, eq=False)
-class ComplexCurve(Record, Curve):
+class ComplexCurve(MeasuredComplex, Record, Curve):
     """Complex values of one sweep.
 
     Args:
@@ -52,8 +49,6 @@ class ComplexCurve(Record, Curve):
         BadInput: fewer than 8 points, shapes that differ, values that are no numbers.
     """
 
-    frequency_hz: npt.ArrayLike
-    values: npt.ArrayLike
     _: KW_ONLY
     sigma: float = 0.0
     setting_sigma: Mapping[str, float] = field(default_factory=dict)
@@ -62,18 +57,6 @@ class ComplexCurve(Record, Curve):
     shared: bool = False
     restarted: bool = False
     source: str = "complex sweep"
-    left_out: str = ""
-    u_hz: FloatArray = field(init=False)
-    y: ComplexArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        checked = MeasuredComplex(
-            frequency_hz=as_numbers(self.frequency_hz, f"{self.source}: frequencies"),
-            values=np.asarray(as_values(self.values, f"{self.source}: values"), dtype=complex),
-            source=Path(self.source),
-        )
-        object.__setattr__(self, "u_hz", checked.frequency_hz)
-        object.__setattr__(self, "y", checked.values)
 
     def check_delay(self) -> None:
         """Complain of a delay that is to be fitted and that the sweep cannot tell.

@@ -7,11 +7,11 @@ from typing import Annotated
 
 from fitting.campaign.complex_trace import (
     MeasuredComplex,
-    WrittenComplexColumns,
     check_delay,
     check_sense,
     conjugated,
 )
+from fitting.campaign.instruments import ComplexColumns
 from fitting.measurements.clipped import cut_off
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
@@ -25,7 +25,7 @@ from fitting.text.written import in_unit
 class ComplexKeys(Keys):
     """How complex values are read, and how the response stands in them."""
 
-    columns: WrittenComplexColumns = field(default_factory=WrittenComplexColumns)
+    columns: ComplexColumns = field(default_factory=ComplexColumns)
     """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
     where the file tells none."""
     conjugate: Switch = False
@@ -95,7 +95,7 @@ class ComplexKeys(Keys):
             BadInput: phases that run the wrong way, or as behind another cable; no noise at all.
         """
         measured = conjugated(measured) if self.conjugate else measured
-        delay_s, where = self.delay_s(""), str(measured.source)
+        delay_s, where = self.delay_s(""), measured.source
         check_sense(measured, delay_s, where)
         check_delay(measured, delay_s, where)
         sigma = 0.0
@@ -103,7 +103,7 @@ class ComplexKeys(Keys):
             sigma = in_unit(self.sigma, measured.unit)
             if not sigma > 0.0:
                 raise BadInput(f"{self.sigma.where}: found {sigma:g}, wanted more than zero")
-        f, values = measured.frequency_hz, measured.values
+        f, values = measured.u_hz, measured.y
         cut, left_out = cut_off(f, values, measured.unit, f"{where}{f', {label}' * bool(label)}")
         return ComplexCurve(
             f[~cut],
