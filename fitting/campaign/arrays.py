@@ -44,6 +44,7 @@ from fitting.text.written import Written, as_written, written_values
 
 
 @checked
+@dataclass(frozen=True, init=False)
 class Parameter(ParameterTable[float | str]):
     """A coefficient that is looked for: a Real parameter of the FMU and the box it lies in.
 
@@ -64,6 +65,10 @@ class Parameter(ParameterTable[float | str]):
         BadInput: bounds reversed, a start outside, numbers that are not finite or not positive.
     """
 
+    bounds: tuple[float | str, float | str]
+    lower: float | str = field(init=False, repr=False)
+    upper: float | str = field(init=False, repr=False)
+
     def __init__(  # noqa: PLR0913 - the fields of the record
         self,
         name: str,
@@ -83,6 +88,7 @@ class Parameter(ParameterTable[float | str]):
             )
         if np.shape(bounds) != (2,):
             raise BadInput(f"parameter '{name}': bounds are {bounds!r}, wanted (lower, upper)")
+        object.__setattr__(self, "bounds", bounds)
         super().__init__(
             name=name,
             unit=unit,
@@ -99,11 +105,6 @@ class Parameter(ParameterTable[float | str]):
         # where some have a unit, plain numbers are in the FMU's, which is known beside it alone
         if len({written.unit is None for written in numbers.values()}) == 1:
             in_one_unit(name, numbers, unit)
-
-    @property
-    def bounds(self) -> tuple[float | str, float | str]:
-        """Lower and upper end of the box."""
-        return self.lower, self.upper
 
 
 @checked
@@ -247,7 +248,13 @@ class Sweep(SweepData):
     """
 
     setup: Setup
+    amplitude_unit: str
     series: str
+    source: Path = field(init=False, repr=False)
+    unit: str = field(init=False, repr=False)
+    notes: Mapping[str, str] = field(init=False, repr=False)
+    label: str = field(init=False, repr=False)
+    left_out: str = field(init=False, repr=False)
 
     def __init__(  # noqa: PLR0913 - the fields of the record
         self,
@@ -279,6 +286,7 @@ class Sweep(SweepData):
         for trouble in offset_trouble(background, use, scale):
             raise BadInput(f"sweep: background: {trouble}")
         object.__setattr__(self, "setup", setup)
+        object.__setattr__(self, "amplitude_unit", amplitude_unit)
         object.__setattr__(self, "series", series)
         super().__init__(
             frequency_hz=frequency_hz,  # type: ignore[arg-type]  # made an array there
@@ -292,11 +300,6 @@ class Sweep(SweepData):
             scale=scale,
             background=background,
         )
-
-    @property
-    def amplitude_unit(self) -> str:
-        """The detector's."""
-        return self.unit
 
 
 def _check_setup(kind: str, setup: object) -> None:

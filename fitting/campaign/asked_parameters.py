@@ -32,7 +32,9 @@ def bind_parameters(asked: Sequence[Asked], binder: Binder, places: Places) -> l
     Raises:
         BadInput: no such variable, or numbers that it cannot have.
     """
-    readers = (partial(_bound, p, binder, places.of_parameter(p.name)) for p in asked)
+    readers = (
+        partial(_bound, p, binder, f"{places.top}{places.of('parameter', p.name)}") for p in asked
+    )
     return gathered(readers)
 
 

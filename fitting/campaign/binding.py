@@ -67,7 +67,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     said = Complaints()  # of every table by itself, then of what rests on several
     laws, output, drive = Laws(), None, None
     with said:
-        laws = Laws(file.laws, file.constants, source=f"{places.top}{places.laws}")
+        laws = Laws(file.laws, file.constants, source=f"{places.top}{places.of('laws')}")
     swept = {} if file.sweep is None else file.sweep.set
     columns: dict[str, Written] = {}  # each where it is first written
     for measured in campaign.experiments:

@@ -29,7 +29,7 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
     """
     named = [p.name for p in bound.parameters]
     if len(set(named)) < len(named):
-        raise BadInput(f"{places.top}{places.parameters} {named} names one twice")
+        raise BadInput(f"{places.top}{places.of('parameters')} {named} names one twice")
     sweep, gains = bound.sweep, [e.phases for e in bound.experiments if e.phases is not None]
     if sweep is not None and sweep.use == "scale" and any(p.unknown == "gain" for p in gains):
         raise BadInput(
@@ -40,8 +40,8 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
     everywhere = {p.name for p in bound.parameters if not p.experiments and p.moves_model}
     for name in sorted(own & everywhere):
         raise BadInput(
-            f"{places.top}{places.parameters} '{name}' is fitted both with scope = \"experiment\" "
-            "and for the whole campaign; wanted one of them"
+            f"{places.top}{places.of('parameters')} '{name}' is fitted both with "
+            'scope = "experiment" and for the whole campaign; wanted one of them'
         )
     fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
     tried, laws = bound.alternatives[0], bound.setup.laws.formulas
@@ -52,13 +52,13 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
     for name, role in roles.items():
         also: dict[str, Mapping[str, object]] = {}
         if name in fitted or name in laws:
-            also[places.alternatives] = tried
+            also[places.of("alternatives")] = tried
         if name in everywhere or name in laws:
-            also[places.start] = bound.setup.start_values
+            also[places.of("start")] = bound.setup.start_values
         if name in fitted:
-            also[places.laws.rstrip(":")] = laws
+            also[places.of("laws")] = laws
         if name in laws:
-            also[places.drive] = dict.fromkeys(driven, 0.0)
+            also[places.of("drive")] = dict.fromkeys(driven, 0.0)
         for place, settings in (*said, *also.items()):
             if name in settings:
                 raise BadInput(
@@ -78,9 +78,9 @@ def settings_by_place(
     for e in bound.experiments:
         yield f"experiment '{e.label}'", e.settings
     if bound.sweep is not None:
-        yield places.sweep, bound.sweep.settings
+        yield places.of("sweep"), bound.sweep.settings
     for table, measurement in bound.measurements.items():
-        name = places.measurement.format(table)
+        name = places.of("measurement", table)
         for label, own in measurement.places:
             yield f"{name} {label}".strip(), own
 
@@ -130,8 +130,8 @@ def _sentence(bound: BoundCampaign, tone: OtherTone, amplitude: FmuVariable, pla
     value = values.get(amplitude.name, amplitude.start)
     size = f"{number(float(value or 0.0), 4)} {amplitude.unit or ''}".strip()
     return (
-        f"{places.top}{places.drive} names {listed(bound.setup.drive.frequency_names)}, but the "
-        f"FMU drives at {tone.frequency} as well, with {tone.amplitude} = {size}; wanted "
+        f"{places.top}{places.of('drive')} names {listed(bound.setup.drive.frequency_names)}, "
+        f"but the FMU drives at {tone.frequency} as well, with {tone.amplitude} = {size}; wanted "
         f"{tone.frequency} and {tone.amplitude} named beside, or {tone.amplitude} = 0 in "
-        f"{places.start}"
+        f"{places.of('start')}"
     )

@@ -30,7 +30,7 @@ from fitting.signal.amplitudes import to_peak
 from fitting.signal.clipped_top import clipped_top
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, did_you_mean, gathered
+from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz, quantity
 from fitting.text.tables import Column, Table, parse_number, read_table, read_text
@@ -46,18 +46,27 @@ OUTPUT_COLUMN = "output"
 class Campaign:
     """The campaign with its data; what depends on the FMU's variables is still as written.
 
-    ``path`` is the campaign file, ``file`` what it says; ``files`` are all files read, the campaign
-    file first; ``measurements`` those of further kinds, by their tables; ``unit`` is that of the
-    amplitudes, empty for the declared one.
+    ``path`` is the campaign file, ``file`` what it says; ``measurements`` are those of further
+    kinds, by their tables; ``unit`` is that of the amplitudes, empty for the declared one.
     """
 
     path: Path
     file: WrittenCampaign
     experiments: tuple[MeasuredExperiment, ...]
     sweep: MeasuredSweep | None
-    files: tuple[Path, ...]
     measurements: Mapping[str, ReadMeasurement] = field(default_factory=dict)
     unit: str = ""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that were read, the campaign file first."""
+        found = [
+            self.path,
+            *([] if self.file.experiments is None else [self.file.experiments.file]),
+        ]
+        found += [e.spectrum.source for e in self.experiments if e.spectrum is not None]
+        found += [] if self.sweep is None else [self.sweep.source]
+        return (*found, *(file for m in self.measurements.values() for file in m.files))
 
     @property
     def is_scaled(self) -> bool:
@@ -70,12 +79,8 @@ class Campaign:
     @property
     def amplitude_unit(self) -> str:
         """Unit of all amplitudes."""
-        return self.unit or _declared_unit(self.file)
-
-
-def _declared_unit(file: WrittenCampaign) -> str:
-    declared = file.sweep or file.experiments
-    return declared.format.amplitude.unit if declared is not None else "V"
+        declared = self.file.sweep or self.file.experiments
+        return self.unit or (declared.format.amplitude.unit if declared is not None else "V")
 
 
 def in_other_unit(campaign: Campaign, factor: float, unit: str) -> Campaign:
@@ -119,38 +124,23 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
     except BadInput as error:
         raise BadInput(*error.args, *_missing_files(path, kinds)) from None
     experiments: tuple[MeasuredExperiment, ...] = ()
-    sweep = None
-    complaints: list[str] = []
-    try:
-        if file.experiments is not None:
+    sweep: MeasuredSweep | None = None
+    measurements: dict[str, ReadMeasurement] = {}
+    said = Complaints()
+    if file.experiments is not None:
+        with said:
             experiments = _read_experiments(file, file.experiments, path.parent)
-    except BadInput as error:
-        complaints += error.args
-    try:
-        sweep = _read_sweep(file.sweep) if file.sweep is not None else None
-    except BadInput as error:
-        complaints += error.args
-    measurements = {}
+    if file.sweep is not None:
+        with said:
+            sweep = _read_sweep(file.sweep)
     for name, tables in file.further.items():
-        try:
+        with said:
             kind, first = type(tables[0]), tables[0]
             measurements[name] = kind.read_together(tables) if kind.REPEATED else first.read()
-        except BadInput as error:
-            complaints += error.args
-    if complaints:
-        raise BadInput(*complaints)
+    said.check()
     _check_one_unit(path, file)
-    files = [path, *([] if file.experiments is None else [file.experiments.file])]
-    files += [e.spectrum.source for e in experiments if e.spectrum is not None]
-    files += [] if sweep is None else [sweep.source]
-    files += [file for m in measurements.values() for file in m.files]
     return Campaign(
-        path=path,
-        file=file,
-        experiments=experiments,
-        sweep=sweep,
-        files=tuple(files),
-        measurements=measurements,
+        path=path, file=file, experiments=experiments, sweep=sweep, measurements=measurements
     )
 
 

@@ -2,36 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+#: Parts of a campaign as a file names them; ``measurement`` is the table of a further kind.
+IN_FILE = {
+    "parameters": "[[parameters]]",
+    "parameter": "[parameters '{}']",
+    "start": "[fmu.start]",
+    "drive": "[drive]",
+    "sweep": "[sweep.set]",
+    "measurement": "[{}]",
+    "alternatives": "[alternatives]",
+    "laws": "[laws]",
+}
+#: The same as arguments of a program.
+IN_PROGRAM = {
+    "parameters": "parameters",
+    "parameter": "parameter '{}'",
+    "start": "the setup's start_values",
+    "drive": "the setup's drive",
+    "sweep": "the sweep's settings",
+    "measurement": "the measurement {}",
+    "alternatives": "alternatives",
+    "laws": "laws",
+}
 
-@dataclass(frozen=True, kw_only=True)
+
+@dataclass(frozen=True)
 class Places:
-    """Words for complaints: ``top`` opens them all, the others are its parts.
-
-    ``parameter`` takes the name of one as ``parameter.format(name)``, ``measurement`` that of the
-    table of a further kind.
-    """
+    """Words for complaints: ``top`` opens them all, ``parts`` are called so."""
 
     top: str
-    parameters: str
-    parameter: str
-    start: str
-    drive: str
-    sweep: str
-    measurement: str
-    alternatives: str
-    laws: str
-    constants: str
+    parts: Mapping[str, str]
 
-    def of_parameter(self, name: str) -> str:
-        """Where one parameter was said.
+    def of(self, part: str, name: str = "") -> str:
+        """What a part is called.
 
         Args:
-            name: of the parameter.
+            part: as "drive".
+            name: of it, where there are several.
         """
-        return f"{self.top}{self.parameter.format(name)}"
+        return self.parts[part].format(name)
 
 
 def places_of_file(path: Path) -> Places:
@@ -40,18 +53,7 @@ def places_of_file(path: Path) -> Places:
     Args:
         path: of the file.
     """
-    return Places(
-        top=f"{path}: ",
-        parameters="[[parameters]]",
-        parameter="[parameters '{}']",
-        start="[fmu.start]",
-        drive="[drive]",
-        sweep="[sweep.set]",
-        measurement="[{}]",
-        alternatives="[alternatives]",
-        laws="[laws]",
-        constants="[constants]",
-    )
+    return Places(f"{path}: ", IN_FILE)
 
 
 def places_of_series(name: str) -> Places:
@@ -60,15 +62,4 @@ def places_of_series(name: str) -> Places:
     Args:
         name: of the series, empty where there is but one.
     """
-    return Places(
-        top=f"series '{name}': " if name else "",
-        parameters="parameters",
-        parameter="parameter '{}'",
-        start="the setup's start_values",
-        drive="the setup's drive",
-        sweep="the sweep's settings",
-        measurement="the measurement {}",
-        alternatives="alternatives",
-        laws="laws:",
-        constants="constants:",
-    )
+    return Places(f"series '{name}': " if name else "", IN_PROGRAM)

@@ -50,45 +50,84 @@ Remarks = dict[tuple[str | int, ...], str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choices:
-    """What was chosen.
+class Chosen:
+    """What every draft chooses of an FMU.
+
+    Attributes:
+        source: the FMU.
+        output: observed output.
+        boxes: what is fitted.
+        start: start values of the FMU, each with its reason.
+        taken: those of them that the files do not tell.
+        derived: outputs that are reported.
+    """
+
+    source: Source
+    output: str
+    boxes: tuple[Box, ...]
+    start: Mapping[str, tuple[Scalar, str]] = field(default_factory=dict)
+    taken: tuple[str, ...] = ()
+    derived: tuple[str, ...] = ()
+
+    def fmu_table(self, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
+        """The table of the FMU and its start values.
+
+        Args:
+            folder: to which paths are relative; None: they are absolute.
+            remarks: to which its own are added.
+        """
+        made: dict[str, Any] = dict(self.source.table(folder))
+        if self.taken:
+            made["taken"] = list(self.taken)
+            remarks["fmu", "taken"] = TAKEN_REMARK
+        if self.start:
+            made["start"] = {name: value for name, (value, _) in self.start.items()}
+        for name, (_, why) in self.start.items():
+            remarks["fmu", "start", name] = why
+        return made
+
+    def fitted_tables(self, remarks: Remarks) -> dict[str, Any]:
+        """The tables of what is fitted, how, and what else is reported.
+
+        Args:
+            remarks: to which their own are added.
+        """
+        made: dict[str, Any] = {
+            "parameters": [parameter_table(box, k, remarks) for k, box in enumerate(self.boxes)]
+        }
+        if self.derived:
+            made["derived"] = {"outputs": list(self.derived)}
+        made["continuation"] = dict(CONTINUATION)
+        remarks["continuation", "nu_start"] = "the prior only helps at the start"
+        return made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices(Chosen):
+    """What was chosen for sweeps and experiments.
 
     Attributes:
         title: of the campaign.
-        source: the FMU.
-        output: observed output.
         tones: parameters of frequency and amplitude, one pair for each tone of the data; empty: an
             input is driven.
         driven: the input.
         names: of the tones' columns, where an input is driven.
-        start: start values.
         amplitude: what amplitudes mean, "V peak".
-        boxes: what is fitted.
-        derived: outputs that are reported.
         held: places and widths of further modes that are held.
         width_hz: full width of the line in the sweep, Hz; 0: unknown.
         residual: what the line leaves of the sweep, relative; 0: unknown.
         level: of the drive, where tones of the FMU drive.
-        start_words: why each start value is what it is.
-        taken: start values that the files do not tell.
     """
 
     title: str
-    source: Source
-    output: str
     tones: tuple[tuple[str, str], ...]
     driven: str
     names: tuple[str, ...]
-    start: Mapping[str, Scalar]
     amplitude: str
-    boxes: tuple[Box, ...]
-    derived: tuple[str, ...]
     held: tuple[str, ...]
     width_hz: float = 0.0
     residual: float = 0.0
     level: float = 1.0
-    start_words: Mapping[str, str] = field(default_factory=dict)
-    taken: tuple[str, ...] = ()
 
 
 def campaign_text(
@@ -105,18 +144,17 @@ def campaign_text(
     """
     remarks: Remarks = {}
     tables: dict[str, Any] = {"title": choices.title}
-    tables["fmu"] = _fmu(choices, folder, remarks)
+    tables["fmu"] = choices.fmu_table(folder, remarks)
+    if choices.source.is_model:
+        remarks["fmu", "model"] = "shipped with fmu-fit and built on demand"
     tables["observe"] = _observe(choices, offer, remarks)
     tables["drive"] = _drive(choices, files, offer, remarks)
     if files.table is not None:
         tables["experiments"] = _experiments(choices, files, folder, remarks)
     _add_sweeps(tables, choices, files, folder, remarks)
-    tables["parameters"] = [parameter_table(box, k, remarks) for k, box in enumerate(choices.boxes)]
+    tables |= choices.fitted_tables(remarks)
     if choices.derived:
-        tables["derived"] = {"outputs": list(choices.derived)}
         remarks["derived", "outputs"] = "outputs of the FMU that are reported, too"
-    tables["continuation"] = dict(CONTINUATION)
-    remarks["continuation", "nu_start"] = "the prior only helps at the start"
     remarks["continuation", "starts"] = "3: also the lowest minima that a search finds"
     tables["accuracy"] = {"amplitude": accuracy(choices.residual, held=bool(choices.driven))}
     well = ": well below the scatter" if choices.residual > 0.0 else ""
@@ -192,25 +230,11 @@ def put_remarks(tables: Tables, remarks: Remarks) -> None:
         put(table, str(path[-1]), value.unwrap() if hasattr(value, "unwrap") else value, words)
 
 
-def _fmu(choices: Choices, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
-    made: dict[str, Any] = dict(choices.source.table(folder))
-    if choices.source.is_model:
-        remarks["fmu", "model"] = "shipped with fmu-fit and built on demand"
-    if choices.taken:
-        made["taken"] = list(choices.taken)
-        remarks["fmu", "taken"] = TAKEN_REMARK
-    if choices.start:
-        made["start"] = dict(choices.start)
-    for name in choices.start:
-        remarks["fmu", "start", name] = choices.start_words.get(name, "")
-    return made
-
-
 def _observe(choices: Choices, offer: Offer, remarks: Remarks) -> dict[str, Any]:
     made: dict[str, Any] = {"output": choices.output}
     others = [name for name in offer.outputs if name != choices.output]
     remarks["observe", "output"] = f"or {', '.join(others[:4])}" if others else "the only one"
-    if offer.steady and choices.start.get(offer.steady):
+    if offer.steady and choices.start.get(offer.steady, (False, ""))[0]:
         made["steady_start"] = True
         remarks["observe", "steady_start"] = "nothing to settle"
     elif choices.width_hz > 0.0:

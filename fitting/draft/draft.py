@@ -374,8 +374,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         tones=tuple((tone.frequency, tone.amplitude) for tone in tones),
         driven=driven,
         names=tuple(c.name for c in files.table.tones) if files.table else ("f",),
-        start=start,
-        start_words=words,
+        start={name: (value, words.get(name, "")) for name, value in start.items()},
         amplitude=_amplitude(files, answers),
         boxes=tuple(boxes),
         derived=(

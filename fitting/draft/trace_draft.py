@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from fitting.campaign import instruments
 from fitting.campaign.instruments import Channel
-from fitting.draft.campaign import (
-    CONTINUATION,
-    TAKEN_REMARK,
-    Remarks,
-    in_file,
-    parameter_table,
-    put_remarks,
-)
+from fitting.draft.campaign import Chosen, Remarks, in_file, put_remarks
 from fitting.draft.model import Offer
-from fitting.draft.source import Source, relative_path
+from fitting.draft.source import relative_path
 from fitting.draft.values import Box
 from fitting.measurements.traces.record import FIT, STATES_OF_ONE, UNKNOWN
 from fitting.measurements.traces.time_record import FOUND
@@ -119,20 +111,10 @@ class TraceFile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TimeDraft:
-    """A campaign of recordings over time; ``seen`` are sentences.
+class TimeDraft(Chosen):
+    """A campaign of recordings over time; ``seen`` are sentences."""
 
-    ``start`` are start values of the FMU, each with its reason, ``taken`` those of them that the
-    files do not tell; ``derived`` are outputs that are reported.
-    """
-
-    source: Source
-    output: str
-    boxes: tuple[Box, ...]
     seen: tuple[str, ...]
-    start: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    taken: tuple[str, ...] = ()
-    derived: tuple[str, ...] = ()
 
     def text(self, folder: Path | None) -> str:
         """The text of the campaign.
@@ -141,24 +123,13 @@ class TimeDraft:
             folder: where it stands, to which paths are relative; None: they are absolute.
         """
         remarks: Remarks = {}
-        fmu: dict[str, Any] = dict(self.source.table(folder))
-        if self.start:
-            fmu["start"] = {name: value for name, (value, _) in self.start.items()}
-            for name, (_, why) in self.start.items():
-                remarks["fmu", "start", name] = why
-        if self.taken:
-            fmu["taken"] = list(self.taken)
-            remarks["fmu", "taken"] = TAKEN_REMARK
         tables: dict[str, Any] = {
             "title": ", ".join(path.stem for path in self.paths),
-            "fmu": fmu,
+            "fmu": self.fmu_table(folder, remarks),
             "observe": {"output": self.output},
             **self.measured(folder, remarks),
-            "parameters": [parameter_table(box, k, remarks) for k, box in enumerate(self.boxes)],
-            **({"derived": {"outputs": list(self.derived)}} if self.derived else {}),
-            "continuation": dict(CONTINUATION),
+            **self.fitted_tables(remarks),
         }
-        remarks["continuation", "nu_start"] = "the prior only helps at the start"
         head = (
             "A first campaign, written by fmu-fit init from these files: it runs as it is.",
             "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",

@@ -13,6 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fitting.campaign.parameters import ParameterTable
 from fitting.draft.model import Offer
 from fitting.draft.two_modes import TwoModes
 from fitting.fmu import FmuWorkers, Run
@@ -46,14 +47,10 @@ class Seen:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Box:
+class Box(ParameterTable[float]):
     """A parameter to be fitted: bounds, start and scale in its ``unit``, and what they rest on."""
 
-    name: str
     unit: str
-    lower: float
-    upper: float
-    start: float
     scale: float
     why: str
 
