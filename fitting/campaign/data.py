@@ -26,7 +26,7 @@ from fitting.campaign.measured import (
     Phases,
     Spectrum,
 )
-from fitting.signal.amplitudes import to_peak
+from fitting.signal.amplitudes import Amplitude, to_peak
 from fitting.signal.clipped_top import clipped_top
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray
@@ -239,18 +239,14 @@ def _read_experiments(
                 f"names{did_you_mean(label, labels)}"
             )
     _check_phases(table, written)
-    rows = [
-        _Row(
-            file=file,
-            written=written,
-            table=table,
-            index=i,
-            label=label,
-            tones_hz=tuple(map(float, tones[i])),
+    read = partial(_experiment, file, written, folder)
+    rows = enumerate(zip(labels, tones, strict=True))
+    return tuple(
+        gathered(
+            partial(read, _Cells(table, i), label, tuple(map(float, own)))
+            for i, (label, own) in rows
         )
-        for i, label in enumerate(labels)
-    ]
-    return tuple(gathered(partial(row.experiment, folder) for row in rows))
+    )
 
 
 def _check_phases(table: Table, written: WrittenExperiments) -> None:
@@ -316,94 +312,37 @@ def _tones(table: Table, names: tuple[str, ...]) -> FloatArray:
     return tones
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """One row of the experiments file, beside what the campaign says of it."""
+@dataclass(frozen=True)
+class _Cells:
+    """The cells of one row of the experiments file, by its columns."""
 
-    file: WrittenCampaign
-    written: WrittenExperiments
     table: Table
     index: int
-    label: str
-    tones_hz: tuple[float, ...]
 
-    def experiment(self, folder: Path) -> MeasuredExperiment:
-        """The experiment; its spectrum is in a file relative to ``folder``."""
-        settings = self.settings()
-        read = partial(
-            MeasuredExperiment,
-            label=self.label,
-            tones_hz=self.tones_hz,
-            lines_hz=self.lines_hz(),
-            output=settings.pop(OUTPUT_COLUMN, None),
-            settings=settings,
-            stamp=self.stamp(),
-        )
-        if self.written.spectra is None:
-            peaks_v, phases = self.ready_peaks()
-            return read(peaks_v=peaks_v, sigmas_v=self.ready_sigmas(peaks_v.size), phases=phases)
-        path = folder / self.written.spectra.replace("{experiment}", self.label)
-        how, floor_kind = self.written.format, self.written.noise_floor
-        raw = read_trace(path, how.layout, how.selection)
-        spectrum = Spectrum(*_calibrated(raw, how), source=path, unit=how.amplitude.unit)
-        reading = read_peaks(
-            spectrum.frequency_hz,
-            spectrum.amplitude_v,
-            self.lines_hz(),
-            floor_kind,
-            source=str(path),
-        )
-        return read(
-            peaks_v=reading.peaks_v,
-            sigmas_v=reading.sigmas_v,
-            floor_v=0.0 if floor_kind == "none" else reading.floor.level_v,
-            spectrum=spectrum,
-        )
+    @property
+    def row(self) -> str:
+        """Words for the row."""
+        return f"row {self.table.lines[self.index]}"
 
     def place(self, column: str) -> str:
-        """Words for a cell of the row."""
-        return f"{self.table.path}: row {self.table.lines[self.index]}, column '{column}'"
+        """Words for a cell."""
+        return f"{self.table.path}: {self.row}, column '{column}'"
 
     def text(self, column: Column) -> str:
-        """A cell of the row."""
+        """A cell as it stands."""
         return self.table.cells[self.index][column.index]
 
-    def number(self, column: Column, where: str) -> float:
-        """A cell of the row that is to be a number."""
+    def number(self, column: Column, name: str = "") -> float:
+        """A cell that is to be a number; complaints call its column by the name."""
+        where = self.place(name or column.name)
         return parse_number(self.text(column), where, decimal_comma=self.table.decimal_comma)
 
-    def stamp(self) -> Written | None:
-        """The time stamp: a number in the column's unit, or an ISO date."""
-        if not self.file.drift.time:
-            return None
-        column = self.table.column(self.file.drift.time)
-        where = self.place(column.name)
+    def stamp(self, name: str) -> Written:
+        """A time stamp: a number in the column's unit, or an ISO date."""
+        column = self.table.column(name)
         if column.unit is None and any(mark in self.text(column) for mark in "-:T"):
-            return Written(self.text(column), None, where)
-        return Written(self.number(column, where), column.unit, where)
-
-    def lines_hz(self) -> tuple[float, ...]:
-        """Frequencies of the lines that are read."""
-        lines = self.file.driven.lines
-        lines_hz = tuple(line.frequency_hz(self.tones_hz) for line in lines)
-        for line, f in zip(lines, lines_hz, strict=True):
-            if f <= 0.0:
-                raise BadInput(
-                    f"{self.table.path}: row {self.table.lines[self.index]}: {line.text} is at "
-                    f"{hertz(f)}, wanted a positive frequency"
-                )
-        return lines_hz
-
-    def settings(self) -> dict[str, Written]:
-        """What the columns that are no data set of the FMU's variables."""
-        data = {*self.written.data_columns, self.file.drift.time}
-        if self.file.driven.kind == "input":
-            data |= set(self.file.driven.frequencies)
-        return {
-            column.name: self.setting(column)
-            for column in self.table.columns
-            if column.name not in data and column.name.lower() != "experiment"
-        }
+            return Written(self.text(column), None, self.place(column.name))
+        return Written(self.number(column), column.unit, self.place(column.name))
 
     def setting(self, column: Column) -> Written:
         """A cell as a Boolean, a text, a whole number or a number."""
@@ -412,60 +351,95 @@ class _Row:
             return Written(text.lower() == "true", column.unit, where)
         if column.unit is None and not _numeric(text):
             return Written(text, None, where)  # a String variable's value, or a quantity
-        number = self.number(column, where)
+        number = self.number(column)
         whole = column.unit is None and number.is_integer() and not set(text.lower()) & set(".,e")
         return Written(int(number) if whole else number, column.unit, where)
 
-    def ready_peaks(self) -> tuple[FloatArray, Phases | None]:
-        """Peaks (lines,) of the columns, and their phases where there are some."""
-        written = self.written
-        if written.x:
-            values = [
-                complex(self.amplitude(x, part=True), self.amplitude(y, part=True))
-                for x, y in zip(written.x, written.y, strict=True)
-            ]
-            names, peaks = written.x, np.abs(values)
-            radians = np.angle(values)
-        else:
-            names, peaks = written.peaks, np.array([self.amplitude(n) for n in written.peaks])
-            radians = np.array([self.radians(name) for name in written.phases])
-        for name, value in zip(names, peaks, strict=True):
-            if value <= 0.0:
-                raise BadInput(f"{self.place(name)}: the peak is zero; wanted a positive amplitude")
-        if not written.is_complex:
-            return peaks, None
-        return peaks, Phases(
-            radians=-radians if written.conjugate else radians,
-            unknown=written.unknown or UNKNOWN[0],
-            restarted=self.label in written.restarted,
-        )
-
-    def ready_sigmas(self, count: int) -> FloatArray:
-        """Standard deviations of the peaks (lines,), nan where no column tells them."""
-        sigmas = [self.amplitude(name) for name in self.written.peak_sigmas]
-        return np.array(sigmas or np.full(count, np.nan))
-
-    def column(self, name: str, what: str) -> Column:
-        """A column of ready peaks, or of what belongs to them."""
-        return _column(self.table, name, what)
+    def amplitude(self, declared: Amplitude, name: str, *, part: bool = False) -> float:
+        """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""
+        column = _column(self.table, name, PEAKS)
+        unit = unit_of(self.table, column, f"{name} (uV)")
+        number = np.array([self.number(column, name)])
+        size = np.abs(number) if part else number
+        found = to_peak(size, unit, declared, str(self.table.path), [self.row], name)[0]
+        return float(np.copysign(found, number[0]) if part else found)
 
     def radians(self, name: str) -> float:
         """A cell as a phase."""
-        column, where = self.column(name, PHASES), self.place(name)
+        column = _column(self.table, name, PHASES)
         unit = unit_of(self.table, column, f"{name} (deg)")
-        value = self.number(column, where)
+        value = self.number(column, name)
         return convert(value, unit, "rad", where=f"{self.table.path}: column '{name}'")
 
-    def amplitude(self, name: str, *, part: bool = False) -> float:
-        """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""
-        column = self.column(name, PEAKS)
-        unit = unit_of(self.table, column, f"{name} (uV)")
-        number = np.array([self.number(column, self.place(name))])
-        row = f"row {self.table.lines[self.index]}"
-        declared, source = self.written.format.amplitude, str(self.table.path)
-        size = np.abs(number) if part else number
-        found = float(to_peak(size, unit, declared, source, [row], name)[0])
-        return float(np.copysign(found, number[0])) if part else found
+
+def _experiment(
+    file: WrittenCampaign,
+    written: WrittenExperiments,
+    folder: Path,
+    cells: _Cells,
+    label: str,
+    tones_hz: tuple[float, ...],
+) -> MeasuredExperiment:
+    """The experiment of one row, with its spectrum or its ready peaks."""
+    table, drive = cells.table, file.driven
+    data = {*written.data_columns, file.drift.time}
+    if drive.kind == "input":
+        data |= set(drive.frequencies)
+    settings = {  # what the columns that are no data set of the FMU's variables
+        column.name: cells.setting(column)
+        for column in table.columns
+        if column.name not in data and column.name.lower() != "experiment"
+    }
+    lines_hz = tuple(line.frequency_hz(tones_hz) for line in drive.lines)
+    for line, f in zip(drive.lines, lines_hz, strict=True):
+        if f <= 0.0:
+            raise BadInput(
+                f"{table.path}: {cells.row}: {line.text} is at {hertz(f)}, wanted a positive "
+                "frequency"
+            )
+    read = partial(
+        MeasuredExperiment,
+        label=label,
+        tones_hz=tones_hz,
+        lines_hz=lines_hz,
+        output=settings.pop(OUTPUT_COLUMN, None),
+        settings=settings,
+        stamp=cells.stamp(file.drift.time) if file.drift.time else None,
+    )
+    how = written.format
+    if written.spectra is not None:
+        path = folder / written.spectra.replace("{experiment}", label)
+        raw = read_trace(path, how.layout, how.selection)
+        spectrum = Spectrum(*_calibrated(raw, how), source=path, unit=how.amplitude.unit)
+        f, a, kind = spectrum.frequency_hz, spectrum.amplitude_v, written.noise_floor
+        reading = read_peaks(f, a, lines_hz, kind, source=str(path))
+        floor_v = 0.0 if kind == "none" else reading.floor.level_v
+        return read(
+            peaks_v=reading.peaks_v, sigmas_v=reading.sigmas_v, floor_v=floor_v, spectrum=spectrum
+        )
+    amplitude = partial(cells.amplitude, how.amplitude, part=bool(written.x))
+    names = written.x or written.peaks
+    peaks, phases = np.array([amplitude(name) for name in names]), None
+    if written.x:
+        values = peaks + 1j * np.array([amplitude(name) for name in written.y])
+        peaks, radians = np.abs(values), np.angle(values)
+    else:
+        radians = np.array([cells.radians(name) for name in written.phases])
+    for name, value in zip(names, peaks, strict=True):
+        if value <= 0.0:
+            where = cells.place(name)
+            raise BadInput(f"{where}: the peak is zero; wanted a positive amplitude")
+    if written.is_complex:
+        phases = Phases(
+            radians=-radians if written.conjugate else radians,
+            unknown=written.unknown or UNKNOWN[0],
+            restarted=label in written.restarted,
+        )
+    sigmas = [
+        cells.amplitude(how.amplitude, name) for name in written.peak_sigmas
+    ]  # nan where no column tells them
+    sigmas_v = np.array(sigmas or np.full(peaks.size, np.nan))
+    return read(peaks_v=peaks, sigmas_v=sigmas_v, phases=phases)
 
 
 def _numeric(text: str) -> bool:

@@ -202,7 +202,7 @@ EDITS = [
     ("csv", PLAIN, "6.96,3\n", "", "2 points; wanted at least 3"),
     ("csv", PLAIN, PLAIN[31:], "", "row 1 is the last; wanted rows of numbers"),
     ("csv", PLAIN, PLAIN, "# nothing\n", "is empty"),
-    ("rohde-schwarz", ROHDE_SCHWARZ, "-11.5", "----", "row 16, level: found '----'"),
+    ("rohde-schwarz", ROHDE_SCHWARZ, "-11.5", "----", "row 16, column 'Level': found '----'"),
     ("rohde-schwarz", ROHDE_SCHWARZ, "y-Unit;dBm;", "", "no 'y-unit' line before the values"),
     (
         "rohde-schwarz",

@@ -1,6 +1,7 @@
-"""Files as instruments write them: each layout is one file of this package.
+"""Files as instruments write them: text of vendors, libraries' formats, plain columns.
 
-To add an instrument, add a file here, of any name, with a `Layout`:
+To add an instrument, add an entry to `vendors.LAYOUTS`, or a file here, of any name, with a
+`Layout`:
 
     def _read(path: Path, selection: Selection) -> Recording:
         ...  # named columns in the units of the file; BadInput with file and row
@@ -10,7 +11,7 @@ To add an instrument, add a file here, of any name, with a `Layout`:
 It is found by being here: a campaign may say ``layout = "mine"`` at once, and `layout_of` tells it
 by the first bytes of a file (``head.data``; ``head.text`` where they are text). Which column is the
 frequency and which the amplitude is decided for all layouts in `roles`. A library that a layout
-needs is imported within its reader, under `fitting.campaign.instruments.library.needed`.
+needs is imported within its reader, under `fitting.campaign.instruments.libraries.needed`.
 
 `fitting.campaign.recognised` tells people what a file is, and guesses what its columns are.
 """
@@ -68,12 +69,9 @@ def found_layouts() -> dict[str, Layout]:
     modules = [
         importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__)
     ]
-    found = [module.LAYOUT for module in modules if hasattr(module, "LAYOUT")]
-    return {layout.name: layout for layout in sorted(found, key=_plain_first)}
-
-
-def _plain_first(layout: Layout) -> tuple[bool, str]:
-    return layout.name != PLAIN, layout.name
+    found = [layout for module in modules for layout in getattr(module, "LAYOUTS", ())]
+    found += [module.LAYOUT for module in modules if hasattr(module, "LAYOUT")]
+    return {one.name: one for one in sorted(found, key=lambda one: (one.name != PLAIN, one.name))}
 
 
 LAYOUTS: dict[str, Layout] = found_layouts()

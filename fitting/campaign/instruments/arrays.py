@@ -9,7 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments.recording import Channel, Numbers, Recording, channel_of
+from fitting.campaign.instruments.recording import (
+    Channel,
+    Numbers,
+    Recording,
+    channel_of,
+    numbered_points,
+)
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, plain_name
 from fitting.campaign.instruments.trace import MIN_POINTS, Selection
 from fitting.text.errors import BadInput
@@ -87,7 +93,7 @@ def recording_of(
     return Recording(
         path=path,
         channels=channels,
-        places=tuple(f"point {k + 1}" for k in range(axis.values.size)),
+        places=numbered_points(axis.values.size),
         headed=bool(selection.axis) or _tells(axis, (*FREQUENCY, *TIME), HERTZ),
         words=f"{words}, {axis.name}" if "/" in axis.name else words,
     )

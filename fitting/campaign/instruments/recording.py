@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -190,6 +190,15 @@ def channel_of(name: str, unit: str | None, values: Numbers) -> Channel:
     )
 
 
+def numbered_points(count: int) -> tuple[str, ...]:
+    """Places of points that stand in no row.
+
+    Args:
+        count: of them.
+    """
+    return tuple(f"point {k + 1}" for k in range(count))
+
+
 def of_table(table: Table, words: str = "", notes: Mapping[str, str] | None = None) -> Recording:
     """The recording that a table of text holds.
 
@@ -215,6 +224,36 @@ def of_table(table: Table, words: str = "", notes: Mapping[str, str] | None = No
         words=words,
         notes=notes or {},
     )
+
+
+def of_rows(
+    path: Path,
+    columns: Sequence[tuple[str, str | None, int]],
+    rows: Sequence[tuple[int, Sequence[str]]],
+    words: str,
+    notes: Mapping[str, str] | None = None,
+    *,
+    decimal_comma: bool = False,
+) -> Recording:
+    """The recording that rows of cells hold; one that is too short holds empty cells.
+
+    Args:
+        path: of the file.
+        columns: name, unit (None: the file does not tell it) and place, from 0, of each.
+        rows: number in the file and cells of each.
+        words: that say what the file is.
+        notes: of the file's header.
+        decimal_comma: whether numbers are written with a decimal comma.
+    """
+    width = 1 + max((at for *_, at in columns), default=0)
+    table = Table(
+        path=path,
+        columns=tuple(Column(*column) for column in columns),
+        cells=tuple((*cells, *[""] * (width - len(cells))) for _, cells in rows),
+        lines=tuple(n for n, _ in rows),
+        decimal_comma=decimal_comma,
+    )
+    return of_table(table, words, notes)
 
 
 def _of_column(table: Table, column: Column) -> Channel:

@@ -149,7 +149,7 @@ def head_of(path: Path) -> Head:
         return Head(path, read_head(path, HEAD_BYTES))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Layout:
     """How an instrument writes files: the name of the layout in a campaign, and its reader.
 
