@@ -91,9 +91,10 @@ def test_of_binary_files_and_instruments_as_well(tmp_path: Path) -> None:
         recording.numbers(channel)
     rs = tmp_path / "rs.dat"
     rs.write_text("Type;FSV;\nx-Unit;Hz;\ny-Unit;V;\nValues;3;\n1;nan;\nx;2;\n3;nan;\n")
+    recording = read_recording(rs)
     with pytest.raises(BadInput) as refused:
-        read_recording(rs)
+        recording.check(recording.channels)
     one, other = (line.partition(": ")[2] for line in map(str, refused.value.args))
-    assert one.startswith("row 6, frequency: found 'x'")
-    assert other.startswith("row 5, level: found 'nan'")
+    assert one.startswith("row 6, column 'Frequency': found 'x'")
+    assert other.startswith("row 5, column 'Level': found 'nan'")
     assert told_rows(other) == [5, 7]
