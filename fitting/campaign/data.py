@@ -411,8 +411,8 @@ def _experiment(
         path = folder / written.spectra.replace("{experiment}", label)
         raw = read_trace(path, how.layout, how.selection)
         spectrum = Spectrum(*_calibrated(raw, how), source=path, unit=how.amplitude.unit)
-        f, a, kind = spectrum.frequency_hz, spectrum.amplitude_v, written.noise_floor
-        reading = read_peaks(f, a, lines_hz, kind, source=str(path))
+        measured, kind = (spectrum.frequency_hz, spectrum.amplitude_v), written.noise_floor
+        reading = read_peaks(*measured, lines_hz, kind, source=str(path))
         floor_v = 0.0 if kind == "none" else reading.floor.level_v
         return read(
             peaks_v=reading.peaks_v, sigmas_v=reading.sigmas_v, floor_v=floor_v, spectrum=spectrum

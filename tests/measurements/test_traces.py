@@ -348,8 +348,8 @@ def test_the_step_is_halved_until_the_promise_holds(lag: ff.Fmu) -> None:
         interpolation="held",
     )
     parameters = (
-        replace(LAG_PARAMETERS[0], start=TAU),  # type: ignore[arg-type]
-        replace(LAG_PARAMETERS[1], start=GAIN),  # type: ignore[arg-type]
+        replace(LAG_PARAMETERS[0], start=TAU),
+        replace(LAG_PARAMETERS[1], start=GAIN),
     )
     fit = ff.fit(ff.Problem(lag, parameters, trace), method=QUICK, starts=1)
     assert fit.result.plan is not None

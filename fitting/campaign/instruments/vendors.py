@@ -118,12 +118,13 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
         raise BadInput(
             f"{where}: {how_many(count, 'point')} announced, {how_many(len(rows), 'line')} below"
         )
-    units = []
+    units: list[str] = []
     for key in ("x-unit", "y-unit"):
         units += header.get(key, ("",))[:1]
         if not units[-1]:
             raise BadInput(f"{path}: no '{key}' line before the values; wanted as in 'x-Unit;Hz;'")
-    notes = {k: " ".join(header[k]).strip() for k in ("type", "rbw", "detector") if k in header}
+    worth: tuple[str, ...] = ("type", "rbw", "detector")
+    notes = {key: " ".join(header[key]).strip() for key in worth if key in header}
     axis = "Time" if units[0] == "s" else "Frequency"
     words = ", ".join(("Rohde & Schwarz, ASCII trace", *notes.values()))
     columns = [(axis, units[0], 0), ("Level", units[1], 1)]
