@@ -8,7 +8,7 @@ fitted.py     fit, and what the data determine            fit, Fit, profile, Inf
 jobs.py       identify, design, report
 ahead.py      what begins while a command loads
 examples.py   the shipped campaigns                       example
-plot.py       `fitting.report.plot`, for fits and values
+plot.py       `fitting.report.figures`, for fits and values
 
 Each wraps the records of the rooms below and holds them as attributes; nothing is computed here.
 """

@@ -13,7 +13,7 @@ from fitting.lab.names import (
     SUBHARMONIC,
     TRUTH_NAME,
 )
-from fitting.text.choices import CRITERIA, ESTIMATORS, MISFITS, STYLES
+from fitting.text.choices import CRITERIA, ESTIMATORS, INTERACTIVE, MISFITS, PAPER, STYLES
 
 __all__ = [
     "BUDGET",
@@ -22,9 +22,11 @@ __all__ = [
     "CURVES",
     "ESTIMATORS",
     "EVALUATIONS",
+    "INTERACTIVE",
     "LEAST_STEPS",
     "LEAST_WALKERS",
     "MISFITS",
+    "PAPER",
     "PUMPED",
     "QUANTITIES",
     "SCENES",

@@ -29,7 +29,7 @@ from fitting.engine.run import run
 from fitting.fmu.models import provide_fmu
 from fitting.lab.synthesis import AnyBench, bench_of
 from fitting.lab.writer import CAMPAIGN_NAME
-from fitting.report.tables.ensemble import csv_of, document, markdown
+from fitting.report.ensemble import csv_of, document, markdown, write_report
 from fitting.result.ensemble import FAILED, FINISHED, INTERRUPTED, Ensemble, EnsembleRow
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
@@ -243,10 +243,9 @@ def write_ensemble(found: Ensemble, out: str | Path, *, drawn: bool = True) -> l
 def _draw(found: Ensemble, folder: Path) -> list[Path]:
     # matplotlib takes a second to import: only where something is drawn
     drawing = importlib.import_module("fitting.report.figures.ensemble")
-    page = importlib.import_module("fitting.report.ensemble")
     figures = drawing.save_figures(found, folder / "figures")
-    report: Path = page.write_report(found, figures, folder)
-    return [*(path for figure in figures for path in (figure.png, figure.svg)), report]
+    pictures = [figure.file(kind) for figure in figures for kind in ("png", "svg")]
+    return [*pictures, write_report(found, figures, folder)]
 
 
 @dataclass(frozen=True)

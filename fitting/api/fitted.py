@@ -30,8 +30,7 @@ from fitting.fit.solver.interior_point import SolveSettings, quick_settings
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Scan
-from fitting.report.table import Table, html_table, terminal_text, text_lines, wrapped
-from fitting.report.tables.values import interval_table
+from fitting.report.table import Table, html_table, table, terminal_text, text_lines, wrapped
 from fitting.result.provenance import Identity, job_of
 from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
@@ -290,7 +289,8 @@ class Valued(ABC):
     @property
     def table(self) -> Table:
         """The values as a table."""
-        return interval_table(self.inferred, self.source.problem.record.title)
+        title = self.source.problem.record.title
+        return table("intervals", result=self.inferred, title=title)
 
     def __repr__(self) -> str:
         lines = [

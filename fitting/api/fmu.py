@@ -28,7 +28,7 @@ from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.tone_names import OtherTone, other_tones
 from fitting.fmu.variables import READABLE, SETTABLE
-from fitting.report.table import Table, html_table, pairs_table
+from fitting.report.table import Table, html_table, table
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import DIRECTIONS, SweepResponse
@@ -387,7 +387,8 @@ class Fmu:
             )
             for v in d.variables.values()
         }
-        return pairs_table(f"{d.model_name} (FMI {d.fmi_version})", ("variable", "start"), said)
+        caption = f"{d.model_name} (FMI {d.fmi_version})"
+        return table("pairs", caption=caption, heads=("variable", "start"), pairs=said)
 
     def _plan(self, drive: Drive, asked: Accuracy) -> DrivePlan:
         return plan_drive(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
@@ -10,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from fitting.api.choices import STYLES
+from fitting.api.choices import INTERACTIVE, PAPER, STYLES
 from fitting.api.fitted import Fit, Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
@@ -33,6 +34,7 @@ from fitting.text.scratch import Scratch
 __all__ = [
     "DrawnBeside",
     "IdentificationOptions",
+    "check_style",
     "draw_report",
     "drawn_beside",
     "identified",
@@ -171,16 +173,17 @@ def report(
         found: A fit, or what was inferred of one.
         out: Folder, made where there is none.
         external: Values from elsewhere to test, as "lambda=0.8604 MHz +- 1 kHz".
-        style: "paper" writes the figures as PDF for print, too: no title, one column or two wide.
+        style: "paper" writes the figures as PDF for print, too: no title, one column or two wide;
+            "interactive": figures of the page can be zoomed and read off, which needs Bokeh.
 
     Returns:
         The path of report.html.
 
     Raises:
-        BadInput: the folder cannot be written, another style, or a value that the result has not.
+        BadInput: the folder cannot be written, another style, one whose library is not installed,
+            or a value that the result has not.
     """
-    if style not in STYLES:
-        raise BadInput(f"report: style is {style!r}, wanted one of {', '.join(STYLES)}")
+    check_style("report", style)
     if not isinstance(found, Valued):
         raise BadInput(f"report: found a {type(found).__name__}, wanted a Fit or an Inference")
     result = with_external(found.result, external)
@@ -189,6 +192,24 @@ def report(
         page = draw_report(found, result, Path(out), style)
         remove_earlier(Path(out), RESULT_FILES)
         return page
+
+
+def check_style(what: str, style: str) -> None:
+    """Complain of a style that cannot be drawn.
+
+    Args:
+        what: is drawn in it.
+        style: requested.
+
+    Raises:
+        BadInput: another style, or one whose library is not installed.
+    """
+    if style not in STYLES:
+        raise BadInput(f"{what}: style is {style!r}, wanted one of {', '.join(STYLES)}")
+    if style == INTERACTIVE and importlib.util.find_spec("bokeh") is None:
+        raise BadInput(
+            f"{what}: interactive figures need Bokeh: pip install 'fmu-fit[interactive]'"
+        )
 
 
 def draw_report(
@@ -210,13 +231,14 @@ def draw_report(
         drawing: Processes that draw beside this one; None: this one draws.
     """
     shown = shown_fit(found.source.record)
-    if drawing is not None and style != "paper":
+    if drawing is not None and style == STYLES[0]:
         with suppress(BrokenExecutor):  # somebody ended them: this one draws
             return drawing.artists.report(result, shown, out, drawing.begun)
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
-    if style != "paper":
-        return Path(page.write_report(result, shown, out, progress))
+    if style != PAPER:
+        live = style == INTERACTIVE
+        return Path(page.write_report(result, shown, out, progress, interactive=live))
     # for print every figure is drawn in two widths, then for the page
     importlib.import_module("fitting.report.figures.reconstruction").write_paper_figures(
         result, shown, out, lambda done, of: progress(done, of + of // 2)

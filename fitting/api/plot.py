@@ -25,18 +25,17 @@ from __future__ import annotations
 import re
 
 from fitting.api.fitted import Inference, Value, Valued
-from fitting.report import plot
-from fitting.report.plot import (
+from fitting.report.figures import fit, inference, measurements, tones
+from fitting.report.figures.design import candidates, expected_errors
+from fitting.report.figures.simulate import (
     amplitude_spectrum,
     beating,
-    candidates,
     drive_envelope,
     drive_periods,
-    expected_errors,
     periods,
     swept_tone,
 )
-from fitting.report.plot.axes import Axes
+from fitting.report.figures.style import Axes
 from fitting.report.shown import figures_of
 from fitting.resonance.figure import line_figure
 from fitting.resonance.line import Line
@@ -78,7 +77,7 @@ def profile(found: Inference | Value, name: str = "", *, ax: Axes | None = None)
         found = _value_of(found, name)
     if found.scan is None:
         raise BadInput(f"plot: '{found!r}' has no profile, wanted a value of fitting.profile(fit)")
-    return plot.profile(found, found.scan, ax=ax)
+    return inference.profile(found, found.scan, ax=ax)
 
 
 def _value_of(found: Valued, name: str) -> Value:
@@ -99,7 +98,7 @@ def parameter_path(found: Valued | Result, *names: str, ax: Axes | None = None) 
         names: Of the parameters; none: all.
         ax: Where to draw; None: pyplot's current axes.
     """
-    return plot.parameter_path(_result(found), *names, ax=ax)
+    return fit.parameter_path(_result(found), *names, ax=ax)
 
 
 def objective_path(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
@@ -109,7 +108,7 @@ def objective_path(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
         found: A fit, an inference, or a result.
         ax: Where to draw; None: pyplot's current axes.
     """
-    return plot.objective_path(_result(found), ax=ax)
+    return fit.objective_path(_result(found), ax=ax)
 
 
 def _with_peaks(found: Valued | Result) -> Result:
@@ -129,7 +128,7 @@ def residuals(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
     Raises:
         BadInput: there are no peaks.
     """
-    return plot.residuals(_with_peaks(found), ax=ax)
+    return tones.residuals(_with_peaks(found), ax=ax)
 
 
 def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
@@ -142,7 +141,7 @@ def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
     Raises:
         BadInput: there are no peaks.
     """
-    return plot.deviations(_with_peaks(found), ax=ax)
+    return tones.deviations(_with_peaks(found), ax=ax)
 
 
 def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | None = None) -> Axes:
@@ -170,7 +169,7 @@ def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | No
     panels = figures[name or next(iter(figures))].panels
     if not 0 <= number < len(panels):
         raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
-    return plot.panel(panels[number], among=panels, ax=ax)
+    return measurements.panel(panels[number], among=panels, ax=ax)
 
 
 def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
@@ -186,7 +185,7 @@ def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axe
     curves = _result(found).sweep
     if curves is None:
         raise BadInput("plot: the result has no sweep of its own, wanted one with a single sweep")
-    return plot.frequency_response(curves, ax=ax)
+    return measurements.frequency_response(curves, ax=ax)
 
 
 def line(found: Line, *, number: int = 0, ax: Axes | None = None) -> Axes:
@@ -206,7 +205,7 @@ def line(found: Line, *, number: int = 0, ax: Axes | None = None) -> Axes:
     panels = line_figure(found).panels
     if not -len(panels) <= number < len(panels):
         raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
-    return plot.panel(panels[number], among=panels, ax=ax)
+    return measurements.panel(panels[number], among=panels, ax=ax)
 
 
 def _result(found: Valued | Result) -> Result:

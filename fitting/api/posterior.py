@@ -50,7 +50,7 @@ from fitting.inference.posterior.summary import (
     values_of,
 )
 from fitting.lab.true_values import nearest, true_values
-from fitting.report.tables.posterior import draws_csv, posterior_lines
+from fitting.report.posterior import draws_csv, posterior_lines, write_report
 from fitting.result.result import Result
 from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arguments import checked
@@ -291,10 +291,10 @@ def write_posterior(found: Posterior, out: str | Path, *, drawn: bool = True) ->
         if drawn:
             # matplotlib takes a second to import: only where something is drawn
             drawing = importlib.import_module("fitting.report.figures.posterior")
-            page = importlib.import_module("fitting.report.posterior")
             flat = found.draws.reshape(-1, len(found.names))
             figure = drawing.save_figure(found.summary, flat, folder / "figures")
-            paths += [figure.png, figure.svg, page.write_report(found.summary, figure, folder)]
+            page = write_report(found.summary, figure, folder)
+            paths += [figure.file("png"), figure.file("svg"), page]
         remove_earlier(folder, POSTERIOR_FILES)
     return paths
 

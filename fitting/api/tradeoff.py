@@ -24,7 +24,7 @@ from fitting.lab.tradeoff.campaign import scene_of_campaign
 from fitting.lab.tradeoff.records import Study
 from fitting.lab.tradeoff.scenes import Scene, scene_named
 from fitting.lab.tradeoff.study import CHECKPOINT_NAME, Memory, StudyOptions, run_study
-from fitting.report.tables.tradeoff import csv_of, markdown
+from fitting.report.tradeoff import csv_of, markdown, write_report
 from fitting.text.files import write_whole
 from fitting.text.records import to_plain
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -133,18 +133,18 @@ def write_tradeoff(study: Study, out: str | Path) -> list[Path]:
     """
     # matplotlib takes a second to import: only where something is drawn
     drawn = importlib.import_module("fitting.report.figures.tradeoff")
-    page = importlib.import_module("fitting.report.tradeoff")
     folder = Path(out)
     with results_folder(folder, "tradeoff", STUDY_FILES):
         tables = [folder / "tradeoff.csv", folder / "tradeoff.md"]
         for path, text in zip(tables, (csv_of(study), markdown(study)), strict=True):
             write_whole(path, text)
         figures = drawn.save_figures(study, folder / "figures")
-        report: Path = page.write_report(study, figures, folder)
+        report = write_report(study, figures, folder)
         remove_earlier(folder, [name for name in STUDY_FILES if name != CHECKPOINT_NAME])
         if study.status == "finished":
             (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
-    return [*tables, *(path for figure in figures for path in (figure.png, figure.svg)), report]
+    pictures = [figure.file(kind) for figure in figures for kind in ("png", "svg")]
+    return [*tables, *pictures, report]
 
 
 def _scene(subject: str | Campaign, fmu: Fmu) -> Scene:

@@ -87,7 +87,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
     parser.add_argument(
-        "--style", choices=STYLES, help="paper: figures as PDF for print, too, 3.4 and 7 in wide"
+        "--style",
+        choices=STYLES,
+        help="paper: figures as PDF for print, too, 3.4 and 7 in wide; interactive: figures of the "
+        "report can be zoomed and read off, which needs fmu-fit[interactive]",
     )
     parser.add_argument(
         "--dry-run",

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     from fitting.api.tradeoff import fmu_of, memory_of
-    from fitting.report.tables.tradeoff import terminal
+    from fitting.report.tradeoff import terminal
 
     options = ff.StudyOptions(
         accuracies=_accuracies(args.accuracies),

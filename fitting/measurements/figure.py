@@ -1,14 +1,16 @@
 """What a measurement looks like beside its model, as data: panels of points, curves and stems.
 
 A kind of measurement answers with such a description (`Measurement.figures`);
-`fitting.report.plot.panel` draws any of them. Nothing here knows of colours or of a drawing
-library: a layer says which part it plays, not how that looks.
+`report.figures.measurements.panel` draws any of them. Nothing here depends on colours or on a
+drawing library: a layer has a role, not a look.
 """
 
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -125,24 +127,55 @@ class Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """What one measurement shows: rows of panels, and what is said about them.
+    """A figure: what is written about it, the panels of a measurement's, and what it becomes.
 
-    ``name`` is short, for files, where the figure's number in the report stands before it;
-    ``caption`` stands below it, ``alt`` is for those who do not see it; ``series`` is the
-    measurement's, empty where there is one only.
+    Args:
+        name: short, for files.
+        title: above it; ``caption`` below it, ``alt`` for those who do not see it.
+        caption: see ``title``.
+        alt: see ``title``.
+        rows: of panels, of a figure that a measurement describes.
+        series: the measurement's, empty where there is one only.
+        number: on the page and before the name of its files (0: none), of ``digits`` digits there,
+            so that files sort as on the page.
+        digits: see ``number``.
+        drawn: by matplotlib, until it is saved.
+        folder: of its files, once it is saved, of these ``kinds``.
+        kinds: endings of its files.
+        live: what makes it interactive on a page (JSON).
     """
 
     name: str
     title: str
     caption: str
     alt: str
-    rows: tuple[tuple[Panel, ...], ...]
+    rows: tuple[tuple[Panel, ...], ...] = ()
     series: str = ""
+    number: int = 0
+    digits: int = 1
+    drawn: Any = None
+    folder: Path = Path()
+    kinds: tuple[str, ...] = ()
+    live: str = ""
 
     @property
     def stem(self) -> str:
-        """Name of its file, without an ending."""
-        return f"{self.name}_{self.series}" if self.series else self.name
+        """Name of its files, without an ending."""
+        number = f"{self.number:0{self.digits}d}" if self.number else ""
+        return "_".join(filter(None, (number, self.name, self.series)))
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All its files."""
+        return tuple(map(self.file, self.kinds))
+
+    def file(self, kind: str) -> Path:
+        """Its file of a kind.
+
+        Args:
+            kind: its ending, "svg".
+        """
+        return self.folder / f"{self.stem}.{kind}"
 
     @property
     def panels(self) -> tuple[Panel, ...]:

@@ -19,7 +19,7 @@ from fitting.text.files import write_whole
 from fitting.text.scratch import Scratch
 
 if TYPE_CHECKING:  # a process that draws loads them with all the rest
-    from fitting.report.figures.file import FigureFile
+    from fitting.measurements.figure import Figure
     from fitting.report.shown import ShownCampaign
     from fitting.result.result import Result
 
@@ -36,9 +36,9 @@ class Begun:
     """Figures that are drawn while the rest of a result is inferred: of what, and by number."""
 
     of: bytes
-    shares: tuple[Future[dict[int, FigureFile]], ...]
+    shares: tuple[Future[dict[str, Figure]], ...]
 
-    def of_these(self, result: Result, data: ShownCampaign) -> dict[int, FigureFile]:
+    def of_these(self, result: Result, data: ShownCampaign) -> dict[str, Figure]:
         """Those that are figures of this result too, when all are drawn; none if it is another.
 
         Args:
@@ -147,7 +147,6 @@ def _load() -> None:
     gc.disable()  # nothing that is loaded is garbage
     for name in (
         "fitting.report.reconstruction",
-        "fitting.report.interactive.document",
         "matplotlib.backends.backend_pdf",
         "matplotlib.backends.backend_svg",
     ):
@@ -163,7 +162,7 @@ def _seen(result: Result, data: ShownCampaign) -> bytes:
 
 def _begin(
     result: Result, data: ShownCampaign, folder: Path, share: tuple[int, int]
-) -> dict[int, FigureFile]:
+) -> dict[str, Figure]:
     """A share of the figures that a fit settles: from the first on, each so many-th."""
     from fitting.report.figures.reconstruction import (
         longest_first,
@@ -173,27 +172,27 @@ def _begin(
     )
 
     _stand_back()  # also where one process has loaded for all
-    own = longest_first(settled(planned_figures(result, data), data))[share[0] :: share[1]]
-    return {planned.number: write_figure(planned, folder) for planned in own}
+    planned = settled(planned_figures(result, data), data)
+    own = longest_first(planned)[share[0] :: share[1]]
+    return {number: write_figure(planned[number], number, folder) for number in own}
 
 
-def _numbers(result: Result, data: ShownCampaign, drawn: Sequence[int]) -> list[int]:
+def _numbers(result: Result, data: ShownCampaign, drawn: Sequence[str]) -> list[str]:
     """Numbers of the figures that are still to be drawn, those that take longest first."""
     from fitting.report.figures.reconstruction import longest_first, planned_figures
 
-    planned = longest_first(planned_figures(result, data))
-    return [figure.number for figure in planned if figure.number not in drawn]
+    order = longest_first(planned_figures(result, data))
+    return [number for number in order if number not in drawn]
 
 
-def _draw(result: Result, data: ShownCampaign, out_dir: Path, number: int) -> FigureFile:
+def _draw(result: Result, data: ShownCampaign, out_dir: Path, number: str) -> Figure:
     """The figure of that number."""
     from fitting.report.figures.reconstruction import planned_figures, write_figure
 
-    [planned] = [p for p in planned_figures(result, data) if p.number == number]
-    return write_figure(planned, out_dir)
+    return write_figure(planned_figures(result, data)[number], number, out_dir)
 
 
-def _write(result: Result, data: ShownCampaign, out_dir: Path, figures: list[FigureFile]) -> Path:
+def _write(result: Result, data: ShownCampaign, out_dir: Path, figures: list[Figure]) -> Path:
     """Everything but the figures."""
     from fitting.report.reconstruction import write_report_of
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
 from fitting.report.screen import screen
-from fitting.report.tables.values import values_table
+from fitting.report.table import table
 from fitting.result.result import Result
 from fitting.text.rendering import blocks
 
@@ -19,7 +19,7 @@ def detail_lines(result: Result) -> list[str]:
     return screen(
         "details",
         r=result,
-        table=values_table(result, result.title),
+        table=table("intervals", result=result, ends=False),
         line="\n".join(() if result.line is None else line_sentences(result.line)),
         quadratures="\n".join(quadrature_sentences(result.quadratures)),
         plan="" if result.plan is None else str(blocks("plan").line(result.plan)),

@@ -5,29 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.report.figures.inference import knowledge_figures
-from fitting.report.figures.numbers import of_identification
+from fitting.report.figures import inference as profile_figures
+from fitting.report.figures.inference import NU, OUTPUTS, PROFILES, TOGETHER
 from fitting.report.figures.style import save, style
-from fitting.report.page import Page, Section, Status, write_page
-from fitting.report.reconstruction import knowledge_section
-from fitting.report.table import pairs_table
-from fitting.report.tables.inference import part_table
-from fitting.report.words.identification import part_sentences
-from fitting.report.words.inference import open_values_sentence
+from fitting.report.page import write_page
+from fitting.report.words import identification, inference
 from fitting.text.estimate import Verdict
 
-FIGURES = "figures"
-
-
-def _part(found: Identification) -> Section | None:
-    if found.part is None:
-        return None
-    return Section(
-        "part",
-        "A part of the measurements alone",
-        paragraphs=part_sentences(found, found.part),
-        tables=(part_table(found, found.part),),
-    )
+#: Numbers of the figures, each that of its kind.
+ORDER = (PROFILES, TOGETHER, OUTPUTS, NU)
 
 
 def write_report(found: Identification, out_dir: Path) -> Path:
@@ -41,24 +27,26 @@ def write_report(found: Identification, out_dir: Path) -> Path:
         BadInput: the folder cannot be written.
     """
     with style():
-        planned = of_identification(
-            knowledge_figures(found, found.title, synthetic=found.synthetic)
-        )
-        figures = tuple(save(p.drawing(), out_dir / FIGURES, for_page=True) for p in planned)
-    origin = pairs_table(
-        "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}
-    )
-    made = (
-        knowledge_section(found, figures),
-        _part(found),
-        Section("provenance", "Provenance", tables=(origin,)),
-    )
-    open_ = any(p.status is not Verdict.DETERMINED for p in found.profiled.values())
-    page = Page(
+        figures = [
+            save(planned.drawing(1 + ORDER.index(planned.name)), out_dir / "figures", for_page=True)
+            for planned in profile_figures.knowledge_figures(
+                found, found.title, synthetic=found.synthetic
+            )
+        ]
+    statuses = [value.status for value in found.profiled.values()]
+    return write_page(
+        out_dir,
+        "identification.html.j2",
         title=found.title,
         kind="what the data determine",
-        status=Status("Identified", open_values_sentence(found), not open_),
-        sections=tuple(section for section in made if section is not None),
+        status="Identified",
+        message=inference.open_values_sentence(found),
+        mark="" if all(status is Verdict.DETERMINED for status in statuses) else "bad",
         synthetic=found.synthetic,
+        figures=figures,
+        flat=profile_figures.undrawn_sentence(found, figures),
+        known=found,
+        part=found.part,
+        origin={**found.provenance, "start point": found.at},
+        words=vars(identification),
     )
-    return write_page(page, out_dir)

@@ -35,7 +35,7 @@ def write_line(line: MeasuredLine, out: Path) -> tuple[Path, ...]:
     with style():
         shown = ShownCampaign(title=Path(line.source).name, synthetic=False)
         figure = save(draw_measurement(_figure(line), shown), out)
-    return (out / "line.json", out / "line.csv", figure.png, figure.svg)
+    return (out / "line.json", out / "line.csv", figure.file("png"), figure.file("svg"))
 
 
 def _figure(line: MeasuredLine) -> Figure:

@@ -1,57 +1,113 @@
-"""The page of a posterior: whether the draws are enough, what they say, the corner figure."""
+"""Draws from a posterior as page, lines and file: whether they are enough, their intervals."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from fitting.inference.posterior.summary import CONVERGED, PosteriorSummary
-from fitting.report.figures.file import FigureFile
-from fitting.report.page import Page, Section, Status, write_page
-from fitting.report.table import pairs_table
-from fitting.report.tables.posterior import ending, mode_table, output_table, value_table
+from fitting.measurements.figure import Figure
+from fitting.report.page import write_page
+from fitting.report.table import Table, exact_text, table, terminal_text, text_lines, wrapped
+from fitting.text import csv_cells
+from fitting.text.arrays import FloatArray
+from fitting.text.notation import settings_words, unit_text, with_unit
 
-LATER = "derived outputs of the fit stand beside them once there are enough draws"
 
-
-def write_report(found: PosteriorSummary, figure: FigureFile, folder: Path) -> Path:
+def write_report(found: PosteriorSummary, figure: Figure, folder: Path) -> Path:
     """Write `report.html` into a folder, whole or not at all, and return its path.
 
     Args:
-        found: What the draws say.
+        found: of the draws.
         figure: The corner figure.
         folder: Where the files go.
 
     Raises:
         BadInput: the folder cannot be written.
     """
-    tables = [value_table(found)]
-    if found.derived:
-        tables.append(output_table(found))
-    if len(found.modes) > 1:
-        tables.append(mode_table(found))
     facts = {
         "walkers": str(found.walkers),
         "steps": f"{found.steps}, of which the first {found.discarded} are left out",
         "evaluations of the model": str(found.evaluations),
-        "proposals taken": f"{100.0 * found.accepted:.0f} %",
+        "accepted proposals": f"{100.0 * found.accepted:.0f} %",
         "seed": str(found.seed),
         **found.provenance,
     }
-    origin = pairs_table("Provenance", ("what", "value"), facts)
-    kept = "chain.npz holds every step, draws.csv draws that are nearly independent"
-    # they are read from the model at enough draws alone
-    kept += "." if found.status == CONVERGED else f"; {LATER}."
-    sections = (
-        Section(
-            "values", "Values", paragraphs=found.notes, tables=tuple(tables), figures=(figure,)
-        ),
-        Section("origin", "Where this comes from", paragraphs=(kept,), tables=(origin,)),
-    )
-    page = Page(
+    return write_page(
+        folder,
+        "posterior.html.j2",
         title=found.title,
         kind="posterior",
-        status=Status(found.status, ending(found), found.status == CONVERGED),
-        sections=sections,
+        status=found.status,
+        message=ending(found),
+        mark="" if found.status == CONVERGED else "bad",
         synthetic=found.synthetic,
+        figures=[figure],
+        posterior=found,
+        tables=tables_of(found),
+        facts=facts,
     )
-    return write_page(page, folder)
+
+
+def tables_of(found: PosteriorSummary) -> list[Table]:
+    """Parameters, derived outputs and minima, those that there are.
+
+    Args:
+        found: of the draws.
+    """
+    rows, outputs = found.values, found.derived
+    known = [any(math.isfinite(v.truth) for v in each.values()) for each in (rows, outputs)]
+    tables = [table("posterior", rows=rows, title="Values", truth=known[0])]
+    if outputs:
+        missing = any(v.missing for v in outputs.values())
+        more = {"title": "Derived outputs", "truth": known[1], "outputs": True, "missing": missing}
+        tables.append(table("posterior", rows=outputs, **more))
+    return [*tables, table("minima", posterior=found)] if len(found.modes) > 1 else tables
+
+
+def posterior_lines(found: PosteriorSummary) -> list[str]:
+    """All of it for a terminal, the answer first.
+
+    Args:
+        found: of the draws.
+    """
+    lines = [found.title, "", *wrapped(ending(found))]
+    for made in tables_of(found):
+        lines += ["", *text_lines(made)]
+    lines += ["", *(line for note in found.notes for line in wrapped(note))]
+    return [terminal_text(line) for line in lines]
+
+
+def ending(found: PosteriorSummary) -> str:
+    """How it ended, in a sentence.
+
+    Args:
+        found: of the draws.
+    """
+    kept = found.steps - found.discarded
+    words = f"{found.status}: {found.walkers} walkers, {kept} steps each"
+    words += f" after {found.discarded} that are left out; {found.message}"
+    if found.status != CONVERGED:
+        words += "; no interval is given"
+    if found.alternative:
+        words += f"; {settings_words(found.alternative)}"
+    return f"{words}."
+
+
+def draws_csv(found: PosteriorSummary, draws: FloatArray, outputs: Mapping[str, FloatArray]) -> str:
+    """Draws that are nearly independent as CSV, a row each, with derived outputs.
+
+    Args:
+        found: of the draws.
+        draws: (k, n) in the parameters' units.
+        outputs: Derived outputs at these, (k,) each.
+    """
+    units = {name: v.unit for name, v in found.values.items()}
+    units |= {name: found.derived[name].unit for name in outputs}
+    heads = [with_unit(name, unit_text(unit)) for name, unit in units.items()]
+    rows = np.column_stack([draws, *outputs.values()]).tolist()
+    cells = ([exact_text(v) if math.isfinite(v) else "" for v in row] for row in rows)
+    return csv_cells.csv_text([heads, *cells])

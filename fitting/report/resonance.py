@@ -12,10 +12,9 @@ from typing import Any
 
 from fitting.inference.mistakes import fault_finding
 from fitting.report.table import (
-    Column,
     Table,
     environment,
-    tabulate,
+    table,
     terminal_text,
     wrapped,
 )
@@ -90,19 +89,7 @@ def forms_table(found: MeasuredLine) -> Table | None:
     """
     if not found.forms:
         return None
-    columns: list[Column[Any]] = [Column("form", lambda form: _row_name(found, form), role="name")]
-    if any(math.isfinite(form.frequency.value) for form in found.forms):
-        columns.append(Column("f (Hz)", lambda form: _value(form.frequency)))
-    elif any(form.offset is not None for form in found.forms):
-        columns.append(Column("offset (Hz)", lambda form: _value(form.offset)))
-    columns.append(Column("FWHM (Hz)", lambda form: _value(form.width)))
-    if any(math.isfinite(form.q.value) for form in found.forms):
-        columns.append(Column("Q", lambda form: _value(form.q)))
-    columns += [
-        Column("residual (%)", lambda form: number(100.0 * form.residual, 2)),
-        Column("AIC", lambda form: number(round(form.criterion, 1), 4)),
-    ]
-    return tabulate("Forms that were compared", columns, found.forms)
+    return table("forms", forms=[(_row_name(found, form), form) for form in found.forms])
 
 
 def text(found: MeasuredLine) -> str:
@@ -295,9 +282,3 @@ def size_of(value: float, error: float, unit: str) -> str:
 
 
 FILTERS: tuple[Callable[..., str], ...] = (plain, scaled, size, size_of)
-
-
-def _value(found: Estimate | None) -> str:
-    if found is None or not math.isfinite(found.value):
-        return "–"
-    return with_error(found.value, found.std)

@@ -1,7 +1,7 @@
-"""One description of a table for terminal, page and file: columns, and rows made from records.
+"""A table for terminal, page and file: a macro of `templates/tables.j2` that is fed with records.
 
-A column says what stands in it, in which unit, and how its numbers are written. Numbers keep their
-exact value beside what is shown of them: a page carries it along, a CSV file holds nothing else.
+Numbers keep their exact value with what is printed of them: a page carries it along, a CSV file
+holds nothing else.
 """
 
 from __future__ import annotations
@@ -12,21 +12,22 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from fitting.text import csv_cells, rendering
-from fitting.text.notation import markup, number, prefixed, unit_text
+from fitting.text import csv_cells, notation, rendering
+from fitting.text.notation import markup, number
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
-#: What a terminal is shown for signs that print has.
+#: What a terminal prints for signs that print has.
 _ASCII = str.maketrans({"\u00a0": " ", "−": "-", "–": "-", "∞": "inf"})
-#: Columns of a line at most, and at least, whatever a terminal says of itself.
+#: Columns of a line at most, and at least, whatever a terminal reports of itself.
 COLUMNS, LEAST_COLUMNS = 100, 40
 #: What a line does not break: "name = value", "value ± error", a number and its unit.
 _TIED = re.compile(
@@ -36,119 +37,38 @@ _TIED = re.compile(
 )
 _DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _POWER = re.compile(r"(?:(\d[\d.]*)\s×\s)?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
-
-Row = TypeVar("Row")
+#: Between cells, before a note, and between the parts of a cell, as templates render them.
+CELLS, NOTE, PARTS = "¦", "¶", "␟"
+_FREE = str.maketrans({CELLS: "|", NOTE: "|", PARTS: "|", "\n": " "})
+#: Letters from which a column is one of sentences.
+LONG = 32
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell: `text` as shown, `value` the exact number behind it, `html` its markup if any.
+    """One cell: `text` as printed, `value` the exact number behind it, `html` its markup if any.
 
-    `head` marks a cell that names its row; `mark` is a style class of the page.
+    `mark` is a style class of the page.
     """
 
     text: str
-    _: KW_ONLY
     value: float | None = None
     html: str = ""
-    head: bool = False
     mark: str = ""
 
-
-@dataclass(frozen=True)
-class Head:
-    """Head of a column: its name, the `unit` of its numbers, the unit in which they are `shown`.
-
-    `symbol`: the name is that of a quantity and is set as one, with the word `before` it.
-    """
-
-    name: str
-    _: KW_ONLY
-    unit: str = ""
-    shown: str = ""
-    symbol: bool = False
-    before: str = ""
-
-    @property
-    def text(self) -> str:
-        """The head as plain text."""
-        return f"{self.before}{self.name}{f' ({self.shown})' if self.shown else ''}"
-
-    @property
-    def html(self) -> str:
-        """The head as markup."""
-        name = markup(self.name) if self.symbol else html.escape(self.name)
-        shown = f" ({html.escape(self.shown)})" if self.shown else ""
-        return f"{html.escape(self.before)}{name}{shown}"
-
-
-@dataclass(frozen=True)
-class Column(Generic[Row]):
-    """What stands in a column: `of` a record its number, words or cell.
-
-    Numbers are in `unit` and written with so many `digits`, in the prefix that suits `size`, or by
-    the function `write`. `role` "name" marks the column that names the rows, "words" one of
-    sentences; `symbol` and `before` are those of the head.
-    """
-
-    name: str
-    of: Callable[[Row], float | str | Cell]
-    _: KW_ONLY
-    unit: str = ""
-    digits: int = 8
-    size: float | None = None
-    write: Callable[[float], str] | None = None
-    role: str = ""
-    symbol: bool = False
-    before: str = ""
-
-    @property
-    def scale(self) -> tuple[float, str]:
-        """Factor and unit in which the numbers are shown."""
-        return (1.0, unit_text(self.unit)) if self.size is None else prefixed(self.size, self.unit)
-
-    @property
-    def head(self) -> Head:
-        """The head of the column."""
-        return Head(
-            self.name,
-            unit=unit_text(self.unit),
-            shown=self.scale[1],
-            symbol=self.symbol,
-            before=self.before,
+    def __str__(self) -> str:
+        value = "" if self.value is None else exact_text(self.value)
+        return PARTS.join(
+            part.translate(_FREE) for part in (self.text, value, self.html, self.mark)
         )
-
-    def cell(self, row: Row) -> Cell:
-        """The cell of a record.
-
-        Args:
-            row: the record.
-        """
-        found = self.of(row)
-        if isinstance(found, Cell):
-            cell = found
-        elif isinstance(found, str):
-            cell = Cell(found)
-        else:
-            cell = self._number(found)
-        if self.role == "name":
-            return replace(cell, head=True)
-        return replace(cell, mark=cell.mark or self.role)
-
-    def _number(self, value: float) -> Cell:
-        if isinstance(value, int):
-            return Cell(str(value), value=value)
-        shown = value / self.scale[0]
-        text = number(shown, self.digits) if self.write is None else self.write(shown)
-        return Cell(text, value=value) if math.isfinite(value) else Cell(number(value))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table: what it shows, the heads of its columns, rows of as many cells, a remark."""
+    """A table: caption, heads of its columns, rows of as many cells, a remark."""
 
     caption: str
-    heads: tuple[Head, ...]
+    heads: tuple[Cell, ...]
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
 
@@ -159,68 +79,80 @@ class Table:
 
     @property
     def numeric(self) -> tuple[bool, ...]:
-        """Which columns hold numbers; they stand to the right, dashes among them too."""
+        """Which columns hold numbers; they are aligned to the right, dashes among them too."""
         count = range(len(self.heads))
         return tuple(any(row[k].value is not None for row in self.rows) for k in count)
 
-    def without(self, *names: str) -> Table:
-        """The table without the columns of these names.
-
-        Args:
-            names: as they are declared, in their order.
-        """
-        kept = [k for k, head in enumerate(self.heads) if head.name not in names]
-        return replace(
-            self,
-            heads=tuple(self.heads[k] for k in kept),
-            rows=tuple(tuple(row[k] for k in kept) for row in self.rows),
-        )
+    @property
+    def wordy(self) -> tuple[bool, ...]:
+        """Which columns hold sentences."""
+        count = range(len(self.heads))
+        return tuple(any(len(row[k].text) > LONG for row in self.rows) for k in count)
 
     def _repr_html_(self) -> str:
         return html_table(self)
 
 
-def tabulate(
-    caption: str, columns: Sequence[Column[Row]], records: Iterable[Row], note: str = ""
-) -> Table:
-    """The table of records, a row each.
+def table(name: str, **records: Any) -> Table:
+    """The table of that name; without rows where there is nothing to list.
 
     Args:
-        caption: of the table.
-        columns: of the table.
-        records: one per row.
-        note: below the table.
+        name: of a macro of `templates/tables.j2`.
+        records: its arguments.
     """
-    return Table(
-        caption=caption,
-        heads=tuple(column.head for column in columns),
-        rows=tuple(tuple(column.cell(record) for column in columns) for record in records),
-        note=note,
-    )
+    rendered = getattr(_macros(), name)(**records)
+    caption, *lines = [line.strip() for line in rendered.split("\n") if line.strip()] or [""]
+    rows: list[str] = []
+    for line in (line for line in lines if not line.startswith(NOTE)):
+        if line.startswith(CELLS):  # continues the row before
+            rows[-1] += line
+        else:
+            rows.append(line)
+    heads, *body = [tuple(map(_cell, row.split(CELLS))) for row in rows or [""]]
+    notes = (line.removeprefix(NOTE).strip() for line in lines if line.startswith(NOTE))
+    return Table(caption=caption, heads=heads, rows=tuple(body), note=" ".join(notes))
 
 
-def pairs_table(caption: str, heads: tuple[str, str], pairs: Mapping[str, str]) -> Table:
-    """Names and what belongs to them.
+@cache
+def _macros() -> Any:
+    # imported late: the filters of values need what infers them, a terminal's text does not
+    from fitting.report import tables
+
+    made = environment(escaped=False)
+    made.finalize = _printed
+    for module in (notation, tables):
+        made.filters.update(vars(module))
+        made.globals.update(vars(module))
+    return made.get_template("tables.j2").module
+
+
+def _printed(value: Any) -> str:
+    """What an expression of a template leaves in a row: numbers keep their exact value."""
+    if isinstance(value, int | float):
+        value = numeric(value)
+    if isinstance(value, Cell):
+        return str(value)
+    return str(value).translate(_FREE) if value is not None else ""
+
+
+def numeric(value: float, digits: int = 8, factor: float = 1.0) -> Cell:
+    """A number with so many digits, its exact value behind it.
 
     Args:
-        caption: of the table.
-        heads: of the two columns.
-        pairs: words by their names.
+        value: the number; an integer is printed whole.
+        digits: significant ones.
+        factor: of the unit in which it is printed.
     """
-    columns: tuple[Column[tuple[str, str]], ...] = (
-        Column(heads[0], lambda pair: pair[0], role="name"),
-        Column(heads[1], lambda pair: pair[1], role="words"),
-    )
-    return tabulate(caption, columns, pairs.items())
+    if isinstance(value, int):
+        return Cell(str(value), value)
+    return Cell(number(value / factor, digits), value if math.isfinite(value) else None)
 
 
-def symbol(name: str) -> Cell:
-    """A quantity by its name: set as a symbol on a page.
-
-    Args:
-        name: of the quantity.
-    """
-    return Cell(name, html=markup(name))
+def _cell(text: str) -> Cell:
+    first, *parts = (part.strip(" ") for part in text.split(PARTS))
+    value, markup_, mark = parts or ("", "", "")
+    exact = None if not value else int(value) if value.lstrip("-").isdigit() else float(value)
+    return Cell(first, exact, markup_, mark)
 
 
 def terminal_text(text: str) -> str:
@@ -240,9 +172,9 @@ def wrapped(text: str, indent: int = 0) -> list[str]:
 
     Args:
         text: as it was written.
-        indent: columns that further lines stand in.
+        indent: columns before further lines.
     """
-    whole = _TIED.sub(lambda m: m[0].replace(" ", "\u00a0"), text)  # no break where it stands
+    whole = _TIED.sub(lambda m: m[0].replace(" ", "\u00a0"), text)  # no break within it
     width = columns()
     lead = " " * min(indent, width // 3)
     lines = textwrap.wrap(
@@ -264,7 +196,7 @@ def text_lines(table: Table) -> list[str]:
     """A table for a terminal: heads and rows, numbers to the right; neither caption nor note.
 
     Args:
-        table: as it was read.
+        table: any.
     """
     heads = [terminal_text(head.text) for head in table.heads]
     rows = [[terminal_text(cell.text) for cell in row] for row in table.rows]
@@ -279,17 +211,31 @@ def text_lines(table: Table) -> list[str]:
 
 
 def csv_text(table: Table) -> str:
-    """A table as CSV: exact numbers in the units of the heads, words as shown, dashes left out.
+    """A table as CSV: exact numbers in the units of the heads, words as printed, dashes left out.
 
     Args:
-        table: as it was read.
+        table: without prefixed units.
     """
-    heads = [f"{h.before}{h.name}{f' ({h.unit})' if h.unit else ''}" for h in table.heads]
     cells = (
         [c.text.strip("–") if c.value is None else exact_text(c.value) for c in row]
         for row in table.rows
     )
-    return csv_cells.csv_text([heads, *cells])
+    return csv_cells.csv_text([[head.text for head in table.heads], *cells])
+
+
+def markdown_lines(tables: Iterable[tuple[str, Table]]) -> list[str]:
+    """Tables as lines of Markdown, each under its heading.
+
+    Args:
+        tables: with their headings.
+    """
+    lines = []
+    for heading, shown in tables:
+        rows = [shown.heads, tuple(Cell("---") for _ in shown.heads), *shown.rows]
+        cells = ([cell.text.replace("|", "\\|") for cell in row] for row in rows)
+        lines += [f"## {heading}", "", *(f"| {' | '.join(row)} |" for row in cells), ""]
+        lines += [shown.note, ""] if shown.note else []
+    return lines
 
 
 def exact_text(value: float) -> str:
@@ -305,7 +251,7 @@ def html_table(table: Table) -> str:
     """A table as HTML by itself, with the little style it needs and no page around it.
 
     Args:
-        table: as it was read.
+        table: any.
     """
     page = '{% from "table.html.j2" import alone %}{{ alone(table) }}'
     return environment().from_string(page).render(table=table)
@@ -320,4 +266,5 @@ def environment(*, escaped: bool = True) -> Environment:
     made = rendering.environment(TEMPLATES, escaped=escaped)
     made.filters["exact"] = exact_text
     made.filters["symbol"] = markup  # HTML, escaped already: to be marked safe
+    made.filters["escaped"] = html.escape
     return made

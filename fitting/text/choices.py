@@ -11,7 +11,8 @@ MISFITS = ("slack", "absolute", "squares")
 LIKELIHOOD, ALGORITHM2 = ESTIMATORS = ("likelihood", "algorithm2")
 #: What further measurements are to make small: the error of the target, or of all parameters.
 CRITERIA = ("target", "D", "A")
-#: Whether figures for print are written, too.
-STYLES = ("report", "paper")
+#: Whether figures for print are written, too, and whether those of the page are interactive.
+PAPER, INTERACTIVE = "paper", "interactive"
+STYLES = ("report", PAPER, INTERACTIVE)
 #: By which an FMU can be run, in the words of FMI; the first of them where it offers both.
 INTERFACES = ("co-simulation", "model-exchange")

@@ -44,7 +44,9 @@ def test_a_report_is_what_the_command_writes(
 ) -> None:
     # all of them are drawn in tests/report: here the first, beside those of earlier fits
     planned = reconstruction.planned_figures
-    monkeypatch.setattr(reconstruction, "planned_figures", lambda *of: planned(*of)[:1])
+    monkeypatch.setattr(
+        reconstruction, "planned_figures", lambda *of: dict([*planned(*of).items()][:1])
+    )
     earlier, built = tmp_path / "figures" / "99_earlier.svg", tmp_path / "fmu" / "earlier.fmu"
     with results_folder(tmp_path, "reconstruct"):
         write_whole(earlier, "of an earlier fit")

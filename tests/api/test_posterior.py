@@ -19,7 +19,7 @@ import fitting as ff
 from fitting.api.written import CHAIN_FILE
 from fitting.fit.problem import Problem as Record
 from fitting.report.figures.posterior import draw
-from fitting.report.plot.axes import RED
+from fitting.report.figures.style import RED
 from tests.support import closed_posteriors as closed
 from tests.support.datasets import dataset
 
@@ -145,7 +145,7 @@ def test_the_most_likely_minimum_stands_first_though_a_broad_one_has_more_draws(
     assert broad.parameters["p"] == pytest.approx(closed.BROAD, abs=0.1 * closed.BROAD_WIDTH)
     assert (narrow.below, broad.below) == pytest.approx((0.0, closed.LESS), abs=0.01)
     assert broad.share == pytest.approx(closed.broad_share(), abs=4.0 * broad.share_error)
-    [panel] = draw(found.summary, found.draws.reshape(-1, 1)).figure.axes
+    [panel] = draw(found.summary, found.draws.reshape(-1, 1)).drawn.axes
     [starred] = [line for line in panel.lines if line.get_color() == RED]
     assert starred.get_xdata() == pytest.approx([closed.NARROW] * 2, abs=0.1 * closed.NARROW_WIDTH)
     assert re.search(r"box +0 .*\n.*fit +[-−]0\.50 ", repr(found))

@@ -14,7 +14,7 @@ import pytest
 
 import fitting as ff
 from fitting.api.written import ITEMS_FILE
-from fitting.report.tables.ensemble import csv_of
+from fitting.report.ensemble import csv_of
 from tests.support.in_process import told
 from tests.support.processes import Job, wait_until
 

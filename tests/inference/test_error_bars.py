@@ -18,11 +18,11 @@ from fitting.fit.options import Options
 from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import infer
+from fitting.report.published import write_values
 from fitting.report.screen import phrase
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
-from fitting.report.tables.published import write_values
-from fitting.report.tables.values import interval_table
+from fitting.report.table import table as table_of
 from fitting.report.words.calibration import calibration_lines
 from fitting.result.calibration import Calibration, Handed
 from fitting.text.arrays import FloatArray
@@ -133,7 +133,7 @@ def test_answer_tables_and_files_tell_both_sides(tmp_path: Path) -> None:
     assert shown.startswith("94.0 +12.8 −8.9 Hz ")
     assert "40.0 to 130.0 Hz" in shown
     assert "94.0 +12.8 -8.9 Hz " in " ".join(summary_lines(summary))
-    table = interval_table(uneven, "t")
+    table = table_of("intervals", result=uneven)
     [line] = [line for line in text_lines(table) if line.startswith("d1")]
     assert "  +12.8 -8.9  40.0 to 130.0" in line
     [row] = [

@@ -21,8 +21,8 @@ from fitting.fit.problem import Problem
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import Inference, infer
 from fitting.report.screen import phrase
+from fitting.report.table import table as table_of
 from fitting.report.table import text_lines
-from fitting.report.tables.values import interval_table, values_table
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Kind, of_kind
@@ -156,7 +156,8 @@ def test_algorithm_2_is_reported_where_asked_for_and_errors_stay_those_of_least_
         assert "most likely" in words
         assert result.is_outside == outside
         assert ("outside" in words) == outside
-    for table in (values_table(found, "t"), interval_table(found, "t")):
+    for ends in (False, True):
+        table = table_of("intervals", result=found, ends=ends)
         lines = " ".join(text_lines(table))
         assert "most likely" in lines
         numbers = np.array([float(n) for n in re.findall(r"(?<!\S)\d+\.?\d*(?!\S)", lines)])
@@ -182,5 +183,5 @@ def test_a_value_of_algorithm_2_beyond_the_interval_is_said_to_be_there() -> Non
     [beyond] = of_kind(found.findings, Kind.outside_interval)
     assert beyond.subject == "p"
     assert (beyond.numbers["low"], beyond.numbers["high"]) == result.ci95
-    lines = " ".join(text_lines(interval_table(found, "t")))
+    lines = " ".join(text_lines(table_of("intervals", result=found)))
     assert "outside" in lines

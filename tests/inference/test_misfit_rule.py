@@ -19,7 +19,7 @@ from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
-from fitting.report.tables.published import rows_of
+from fitting.report.published import rows_of
 from fitting.result.assembly import result_of
 from fitting.result.result import Provenance
 from fitting.text.estimate import Estimate, Verdict
@@ -161,8 +161,8 @@ def test_files_of_values_have_none_where_none_is_reported() -> None:
     fit = unconverged()
     found = inferred(fit)
     result = result_of(fit, found, ORIGIN)
-    for row in rows_of(result):
-        assert all(map(math.isnan, (row.value, row.std, row.low, row.high)))
+    for row, _ in rows_of(result):
+        assert all(map(math.isnan, (row.value, row.std, *row.ci95)))
 
 
 # --- the discrepancy principle ------------------------------------------------------------------

@@ -31,8 +31,7 @@ from fitting.lab.tradeoff.records import COHERENT, Cost, Measurement, Setting, S
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import SENSOR, STRING, STRING_TONES, scene_named
 from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study
-from fitting.report.tables.tradeoff import markdown, terminal
-from fitting.report.tradeoff import page_of
+from fitting.report.tradeoff import markdown, page_of, terminal
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import reference

@@ -197,7 +197,7 @@ def test_its_maps_are_what_a_report_shows_and_stand_in_plots(fit: ff.Fit) -> Non
     assert any("law d1" in note for note in shown.notes)
     picture = draw_measurement(figure, shown)
     assert picture.stem == "control_sweep"
-    assert [c for a in picture.figure.axes for c in a.get_children() if isinstance(c, QuadMesh)]
+    assert [c for a in picture.drawn.axes for c in a.get_children() if isinstance(c, QuadMesh)]
     axes = Canvas().subplots()
     assert ff.plot.measurement(fit, "1_control_sweep", number=0, ax=axes) is axes
     cells = [c for c in axes.get_children() if isinstance(c, QuadMesh)]

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import fitting as ff
-from fitting.report.tables.values import per_place_table
+from fitting.report.table import table as table_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.tables import read_table
 from tests.bench import bench_coupled_rlc
@@ -38,7 +38,7 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
     derived = fit.result.derived["lambda"]
     assert derived.places == tuple(f"{c:g} nF" for c in C3_NF)
     assert derived.stds == pytest.approx(k.std / np.sqrt(1e-9 * C3_NF), rel=1e-3)
-    table = per_place_table(fit.result)
+    table = table_of("per_place", result=fit.result)
     assert table is not None
     [row] = [[cell.text for cell in row] for row in table.rows if row[0].text == "100 nF"]
     low, high = (coupling[-1] + z * 1.96 * derived.stds[-1] for z in (-1.0, 1.0))

@@ -12,9 +12,9 @@ from fitting.campaign import Drive, Experiment, Setup, Spectrum
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import MOST_SPECTRA, Tones
-from fitting.report import plot
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.shown import ShownCampaign
+from tests.support import plots as plot
 
 SETUP = Setup(Drive(input="b"), "q")
 F_HZ = np.linspace(900.0, 1100.0, 81)
@@ -104,7 +104,7 @@ def campaign(**series: ShownCampaign) -> ShownCampaign:
 
 
 def test_panels_with_equal_axes_share_them_and_name_them_once() -> None:
-    drawn = draw_measurement(shown_by(tones(7)), campaign()).figure
+    drawn = draw_measurement(shown_by(tones(7)), campaign()).drawn
     axes = [a for a in drawn.axes if a.get_visible()]
     assert len(axes) == 14
     assert len({a.get_xlim() for a in axes}) == len({a.get_ylim() for a in axes}) == 1
@@ -117,7 +117,7 @@ def test_panels_with_equal_axes_share_them_and_name_them_once() -> None:
 def test_panels_above_each_other_move_together() -> None:
     measured = Sweep(setup=SETUP, frequency_hz=F_HZ, amplitude_v=damped_mode(F_HZ))
     (figure,) = measured.figures(measured.amplitude_v, 0.99 * measured.amplitude_v)
-    upper, lower = draw_measurement(figure, campaign()).figure.axes
+    upper, lower = draw_measurement(figure, campaign()).drawn.axes
     upper.set_xlim(3.0, 4.0)
     assert lower.get_xlim() == (3.0, 4.0)
     lower.set_ylim(-7.0, 7.0)
@@ -130,7 +130,7 @@ def test_highest_peaks_are_inside() -> None:
     """Also where axes are shared with panels that are lower."""
     first, *others = tones(3).experiments
     high = replace(first, peaks_v=np.array([9e-3, 8e-3]))
-    drawn = draw_measurement(shown_by(Tones(SETUP, (high, *others))), campaign()).figure
+    drawn = draw_measurement(shown_by(Tones(SETUP, (high, *others))), campaign()).drawn
     assert min(a.get_ylim()[1] for a in drawn.axes) > 9.9  # mV: simulated, before the fit
 
 
@@ -138,7 +138,7 @@ def test_a_series_of_several_has_its_own_title() -> None:
     figure = replace(shown_by(tones(1)), series="a")
     drawn = draw_measurement(figure, campaign(a=campaign()))
     assert drawn.stem == "spectra_a"
-    suptitle = drawn.figure.get_suptitle().splitlines()
+    suptitle = drawn.drawn.get_suptitle().splitlines()
     assert suptitle == [drawn.title.removesuffix(", a"), "alone"]
     assert drawn.title.endswith(", a")
 

@@ -16,7 +16,7 @@ from fitting.inference.likelihood.knowledge import PartAlone
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control.sweep import ControlSweep
-from fitting.report.plot import measurement
+from fitting.report.figures import measurements as measurement
 from fitting.report.words.identification import identification_lines
 from fitting.text.errors import BadInput
 from fitting.text.estimate import Verdict

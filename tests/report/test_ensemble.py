@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 
+from fitting.report.ensemble import csv_of, markdown, terminal
 from fitting.report.figures.ensemble import draw
 from fitting.report.figures.style import style
-from fitting.report.tables.ensemble import csv_of, markdown, terminal
 from fitting.result.ensemble import FAILED, Ensemble, EnsembleRow, EnsembleValue, Share
 from fitting.text.estimate import Verdict
 
@@ -106,7 +106,7 @@ def test_every_item_is_in_the_table_and_a_failure_says_why(several: Ensemble) ->
 
 def test_the_figure_has_the_shares_with_their_ends(several: Ensemble) -> None:
     with style():
-        figure = draw(several).figure
+        figure = draw(several).drawn
     left, right = figure.axes
     pulls = next(line for line in left.lines if line.get_marker() == ".")
     assert np.asarray(pulls.get_xdata()).tolist() == [0.5, 1.5, -3.0]

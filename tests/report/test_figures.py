@@ -24,45 +24,43 @@ from matplotlib.transforms import Bbox
 
 from fitting.inference.likelihood.knowledge import Determined, Scan
 from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
-from fitting.report import plot
+from fitting.measurements.figure import Figure as Described
 from fitting.report.figures import reconstruction
 from fitting.report.figures import style as plots_style
-from fitting.report.figures.file import FigureFile
 from fitting.report.figures.fit import draw_convergence, draw_derived
 from fitting.report.figures.inference import draw_outputs, draw_profiles
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.reconstruction import (
-    figures_of,
     longest_first,
     planned_figures,
     write_figures,
 )
-from fitting.report.figures.style import Drawing, save, style
+from fitting.report.figures.style import AFTER, BLACK, MEASURED, SIMULATED, save, style
 from fitting.report.figures.tones import (
     draw_drive,
     draw_improvement,
     draw_over_frequency,
     draw_per_experiment,
 )
-from fitting.report.plot.axes import AFTER, BLACK, MEASURED, SIMULATED
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
 from fitting.text.estimate import Verdict
+from tests.support import plots as plot
 from tests.support import report_records as records
 from tests.support.plot_records import determined
 
-Draw = Callable[[Result, ShownCampaign], Drawing]
+Draw = Callable[[Result, ShownCampaign], Described]
 
 SVG = "{http://www.w3.org/2000/svg}"
 HREF = "{http://www.w3.org/1999/xlink}href"
 
 
-def draw_spectra(result: Result, data: ShownCampaign) -> Drawing:
+def draw_spectra(result: Result, data: ShownCampaign) -> Described:
     """What the experiments show of themselves."""
     return draw_measurement(records.spectra(data, result), data)
 
 
-def draw_response(result: Result, data: ShownCampaign) -> Drawing:
+def draw_response(result: Result, data: ShownCampaign) -> Described:
     """What the sweep shows of itself."""
     return draw_measurement(records.response(data, result), data)
 
@@ -70,7 +68,10 @@ def draw_response(result: Result, data: ShownCampaign) -> Drawing:
 def all_of(result: Result, data: ShownCampaign) -> list[Draw]:
     """Everything that is drawn of a reconstruction."""
     spectra = [draw_spectra] if data.tones else []
-    return [*figures_of(result, data), *spectra, draw_response]
+    names = {figure.name for figure in planned_figures(result, data).values()}
+    draws = {**reconstruction.OF_PEAKS, "convergence": draw_convergence}
+    draws["derived_per_experiment"] = draw_derived
+    return [*(draws[name] for name in draws if name in names), *spectra, draw_response]
 
 
 DEVIATIONS = (draw_over_frequency, draw_improvement, draw_per_experiment)
@@ -96,10 +97,11 @@ WRITTEN = ("frequency_response", "deviation_over_frequency", "convergence")
 @pytest.fixture(scope="module")
 def files(
     result: Result, data: ShownCampaign, tmp_path_factory: pytest.TempPathFactory
-) -> list[FigureFile]:
+) -> list[Described]:
     """Some of them: a file takes a second, and what holds of all drawings is asked of these."""
     shown = records.with_figures(data, result)
-    planned = [figure for figure in planned_figures(result, shown) if figure.name in WRITTEN]
+    every = planned_figures(result, shown)
+    planned = {number: figure for number, figure in every.items() if figure.name in WRITTEN}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reconstruction, "planned_figures", lambda *_: planned)
         return write_figures(result, shown, tmp_path_factory.mktemp("figures"))
@@ -118,13 +120,13 @@ def test_a_figure_is_known_by_its_name_before_it_is_drawn(
     }
     moved = replace(result, derived=derived, knowledge=replace(known, scans=scans))
     planned = planned_figures(moved, records.with_figures(data, result))
-    assert [figure.number for figure in planned] == list(range(1, 13))
-    assert sorted(figure.number for figure in longest_first(planned)) == list(range(1, 13))
-    for figure in planned:
+    assert list(map(int, planned)) == list(range(1, 13))
+    assert sorted(longest_first(planned)) == list(planned)
+    for number, figure in planned.items():
         with style():
-            drawing = figure.drawing()
-        assert (drawing.name, drawing.number) == (figure.name, figure.number)
-        assert drawing.stem.startswith(f"{figure.number:02d}_{figure.name}")
+            drawing = figure.drawing(int(number), len(number))
+        assert (drawing.name, drawing.number) == (figure.name, int(number))
+        assert drawing.stem.startswith(f"{number}_{figure.name}")
 
 
 def test_the_layout_is_that_of_matplotlib(tmp_path: Path) -> None:
@@ -141,11 +143,11 @@ def test_the_layout_is_that_of_matplotlib(tmp_path: Path) -> None:
             axes[1].plot([1.0, 2.0], [1e6, 2e6], label="line")
             plots_style.legend_below(figure, plots_style.handles_of(axes[1]), ncols=2)
             made.append(figure)
-        saved = save(Drawing(name="map", title="", caption="", alt="", figure=made[0]), tmp_path)
+        saved = save(Described(name="map", title="", caption="", alt="", drawn=made[0]), tmp_path)
         own = io.BytesIO()
         made[1].savefig(own, format="png", dpi=plots_style.PNG_DPI)
     own.seek(0)
-    np.testing.assert_array_equal(imread(saved.png), imread(own))
+    np.testing.assert_array_equal(imread(saved.file("png")), imread(own))
 
 
 KEPT: dict[tuple[Draw, int, int], tuple[Figure, Result, ShownCampaign]] = {}
@@ -156,7 +158,7 @@ def drawn(draw: Draw, result: Result, data: ShownCampaign) -> Figure:
     key = (draw, id(result), id(data))
     if key not in KEPT:
         with style():
-            figure = draw(result, data).figure
+            figure = draw(result, data).drawn
             FigureCanvasAgg(figure)
             figure.draw_without_rendering()
         KEPT[key] = (figure, result, data)  # the records too: an id is theirs while they live
@@ -171,9 +173,9 @@ def ys(line: Line2D) -> list[float]:
     return [float(v) for v in np.atleast_1d(np.asarray(line.get_ydata(), dtype=float))]
 
 
-def svg_texts(file: FigureFile) -> str:
+def svg_texts(file: Described) -> str:
     """All text of an SVG as a reader sees it."""
-    root = etree.parse(str(file.svg)).getroot()
+    root = etree.parse(str(file.file("svg"))).getroot()
     return " ".join("".join(t.itertext()).strip() for t in root.iter(f"{SVG}text"))
 
 
@@ -184,10 +186,10 @@ def points(axes: Axes) -> list[Line2D]:
 
 
 def test_a_string_campaign_gets_every_figure_in_both_formats(
-    files: list[FigureFile], result: Result, data: ShownCampaign
+    files: list[Described], result: Result, data: ShownCampaign
 ) -> None:
     planned = planned_figures(result, records.with_figures(data, result))
-    assert [f"{figure.number:02d}_{figure.name}" for figure in planned] == [
+    assert [f"{number}_{figure.name}" for number, figure in planned.items()] == [
         "01_frequency_response",
         "05_drive",
         "06_spectra",
@@ -196,45 +198,47 @@ def test_a_string_campaign_gets_every_figure_in_both_formats(
         "09_deviation_per_experiment",
         "10_convergence",
     ]
-    assert tuple(file.kind for file in files) == WRITTEN
+    assert tuple(file.name for file in files) == WRITTEN
     for file in files:
-        assert file.png.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-        assert etree.parse(str(file.svg)).getroot().tag == f"{SVG}svg"
+        assert file.file("png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+        assert etree.parse(str(file.file("svg"))).getroot().tag == f"{SVG}svg"
 
 
 def test_outputs_are_drawn_over_the_experiments_where_one_that_is_known_moves(
     result: Result, data: ShownCampaign
 ) -> None:
     """lambda drifts by 1.74 Hz with an error of 2.5 Hz, but is open; D11 stays as it is."""
-    assert draw_derived not in figures_of(result, data)
+    assert draw_derived not in all_of(result, data)
     known = replace(result.derived["lambda"], status=Verdict.DETERMINED)
     moved = replace(result, derived={**result.derived, "lambda": known})
-    assert draw_derived in figures_of(moved, data)
+    assert draw_derived in all_of(moved, data)
     assert len(drawn(draw_derived, moved, data).axes) == 1
     still = replace(known, spread=0.2)
-    assert draw_derived not in figures_of(replace(moved, derived={"lambda": still}), data)
+    assert draw_derived not in all_of(replace(moved, derived={"lambda": still}), data)
 
 
 def test_each_figure_says_what_it_is(
-    files: list[FigureFile], result: Result, data: ShownCampaign
+    files: list[Described], result: Result, data: ShownCampaign
 ) -> None:
     for file in files:
         texts = svg_texts(file)
         assert file.title in texts
         assert "A string" in texts
-    for figure in planned_figures(result, records.with_figures(data, result)):
+    for figure in planned_figures(result, records.with_figures(data, result)).values():
         with style():
-            drawing = figure.drawing()
+            drawing = figure.drawing(1)
         assert len(drawing.caption) > 80
         assert drawing.alt
         assert drawing.alt != drawing.caption
 
 
-def test_nothing_in_a_figure_is_fetched(files: list[FigureFile]) -> None:
+def test_nothing_in_a_figure_is_fetched(files: list[Described]) -> None:
     for file in files:
-        for element in etree.parse(str(file.svg)).getroot().iter(f"{SVG}use", f"{SVG}image"):
+        for element in (
+            etree.parse(str(file.file("svg"))).getroot().iter(f"{SVG}use", f"{SVG}image")
+        ):
             assert element.get(HREF, "#").startswith("#")
-        assert b"@import" not in file.svg.read_bytes()
+        assert b"@import" not in file.file("svg").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -247,38 +251,32 @@ def test_nothing_in_a_figure_is_fetched(files: list[FigureFile]) -> None:
 )
 def test_the_synthetic_mark_stands_where_it_is_due(draw: Draw, synthetic: bool) -> None:
     data = records.campaign(synthetic=synthetic)
-    figure = draw(records.result_for(data), data).figure
+    figure = draw(records.result_for(data), data).drawn
     marks = [t for t in figure.findobj(Text) if t.get_text() == "SYNTHETIC DATA"]
     assert len(marks) == synthetic
 
 
-def test_the_synthetic_mark_is_in_the_files(files: list[FigureFile]) -> None:
+def test_the_synthetic_mark_is_in_the_files(files: list[Described]) -> None:
     assert all("SYNTHETIC DATA" in svg_texts(file) for file in files)
 
 
 def test_the_same_result_gives_the_same_bytes(
-    files: list[FigureFile], result: Result, data: ShownCampaign, tmp_path: Path
+    files: list[Described], result: Result, data: ShownCampaign, tmp_path: Path
 ) -> None:
     with style():
         again = save(draw_over_frequency(result, data), tmp_path)
-    [file] = [file for file in files if file.kind == again.kind]
-    assert file.svg.read_bytes() == again.svg.read_bytes()
-    assert file.png.read_bytes() == again.png.read_bytes()
+    [file] = [file for file in files if file.name == again.name]
+    assert file.file("svg").read_bytes() == again.file("svg").read_bytes()
+    assert file.file("png").read_bytes() == again.file("png").read_bytes()
 
 
-def test_no_unfinished_file_is_left(files: list[FigureFile]) -> None:
-    names = (
-        {f.svg for f in files}
-        | {f.png for f in files}
-        | {f.csv for f in files}
-        | {f.pdf for f in files}
-    )
-    assert set(files[0].svg.parent.iterdir()) == names
+def test_no_unfinished_file_is_left(files: list[Described]) -> None:
+    assert set(files[0].folder.iterdir()) == {path for file in files for path in file.files}
 
 
-def test_svg_holds_a_marker_per_peak_before_and_after(files: list[FigureFile]) -> None:
-    file = next(f for f in files if f.kind == "deviation_over_frequency")
-    root = etree.parse(str(file.svg)).getroot()
+def test_svg_holds_a_marker_per_peak_before_and_after(files: list[Described]) -> None:
+    file = next(f for f in files if f.name == "deviation_over_frequency")
+    root = etree.parse(str(file.file("svg"))).getroot()
     axes = next(g for g in root.iter(f"{SVG}g") if g.get("id") == "axes_1")
     lines = [g for g in axes if (g.get("id") or "").startswith("line2d")]
     assert sum(1 for g in lines for _ in g.iter(f"{SVG}use")) == 2 * 10
@@ -338,11 +336,11 @@ def test_a_peak_moved_by_ten_sigma_stands_out(data: ShownCampaign) -> None:
     errors[5] = 10.0 * sigma[5]  # second tone of the third pair
     bad = records.result_for(data, final=list(errors))
     drawing = draw_per_experiment(bad, data)
-    notes = [t.get_text() for t in drawing.figure.findobj(Annotation)]
+    notes = [t.get_text() for t in drawing.drawn.findobj(Annotation)]
     assert notes == ["+10.0"]
     for token in ("+10.0 σ", "6.94032 MHz", "pair3"):
         assert token in drawing.caption
-    heights = [abs(ys(line)[0]) for line in points(drawing.figure.axes[1])]
+    heights = [abs(ys(line)[0]) for line in points(drawing.drawn.axes[1])]
     assert heights[5] == pytest.approx(10.0)
     assert sorted(heights)[-2] == pytest.approx(0.8)
 
@@ -380,11 +378,11 @@ def test_the_drive_beats_with_the_difference_of_the_tones(
     result: Result, data: ShownCampaign
 ) -> None:
     drawing = draw_drive(result, data)
-    titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
+    titles = [axes.get_title(loc="left") for axes in drawing.drawn.axes]
     numbers = [re.findall(r"[\d.]+", titles[k].partition(":")[2]) for k in (0, 4)]
     assert numbers[0] == ["6.94016", "6.94036", "5", "200"]  # MHz, and ms and Hz of the beats
     assert numbers[1] == ["6.94025", "6.94027", "50", "20"]
-    outline = np.asarray(drawing.figure.axes[4].collections[0].get_paths()[0].vertices)
+    outline = np.asarray(drawing.drawn.axes[4].collections[0].get_paths()[0].vertices)
     assert np.max(outline[:, 1]) == pytest.approx(2.0)
     node = outline[np.abs(outline[:, 0] - 25.0) < 0.1]
     assert np.max(np.abs(node[:, 1])) < 0.02  # half a beat after the crest, in ms

@@ -19,17 +19,16 @@ import pytest
 from lxml import html
 from matplotlib.figure import Figure as Canvas
 
-from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
-from fitting.report import plot
-from fitting.report import table as tables
+from fitting.api.jobs import check_style
+from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.report.figures.data import bare, figure_csv
-from fitting.report.figures.file import FigureFile
-from fitting.report.figures.numbers import numbered
-from fitting.report.figures.style import Drawing
-from fitting.report.interactive.document import interactive, library
-from fitting.report.interactive.looks import MARKERS
+from fitting.report.figures.reconstruction import numbered
+from fitting.report.figures.style import Planned
+from fitting.report.interactive import document, library
 from fitting.report.reconstruction import write_report
+from fitting.text.errors import BadInput
 from fitting.text.notation import mathtext
+from tests.support import plots as plot
 from tests.support import report_records as records
 
 #: Bytes that a page has at most: mail programs and browsers take it.
@@ -57,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("report")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Canvas, "savefig", written_small)  # pictures are looked at elsewhere
-        write_report(result, records.with_figures(data, result), out)
+        write_report(result, records.with_figures(data, result), out, interactive=True)
     return out
 
 
@@ -104,11 +103,11 @@ def test_what_is_read_off_is_what_the_file_holds(page: Any, folder: Path) -> Non
         [path] = (folder / "figures").glob(f"{number:02d}_*.csv")
         rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
         in_file = {(float(row["x"]), float(row["y"])) for row in rows}
-        read = set(held(live["document"]))
+        read = set(held(live["doc"]))
         assert in_file <= read
         filled = 0 if "drive" not in path.name else len(read - in_file)  # outlines of envelopes
         assert len(read - in_file) == filled
-        tips = [m for m in objects(live["document"]) if m["name"] == "HoverTool"]
+        tips = [m for m in objects(live["doc"]) if m["name"] == "HoverTool"]
         said = {tip[0] for tool in tips for tip in tool["attributes"]["tooltips"]}
         assert {row["along x"] for row in rows if row["series"]} <= said
         count += 1
@@ -146,29 +145,11 @@ def test_no_name_is_set_by_a_library_that_would_be_fetched(page: Any) -> None:
 
 def test_legends_switch_what_they_name(page: Any) -> None:
     live = json.loads(unpacked(page, "live-1"))
-    labels = [entry["label"] for entry in live["legend"] if entry["switches"]]
+    legends = [m["attributes"] for m in objects(live["doc"]) if m["name"] == "Legend"]
+    assert {legend["click_policy"] for legend in legends} == {"hide"}
+    labels = [item["attributes"]["label"]["value"] for each in legends for item in each["items"]]
     assert "laboratory" in labels
-    tags: dict[int, set[str]] = {}
-    for model in objects(live["document"]):
-        for tag in model.get("attributes", {}).get("tags", []):
-            tags.setdefault(tag, set()).add(model["attributes"].get("name") or "")
-    for number, entry in enumerate(live["legend"]):
-        assert entry["switches"] == (number in tags)
-        assert tags[number] <= {entry["label"], ""}
-
-
-def test_legends_show_the_markers_and_lines_that_are_drawn(page: Any) -> None:
-    """The shape of every marker is known to the page; whole lines are no dashes."""
-    script = (tables.TEMPLATES / "interactive.js").read_text("utf-8")
-    shapes = script.partition("const SHAPES = {")[2].partition("};")[0]
-    known = set(re.findall(r"(\w+): \"<", shapes))
-    assert set(MARKERS.values()) <= known
-    spectra = json.loads(unpacked(page, "live-6"))["legend"]
-    looks = {entry["label"]: (entry["marker"], entry["dash"]) for entry in spectra}
-    assert looks["difference"] == ("", "solid")
-    assert looks["simulated × χ"] == ("circle", "dashed")
-    [bars] = [look for label, look in looks.items() if "±" in label]
-    assert bars == ("bar", "")
+    assert all(item["attributes"]["renderers"] for each in legends for item in each["items"])
 
 
 def test_indices_stand_low_without_signs_of_mathematics(page: Any) -> None:
@@ -177,25 +158,9 @@ def test_indices_stand_low_without_signs_of_mathematics(page: Any) -> None:
     assert bare(r"$J_{\mathrm{fit}}$") == "J_fit"
     for figure in page.iter("figure"):
         live = json.loads(unpacked(page, f"live-{figure.get('data-number')}"))
-        for model in objects(live["document"]):
+        for model in objects(live["doc"]):
             label = str(model.get("attributes", {}).get("axis_label") or "")
             assert not re.search(r"_[\d+−]", label)
-
-
-def test_markers_on_the_lower_edge_are_whole() -> None:
-    """Bokeh cuts at the frame what matplotlib draws beyond it."""
-    for cut, low in ((True, 0.0), (False, -0.02)):
-        canvas = Canvas(layout="constrained")
-        axes = canvas.subplots()
-        axes.plot([1.0, 2.0], [0.0, 1.0], "o", clip_on=cut)
-        axes.set_ylim(0.0, 1.0)
-        canvas.draw_without_rendering()
-        ranges = [
-            m.get("attributes", {})
-            for m in objects(interactive(canvas)["document"])
-            if m["name"] == "Range1d"
-        ]
-        assert low in [found.get("start", 0.0) for found in ranges]
 
 
 def test_a_map_is_read_off_in_its_own_values() -> None:
@@ -208,7 +173,7 @@ def test_a_map_is_read_off_in_its_own_values() -> None:
     plot.panel(shown, ax=canvas.subplots())
     canvas.draw_without_rendering()
     expected = Counter(zip(x.tolist(), y.tolist(), z.tolist(), strict=True))
-    assert held(interactive(canvas)["document"], ("x", "y", "value")) == expected
+    assert held(json.loads(document(canvas))["doc"], ("x", "y", "value")) == expected
     rows = list(csv.DictReader(figure_csv(canvas).splitlines()))
     assert Counter((float(r["x"]), float(r["y"]), float(r["value"])) for r in rows) == expected
     assert {row["colours"] for row in rows} == {"height"}
@@ -219,22 +184,22 @@ def test_a_page_leaves_figures_still_rather_than_grow_too_long(
 ) -> None:
     from fitting.report import page as pages
 
-    picture = folder / "figures" / "05_drive.svg"
-    shown = FigureFile(
-        name="05_drive",
-        kind="drive",
-        number=5,
-        title="",
-        caption="",
-        alt="",
-        svg=picture,
-        png=picture,
-        live="{}",
-    )
-    made = pages._picture(shown)
-    assert pages._live([made])["figures"] == {5: made.live}
+    words = {"title": "", "caption": "", "alt": ""}
+    kinds = ("svg", "png", "csv", "pdf")
+    place = {"folder": folder / "figures", "number": 5, "digits": 2}
+    shown = Figure(name="drive", kinds=kinds, live="{}", **words, **place)  # type: ignore[arg-type]
+    assert pages._live([shown])["figures"] == {5: pages.packed("{}")}
     monkeypatch.setattr(pages, "MOST", 1000)
-    assert pages._live([made])["figures"] == {}
+    assert pages._live([shown])["figures"] == {}
+
+
+def test_a_page_is_static_unless_bokeh_is_asked_for_and_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    check_style("--style", "report")
+    with pytest.raises(BadInput, match=r"fmu-fit\[interactive\]"):
+        check_style("--style", "interactive")
 
 
 def test_a_figure_has_one_number_in_every_fit() -> None:
@@ -246,10 +211,8 @@ def test_a_figure_has_one_number_in_every_fit() -> None:
     measured = ("spectra", "frequency_response")
 
     def numbers_of(*names: str) -> dict[str, int]:
-        drawn = [
-            Drawing(name=name, title="", caption="", alt="", figure=Canvas()) for name in names
-        ]
-        return {d.name: d.number for d in numbered(drawn, result, measured)}
+        planned = [Planned(name=n, draw=lambda: records.response(data, result)) for n in names]
+        return {p.name: int(n) for n, p in numbered(planned, result, measured).items()}
 
     full = numbers_of(*sometimes, *always)
     assert sorted(full.values()) == list(range(1, 11))
@@ -259,5 +222,5 @@ def test_a_figure_has_one_number_in_every_fit() -> None:
         assert numbers_of(*always, *kept) == {n: k for n, k in full.items() if n != left_out}
     assert numbers_of(*always) == {name: full[name] for name in always}
     alone = replace(result, parameters={"d1": result.parameters["d1"]}, derived={})
-    drawn = [Drawing(name="convergence", title="", caption="", alt="", figure=Canvas())]
-    assert [d.number for d in numbered(drawn, alone, ())] == [2]  # after profiles
+    [(number, _)] = numbered([Planned(name="convergence", draw=list)], alone, ()).items()  # type: ignore[arg-type]
+    assert int(number) == 2  # after profiles

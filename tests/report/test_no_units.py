@@ -7,10 +7,10 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 
 from fitting.design.result import design_csv
-from fitting.report import plot
 from fitting.report.design import proposal_table
 from fitting.report.words.design import design_lines
 from tests.support import plot_records
+from tests.support import plots as plot
 
 
 def test_a_design_without_units_has_no_empty_brackets() -> None:
@@ -20,7 +20,7 @@ def test_a_design_without_units_has_no_empty_brackets() -> None:
     plot.candidates(design, ax=axes[1])
     labels = [text for one in axes for text in (one.get_xlabel(), one.get_ylabel())]
     plt.close(figure)
-    heads = [head.name for head in proposal_table(design).heads]
+    heads = [head.text for head in proposal_table(design).heads]
     for text in (*design_lines(design), *labels, *heads, design_csv(design)):
         assert "()" not in text
         assert "( " not in text

@@ -17,25 +17,19 @@ from lxml import etree, html
 
 from fitting.engine.local import LocalProcesses
 from fitting.fit.fit import Status
+from fitting.measurements.figure import Figure
 from fitting.report import artists as artists_module
 from fitting.report import table as tables
 from fitting.report.artists import BEHIND, Artists
 from fitting.report.figures import reconstruction
-from fitting.report.figures.file import FigureFile
-from fitting.report.figures.numbers import (
-    DRIVE,
-    IMPROVEMENT,
-    OVER_FREQUENCY,
-    PER_EXPERIMENT,
-    RESPONSE,
-    SPECTRA,
-)
-from fitting.report.figures.style import Drawing
-from fitting.report.page import render, write_page
-from fitting.report.reconstruction import page_of, write_report
+from fitting.report.figures.reconstruction import RESPONSE, SPECTRA
+from fitting.report.figures.tones import DRIVE, IMPROVEMENT, OVER_FREQUENCY, PER_EXPERIMENT
+from fitting.report.page import render
+from fitting.report.reconstruction import page_of, write_report, write_report_of
+from fitting.report.screen import phrase
 from fitting.report.shown import ShownCampaign
 from fitting.report.summary import summary_of
-from fitting.report.tables.values import per_experiment_table
+from fitting.report.table import table as table_of
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -69,32 +63,31 @@ def result(data: ShownCampaign) -> Result:
 
 
 @pytest.fixture(scope="module")
-def figures(tmp_path_factory: pytest.TempPathFactory) -> list[FigureFile]:
+def figures(tmp_path_factory: pytest.TempPathFactory) -> list[Figure]:
     """Tiny drawings that carry their names."""
     folder = tmp_path_factory.mktemp("tiny")
     made = []
     for name in NAMES:
         number, _, kind = name.partition("_")
         (folder / f"{name}.svg").write_text(SVG.format(name))
-        path = folder / f"{name}.svg"
+        (folder / f"{name}.png").write_bytes(b"PNG" * 1000)
         made.append(
-            FigureFile(
-                name=name,
-                kind=kind,
+            Figure(
+                name=kind,
                 number=int(number),
                 title=f"Title of {name}",
                 caption=f"Caption of {name}.",
                 alt=f"Alt {name}",
-                svg=path,
-                png=path,
+                folder=folder,
+                kinds=("svg", "png"),
             )
         )
     return made
 
 
 @pytest.fixture(scope="module")
-def page(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> Any:
-    return html.document_fromstring(render(page_of(result, data, figures)))
+def page(result: Result, data: ShownCampaign, figures: list[Figure]) -> Any:
+    return html.document_fromstring(page_of(result, data, figures))
 
 
 #: Caption of a table.
@@ -138,12 +131,24 @@ def test_links_within_the_page_lead_somewhere(page: Any) -> None:
     assert set(labels) <= set(ids)
 
 
-def test_a_page_without_an_answer_begins_with_its_contents(
-    result: Result, data: ShownCampaign
-) -> None:
-    page = html.document_fromstring(render(replace(page_of(result, data, []), answer=())))
+def test_a_page_without_an_answer_begins_with_its_contents() -> None:
+    known = plot_records.determined()
+    page = html.document_fromstring(
+        render(
+            "identification.html.j2",
+            title="A string",
+            kind="what the data determine",
+            status="identified",
+            message="",
+            flat="",
+            known=known,
+            part=None,
+            origin={"seed": "1"},
+            words={},
+        )
+    )
     targets = [a.get("href")[1:] for a in page.find(".//nav").iter("a")]
-    assert targets == [h.get("id") for h in page.iter("h2") if h.get("id") != "warnings-title"]
+    assert targets == [h.get("id") for h in page.iter("h2")] == ["knowledge", "provenance"]
 
 
 def test_the_answer_the_figure_and_the_warnings_come_first_and_the_rest_is_folded(
@@ -167,17 +172,16 @@ def test_the_answer_the_figure_and_the_warnings_come_first_and_the_rest_is_folde
 
 
 def test_a_long_drawing_is_embedded_as_the_shorter_picture(
-    result: Result, data: ShownCampaign, figures: list[FigureFile], tmp_path: Path
+    result: Result, data: ShownCampaign, figures: list[Figure], tmp_path: Path
 ) -> None:
-    svg, png = tmp_path / "1_long.svg", tmp_path / "1_long.png"
-    svg.write_bytes(b"<svg/>" * 50_000)
-    png.write_bytes(b"\x89PNG" * 1000)
-    long = replace(figures[0], name="1_long", svg=svg, png=png)
-    page = html.document_fromstring(render(page_of(result, data, [long])))
+    long = replace(figures[0], folder=tmp_path)
+    long.file("svg").write_bytes(b"<svg/>" * 50_000)
+    long.file("png").write_bytes(png := b"\x89PNG" * 1000)
+    page = html.document_fromstring(page_of(result, data, [long]))
     [image] = page.iter("img")
     kind, _, found = image.get("src").partition(",")
     assert kind == "data:image/png;base64"
-    assert base64.b64decode(found) == png.read_bytes()
+    assert base64.b64decode(found) == png
 
 
 def test_every_figure_is_embedded_once_with_caption_and_words_for_the_blind(page: Any) -> None:
@@ -232,7 +236,7 @@ def test_parameters_stand_as_they_are_in_the_record(page: Any, result: Result) -
         assert exact(cells[1]) == parameter.value
         shown = float(cells[1].text_content().replace("−", "-"))
         assert shown == pytest.approx(parameter.value, abs=0.05 * parameter.std)
-    assert [cells[0].text_content() for cells in rows] == ["theta", "d1"]
+    assert [cells[0].text_content() for cells in rows] == ["θ", "d₁"]
     assert rows[1][4].text_content() == "92.950 to 93.890"
 
 
@@ -249,9 +253,8 @@ def test_outputs_of_each_experiment_say_at_which_point_they_are_taken(
     """Two points are reported, and neither tells to nine digits what is open."""
 
     def note(found: Result) -> str:
-        shown = per_experiment_table(found, data)
-        assert shown is not None
-        return shown.note
+        point = phrase("values", "point", found)
+        return table_of("per_experiment", result=found, data=data, point=point).note
 
     papers = {n: replace(d, most_likely=d.value + 1.0) for n, d in result.derived.items()}
     for found, point in (
@@ -322,7 +325,7 @@ def test_the_cost_counts_profiles_where_their_time_is_in_it(
         (profiled, ["4903", "32712"], True),
         (replace(profiled, knowledge=None), [], False),
     ):
-        shown = html.document_fromstring(render(page_of(found, data, [])))
+        shown = html.document_fromstring(page_of(found, data, []))
         [cost] = [row for row in table(shown, "Campaign") if row[0].text_content() == "cost"]
         told, _, time = cost[1].text_content().replace("\u00a0", " ").rpartition("; ")
         assert re.findall(r"\b\d+\b", told)[-2:] == counted or not timed
@@ -356,17 +359,17 @@ def test_warnings_plan_notes_and_provenance_are_told(page: Any, result: Result) 
 
 
 @pytest.mark.parametrize("synthetic", [True, False])
-def test_synthetic_data_are_called_so(synthetic: bool, figures: list[FigureFile]) -> None:
+def test_synthetic_data_are_called_so(synthetic: bool, figures: list[Figure]) -> None:
     data = records.campaign(synthetic=synthetic)
-    page = html.document_fromstring(render(page_of(records.result_for(data), data, figures)))
+    page = html.document_fromstring(page_of(records.result_for(data), data, figures))
     assert bool(page.find_class("synthetic")) is synthetic
     assert ("synthetic" in page.findtext(".//title")) is synthetic
 
 
-def test_a_bad_end_is_seen(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> None:
+def test_a_bad_end_is_seen(result: Result, data: ShownCampaign, figures: list[Figure]) -> None:
     message = "The last level stalled."
     ended = replace(result, status=Status.NOT_CONVERGED, message=message, findings=())
-    page = html.document_fromstring(render(page_of(ended, data, figures)))
+    page = html.document_fromstring(page_of(ended, data, figures))
     box = page.get_element_by_id("status")
     assert box.get("class") == "status bad"
     assert box.text_content().startswith(ended.status.capitalize())
@@ -374,7 +377,7 @@ def test_a_bad_end_is_seen(result: Result, data: ShownCampaign, figures: list[Fi
     assert page.find(".//section[@class='warnings']") is None
 
 
-def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> None:
+def test_names_from_outside_cannot_become_markup(figures: list[Figure]) -> None:
     evil = "<script>alert(1)</script>&\"'"
     data = records.campaign(
         [records.experiment(evil, pair) for pair in records.PAIRS_HZ[:1]], title=evil
@@ -395,7 +398,7 @@ def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> N
         alternatives=(),
         correlation=((1.0,),),
     )
-    text = render(page_of(hostile, data, [replace(f, alt=evil, caption=evil) for f in figures]))
+    text = page_of(hostile, data, [replace(f, alt=evil, caption=evil) for f in figures])
     page = html.document_fromstring(text)
     assert not list(page.iter("script"))
     assert page.findtext(".//h1") == evil
@@ -403,10 +406,10 @@ def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> N
     assert "<i>Hz" not in text
 
 
-def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[FigureFile]) -> None:
+def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[Figure]) -> None:
     data = records.campaign(tones=[])
     result = replace(records.result_for(data), correlation=())
-    page = html.document_fromstring(render(page_of(result, data, figures[7:8])))
+    page = html.document_fromstring(page_of(result, data, figures[7:8]))
     captions = [t.findtext("caption") for t in page.iter("table")]
     assert "Fitted parameters" in captions
     assert not [c for c in captions if "Peaks" in c or "per experiment" in c]
@@ -489,21 +492,13 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
 
 
-def sketched(drawing: Drawing, folder: Path, *, for_page: bool) -> FigureFile:
+def sketched(drawing: Figure, folder: Path, *, for_page: bool, interactive: bool = False) -> Figure:
     """A drawing's words in place of its picture, which takes half a second."""
     assert for_page
-    path = folder / f"{drawing.stem}.svg"
-    write_whole(path, SVG.format(f"{drawing.name}: {len(drawing.caption)}"))
-    return FigureFile(
-        name=drawing.stem,
-        kind=drawing.name,
-        number=drawing.number,
-        title=drawing.title,
-        caption=drawing.caption,
-        alt=drawing.alt,
-        svg=path,
-        png=path,
-    )
+    assert not interactive
+    saved = replace(drawing, folder=folder, drawn=None, kinds=("svg",))
+    write_whole(saved.file("svg"), SVG.format(f"{drawing.name}: {len(drawing.caption)}"))
+    return saved
 
 
 def test_what_a_fit_settles_is_drawn_before_the_rest_is_known(
@@ -521,7 +516,7 @@ def test_what_a_fit_settles_is_drawn_before_the_rest_is_known(
         artists = Artists(executor, 2, tmp_path)
         begun = artists.begin(replace(result, message="not yet", history=(), knowledge=None), data)
         artists.report(result, data, tmp_path / "begun", begun)
-        kinds = sorted(figure.kind for figure in begun.of_these(result, data).values())
+        kinds = sorted(figure.name for figure in begun.of_these(result, data).values())
         others = artists.begin(replace(result, peaks=result.peaks[::-1]), data)
         artists.report(result, data, tmp_path / "again", others)
         assert not others.of_these(result, data)
@@ -538,12 +533,12 @@ def test_what_a_fit_settles_is_drawn_before_the_rest_is_known(
 
 
 def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(
-    result: Result, data: ShownCampaign, figures: list[FigureFile], tmp_path: Path
+    result: Result, data: ShownCampaign, figures: list[Figure], tmp_path: Path
 ) -> None:
     (tmp_path / "report.html").mkdir()
     with pytest.raises(BadInput, match=r"report\.html"):
-        write_page(page_of(result, data, figures), tmp_path)
-    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+        write_report_of(result, data, tmp_path, figures)
+    assert {p.name for p in tmp_path.iterdir()} == {"report.html", "values.csv", "values.tex"}
 
 
 def test_the_template_travels_with_the_package() -> None:

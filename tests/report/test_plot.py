@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.text import Annotation
 
-from fitting.report import plot
 from fitting.result.result import SweepCurves
 from tests.support import plot_records
+from tests.support import plots as plot
 from tests.support import report_records as records
 
 DATA = records.campaign()
@@ -139,11 +139,6 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
         "",
         "residual after the fit\n(χz − z*) / σ",
     ),
-    "response_residuals": (
-        lambda ax: plot.response_residuals(SWEEP, resonance=RESONANCE, ax=ax),
-        "drive frequency f − 6.9403 MHz (Hz)",
-        "minus laboratory\n(% of maximum)",
-    ),
     "swept_tone": (
         lambda ax: plot.swept_tone(FRF, unit="V", ax=ax),
         "frequency $u_{\\mathrm{1}}$ − 6.94030 MHz (Hz)",
@@ -234,9 +229,6 @@ def test_the_response_and_what_is_left_of_it(axes: Axes) -> None:
     drawn("frequency_response", axes)
     _, measured = line(axes, "laboratory")
     assert measured.max() == pytest.approx(1e6 * records.TOP_V, rel=2e-3)
-    axes.clear()
-    drawn("response_residuals", axes)
-    assert line(axes, "simulated")[1] == pytest.approx(0.0, abs=1e-12)  # it is the measured curve
 
 
 def test_a_profile_shows_its_interval_and_thresholds(axes: Axes) -> None:

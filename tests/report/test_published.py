@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 
 from fitting.report.figures.data import HEADS, figure_csv
 from fitting.report.figures.measurements import draw_measurement
-from fitting.report.figures.paper import ONE_COLUMN, TWO_COLUMNS, save_pdf
+from fitting.report.figures.reconstruction import ONE_COLUMN, TWO_COLUMNS, save_pdf
 from fitting.report.figures.style import new_figure, style
-from fitting.report.tables.published import (
+from fitting.report.published import (
     latex,
     latex_name,
     latex_text,
@@ -102,7 +102,7 @@ def test_figures_for_print_have_their_width_and_no_title(
             draw_measurement(records.spectra(data, result), data),
         ]
         written = save_pdf(drawings, tmp_path, width)
-        assert [d.figure.get_suptitle() for d in drawings] == ["", ""]
+        assert [d.drawn.get_suptitle() for d in drawings] == ["", ""]
     # panels beside each other do not fit one column
     count = 1 if width == ONE_COLUMN else 2
     assert len(written) == count
@@ -131,8 +131,11 @@ def test_exponents_are_written_for_latex(text: str, written: str) -> None:
 
 def test_every_letter_of_the_table_is_one_that_latex_knows(result: Result) -> None:
     rows = [
-        replace(row, value=scale * row.value, std=scale * row.std, low=scale, high=9 * scale)
-        for row in rows_of(result)
+        (
+            replace(row, value=scale * row.value, std=scale * row.std, ci95=(scale, 9 * scale)),
+            source,
+        )
+        for row, source in rows_of(result)
         for scale in (1e-32, 1e-9, 1e31)
     ]
     found = {letter for letter in latex(rows) if ord(letter) > 126}

@@ -12,11 +12,11 @@ import pytest
 import fitting as ff
 from fitting.fit.fit import Status
 from fitting.report.details import detail_lines
+from fitting.report.published import latex, rows_of
 from fitting.report.screen import printed
 from fitting.report.summary import Summary, result_lines, summary_lines, summary_of
+from fitting.report.table import table as table_of
 from fitting.report.table import text_lines
-from fitting.report.tables.published import latex, rows_of
-from fitting.report.tables.values import interval_table, parameter_table, values_table
 from fitting.result.assembly import without_profiles
 from fitting.result.result import Result
 from fitting.signal.line_record import NO_STRUCTURE, TriedForm, line_numbers
@@ -108,15 +108,21 @@ def test_a_whole_period_is_no_interval(result: Result) -> None:
         there = replace(result, parameters={**result.parameters, "theta": found})
         said = "; ".join(summary_of(there).unconstrained)
         assert re.search(rf"θ \([^)]*{re.escape(answered)}", said), said
-        [line] = [line for line in text_lines(values_table(there, "")) if line.startswith("theta")]
+        [line] = [
+            line
+            for line in text_lines(table_of("intervals", result=there, ends=False))
+            if line.startswith("theta")
+        ]
         assert row in line
-        [cells] = [cells for cells in parameter_table(there).rows if cells[0].text == "theta"]
+        [cells] = [
+            cells for cells in table_of("parameters", result=there).rows if cells[0].text == "theta"
+        ]
         assert cells[4].text == ("whole period" if found is theta else "0.31 to 3.40")
-        [published] = [each for each in rows_of(there) if each.name == "theta"]
+        [published] = [each for each in rows_of(there) if each[0].name == "theta"]
         written = latex([published]).splitlines()[5].replace("~", " ")
         _, value, _, verdict, *_ = (cell.strip() for cell in written.split(" & "))
         assert (value, verdict) == ("--", Verdict.OPEN)
-        assert (published.low, published.high) == found.ci95
+        assert published[0].ci95 == found.ci95
 
 
 @pytest.mark.parametrize(
@@ -157,12 +163,12 @@ def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> Non
         )
         for name, p in result.parameters.items()
     }
-    table = interval_table(replace(result, parameters=cut), "")
+    table = table_of("intervals", result=replace(result, parameters=cut))
     verdicts = [row[-1].text for row in table.rows[:2]]
     assert all(text == f"{Verdict.UNKNOWN}: search incomplete" for text in verdicts)
     assert not any("budget" in text for text in verdicts)
     assert table.note.count("--budget") == 1
-    assert not interval_table(result, "").note
+    assert not table_of("intervals", result=result).note
 
 
 def test_what_holds_only_under_an_assumption_is_warned_of(result: Result) -> None:
@@ -190,13 +196,16 @@ def test_a_verdict_that_rests_on_boxes_names_them_wherever_it_stands(result: Res
     where = "in the boxes of d2 and theta"
     [shown] = [v for v in summary_of(there).values if v.name == "d1"]
     assert shown.remark == where
-    for table in (values_table(there, ""), parameter_table(there)):
+    for table in (
+        table_of("intervals", result=there, ends=False),
+        table_of("parameters", result=there),
+    ):
         [said] = [row[-1].text for row in table.rows if row[0].text == "d1"]
         assert said.startswith("determined")
         assert said.endswith(where)
-    [row] = [row for row in rows_of(there) if row.name == "d1"]
-    assert row.verdict == f"determined {where}"
-    assert not any("box" in row.verdict for row in rows_of(result))
+    [row] = [row for row, _ in rows_of(there) if row.name == "d1"]
+    assert f"{row.status}{row.condition}" == f"determined {where}"
+    assert not any(row.condition for row, _ in rows_of(result))
 
 
 def shown(result: Result, name: str) -> str:
@@ -340,7 +349,9 @@ def test_an_output_that_is_a_parameter_is_printed_once(result: Result) -> None:
     twice = replace(result, derived={"width": same}, line=None)
     assert [value.symbols for value in summary_of(twice).values] == [("d₁", "width")]
     rows = [
-        line.split() for line in text_lines(values_table(twice, "")) if line.startswith("width")
+        line.split()
+        for line in text_lines(table_of("intervals", result=twice, ends=False))
+        if line.startswith("width")
     ]
     assert rows == [["width", "-", d1.unit, "-", "-", "=", "d1"]]
     other = replace(same, value=1.001 * d1.value)
@@ -374,7 +385,9 @@ def test_a_value_beyond_its_bound_is_that_of_the_data(result: Result, reported: 
     )
     assert shown(there, "d1") == "d₁ 93.42 ± 0.24 Hz (beyond its bound, 90 Hz)"
     assert summary_of(there).advice.startswith("widen the bounds of d₁ (to 93.")
-    [row] = [row for row in values_table(there, there.title).rows if row[0].text == "d1"]
+    [row] = [
+        row for row in table_of("intervals", result=there, ends=False).rows if row[0].text == "d1"
+    ]
     assert any("beyond" in cell.text and "90 Hz" in cell.text for cell in row)
     assert "beyond" not in shown(replace(result, line=None), "d1")
 

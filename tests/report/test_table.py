@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -16,60 +16,50 @@ from lxml import html
 
 from fitting.report.table import (
     Cell,
-    Column,
-    Head,
     Table,
     csv_text,
     html_table,
-    symbol,
-    tabulate,
+    numeric,
+    table,
     terminal_text,
     text_lines,
     wrapped,
 )
-from fitting.report.tables.inference import nu_table, profile_table
-from fitting.report.tables.tones import deviation_table, mean_deviation_table
-from fitting.report.tables.values import derived_table, parameter_table, values_table
+from fitting.report.tables import symbol
 from fitting.text.notation import number
 from tests.support import plot_records
 from tests.support import report_records as records
 
-
-@dataclass(frozen=True)
-class Mode:
-    """A mode with a name, a frequency, a share and a remark."""
-
-    name: str
-    frequency_hz: float
-    share: float
-    remark: str
-
-
-MODES = (
-    Mode("eta_plus", 6940260.125, 9.6e-7, "seen"),
-    Mode("eta_minus", 7027600.5, math.nan, "<not> seen"),
+#: Two modes: symbol, frequency, a number that may be missing, words.
+TABLE = Table(
+    caption="Modes",
+    heads=(Cell("mode"), Cell("frequency (Hz)"), Cell("share"), Cell("remark")),
+    rows=(
+        (
+            symbol("eta_plus"),
+            numeric(6940260.125, 7),
+            numeric(9.6e-7, 2),
+            Cell("observed in all the spectra of the series"),
+        ),
+        (symbol("eta_minus"), numeric(7027600.5), numeric(math.nan), Cell("<not> observed")),
+    ),
+    note="A note & more.",
 )
-COLUMNS: tuple[Column[Mode], ...] = (
-    Column("mode", lambda m: symbol(m.name), role="name"),
-    Column("frequency", lambda m: m.frequency_hz, unit="Hz", digits=7, size=7e6),
-    Column("share", lambda m: m.share, digits=2),
-    Column("remark", lambda m: m.remark, role="words"),
-)
-TABLE = tabulate("Modes", COLUMNS, MODES, "A note & more.")
+FREQUENCIES = (6940260.125, 7027600.5)
 
 
 def test_a_terminal_gets_aligned_columns_in_plain_signs() -> None:
     assert text_lines(TABLE) == [
-        "mode       frequency (MHz)   share  remark",
-        "eta_plus           6.94026  9.6e-7  seen",
-        "eta_minus         7.027601       -  <not> seen",
+        "mode       frequency (Hz)   share  remark",
+        "eta_plus          6940260  9.6e-7  observed in all the spectra of the series",
+        "eta_minus       7027600.5       -  <not> observed",
     ]
 
 
 def test_a_file_gets_exact_numbers_in_the_unit_of_its_head() -> None:
     rows = list(csv.reader(io.StringIO(csv_text(TABLE))))
     assert rows[0] == ["mode", "frequency (Hz)", "share", "remark"]
-    assert [float(row[1]) for row in rows[1:]] == [m.frequency_hz for m in MODES]
+    assert [float(row[1]) for row in rows[1:]] == [*FREQUENCIES]
     assert [row[2] for row in rows[1:]] == ["9.6e-07", ""]
 
 
@@ -79,18 +69,18 @@ def test_a_page_gets_names_and_both_the_shown_and_the_exact_number() -> None:
     assert table.findtext("caption") == "Modes"
     assert [h.text_content() for h in table.findall("thead/tr/th")] == [
         "mode",
-        "frequency (MHz)",
+        "frequency (Hz)",
         "share",
         "remark",
     ]
     first, second = table.findall("tbody/tr")
-    assert first[0].text_content() == "eta_plus"
+    assert first[0].text_content() == "η₊"
     assert first[0].get("scope") == "row"
-    assert first[1].text_content() == "6.94026"
-    assert float(first[1].find("data").get("value")) == MODES[0].frequency_hz
+    assert first[1].text_content() == "6940260"
+    assert float(first[1].find("data").get("value")) == FREQUENCIES[0]
     assert second[2].find("data") is None
     assert [cell.get("class") for cell in second[1:]] == ["n", "n", "words"]
-    assert second[3].text_content() == "<not> seen"
+    assert second[3].text_content() == "<not> observed"
     assert not list(root.iter("script"))
     assert root.find("p").text_content() == "A note & more."
 
@@ -103,21 +93,29 @@ def test_a_notebook_shows_a_table_by_itself() -> None:
 
 def test_names_cannot_become_markup() -> None:
     evil = "<script>alert(1)</script>"
-    made = tabulate(evil, (Column(evil, lambda m: evil, symbol=True),), MODES, evil)
+    made = table("pairs", caption=evil, heads=(evil, evil), pairs={evil: evil})
     root = html.fromstring(html_table(made))
     assert not list(root.iter("script"))
     assert root.find("table/caption").text == evil
 
 
-def test_columns_can_be_left_out() -> None:
-    kept = TABLE.without("share", "remark")
-    assert [head.name for head in kept.heads] == ["mode", "frequency"]
-    assert [len(row) for row in kept.rows] == [2, 2]
+def test_a_table_by_its_name_keeps_numbers_that_are_exact() -> None:
+    series = [(1e-300, 12), (0.1 + 0.2, 3)]
+    rows = [{"value": exact, "draws": count} for exact, count in series]
+    made = table("pairs", caption="Draws", heads=("value", "draws"), pairs=dict(series))
+    assert [(row[0].value, row[1].value) for row in made.rows] == series
+    assert len(rows) == len(made.rows)
+
+
+def test_what_separates_cells_cannot_come_from_names() -> None:
+    made = table("pairs", caption="¦ a", heads=("b¦", "¶ c"), pairs={"d\n¦ e": "¶ f ␟"})
+    assert [len(row) for row in (made.heads, *made.rows)] == [2, 2]
+    assert not made.note
 
 
 def test_rows_must_fill_their_columns() -> None:
     with pytest.raises(ValueError, match=r"Modes: 1 .* 2 "):
-        Table(caption="Modes", heads=(Head("a"), Head("b")), rows=((Cell("only"),),))
+        Table(caption="Modes", heads=(Cell("a"), Cell("b")), rows=((Cell("only"),),))
 
 
 @given(st.floats(-1e300, 1e300), st.integers(1, 12))
@@ -128,7 +126,7 @@ def test_a_terminal_s_number_is_the_number_to_its_digits(value: float, digits: i
 
 def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
     data = records.campaign()
-    lines = text_lines(values_table(records.result_for(data), ""))
+    lines = text_lines(table("intervals", result=records.result_for(data), ends=False))
     assert lines[0].split()[:5] == ["parameter", "value", "unit", "std", "reference"]
     told = {line.split()[0]: line.split() for line in lines[1:]}
     assert told["theta"][1] == "-"
@@ -139,12 +137,12 @@ def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
 
 def test_what_is_not_determined_has_no_value_and_few_digits_of_where_a_search_stopped() -> None:
     result = records.result_for(records.campaign())
-    for table, name, likely, stopped in (
-        (parameter_table(result), "theta", "value", "1.96"),
-        (derived_table(result), "lambda", "mean", "657000"),
+    for shown, name, likely, stopped in (
+        (table("parameters", result=result), "theta", "value", "1.96"),
+        (table("derived", result=result), "lambda", "mean", "657000"),
     ):
-        [row] = [r for r in table.rows if r[0].text == name]
-        cells = dict(zip([head.name for head in table.heads], row, strict=True))
+        [row] = [r for r in shown.rows if r[0].text == name]
+        cells = dict(zip([head.text for head in shown.heads], row, strict=True))
         assert cells[likely].text == "–"
         assert cells[likely].value is None
         assert cells["Algorithm 2"].text == stopped
@@ -154,10 +152,9 @@ def test_deviations_are_told_to_be_those_of_algorithm_2() -> None:
     """χ² of the headline is that of another point: its residuals are not in the table."""
     data = records.campaign()
     result = records.result_for(data)
-    peaks = deviation_table(result, data)
-    assert peaks is not None
-    for table in (peaks, mean_deviation_table(result, data)):
-        assert re.search("“after” .*Algorithm 2", table.note)
+    peaks = table("peaks", result=result, data=data)
+    for shown in (peaks, table("mean_deviations", result=result, data=data)):
+        assert re.search("“after” .*Algorithm 2", shown.note)
 
 
 def test_errors_have_two_digits_and_other_estimates_the_digits_of_the_error() -> None:
@@ -177,11 +174,14 @@ def test_errors_have_two_digits_and_other_estimates_the_digits_of_the_error() ->
         parameters={**result.parameters, "d1": d1},
         derived={**result.derived, "D11": derived},
     )
-    [row] = [r for r in values_table(result, "").rows if r[0].text == "d1"]
+    [row] = [r for r in table("intervals", result=result, ends=False).rows if r[0].text == "d1"]
     assert [cell.text for cell in row[1:4]] == ["94.65", "Hz", "0.60"]
-    for table, name in ((parameter_table(result), "d1"), (derived_table(result), "D11")):
-        heads = [head.name for head in table.heads]
-        [row] = [r for r in table.rows if r[0].text == name]
+    for shown, name in (
+        (table("parameters", result=result), "d1"),
+        (table("derived", result=result), "D11"),
+    ):
+        heads = [head.text for head in shown.heads]
+        [row] = [r for r in shown.rows if r[0].text == name]
         cells = dict(zip(heads, row, strict=True))
         assert (cells["std"].text, cells["Algorithm 2"].text) == ("0.60", "94.54")
         assert cells["Algorithm 2"].value == 94.5372231  # the page keeps all digits behind it
@@ -189,7 +189,8 @@ def test_errors_have_two_digits_and_other_estimates_the_digits_of_the_error() ->
     value = replace(
         known.parameters["d1"], value=94.653722, ci68=(93.99, 95.34), ci95=(93.36, 95.99)
     )
-    [row] = profile_table(replace(known, parameters={"d1": value}, derived={})).rows
+    profiled = replace(known, parameters={"d1": value}, derived={})
+    [row] = table("profiles", known=profiled).rows
     assert [cell.text for cell in row[2:4]] == ["94.65", "93.99 to 95.34"]
 
 
@@ -207,5 +208,5 @@ def test_a_line_breaks_between_values_and_never_inside_one() -> None:
 
 def test_chi_square_over_nu_says_which_degrees_of_freedom_it_is_held_against() -> None:
     """Those of all data, `tests/inference/test_nu_choice.py`: the headline has fewer."""
-    found = nu_table(plot_records.nu_choice())
+    found = table("nu", nu=plot_records.nu_choice())
     assert re.search(r"\b12\b.* 95 %", found.note)

@@ -16,7 +16,7 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import complaints_of_options
 from fitting.cli.words.values import bounded_number, default_workers
-from fitting.report.tables.ensemble import document, terminal
+from fitting.report.ensemble import document, terminal
 from fitting.report.words.cost import cost_lines, time_words
 from fitting.result.ensemble import FINISHED
 from fitting.text.results_folder import remove_earlier

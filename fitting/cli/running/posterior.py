@@ -16,7 +16,7 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import flag
 from fitting.cli.words.earlier_fit import fit_at
-from fitting.report.tables.posterior import posterior_lines
+from fitting.report.posterior import posterior_lines
 from fitting.report.words.cost import time_words
 from fitting.result.result import Result
 from fitting.text.results_folder import remove_earlier

@@ -13,7 +13,7 @@ import fitting as ff
 from fitting.api.choices import STYLES, usual_budget
 from fitting.api.cost import expected_of
 from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
-from fitting.api.jobs import DrawnBeside, draw_report, drawn_beside
+from fitting.api.jobs import DrawnBeside, check_style, draw_report, drawn_beside
 from fitting.api.problem import Campaign
 from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
@@ -55,11 +55,12 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
         FmuFailure: the FMU failed.
     """
     check_external(args.external)
+    check_style("--style", args.style or STYLES[0])
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     if args.dry_run:
         return _tell_cost(args, campaigns)
-    # for print this process draws alone
-    with drawn_beside(not args.no_report and args.style != "paper") as drawing:
+    # in another style this process draws alone
+    with drawn_beside(not args.no_report and args.style in (None, STYLES[0])) as drawing:
         return _reconstructed(args, campaigns, out, _Course(laps, drawing))
 
 

@@ -6,14 +6,14 @@ import numpy as np
 
 from fitting.fmu.trial.findings import ROUNDING
 from fitting.fmu.trial.steps import Repeatability
-from fitting.report.figures.style import Drawing, new_figure
-from fitting.report.plot.axes import SERIES
+from fitting.measurements.figure import Figure as Described
+from fitting.report.figures.style import SERIES, new_figure
 
 #: Outputs that are drawn, those that differ most.
 MOST = len(SERIES)
 
 
-def draw_repeats(repeats: Repeatability, model: str) -> Drawing | None:
+def draw_repeats(repeats: Repeatability, model: str) -> Described | None:
     """Differences with half the step over time; None where outputs are the same to rounding.
 
     Args:
@@ -41,6 +41,6 @@ def draw_repeats(repeats: Repeatability, model: str) -> Drawing | None:
         f"Difference of outputs of {model} with every step taken in two, over {repeats.steps} "
         f"{steps} with all inputs moved from their start."
     )
-    return Drawing(
-        name="repeats", title=title, caption=caption, alt=caption, figure=figure, number=1
+    return Described(
+        name="repeats", title=title, caption=caption, alt=caption, drawn=figure, number=1
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,11 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, QuadMesh
 from matplotlib.figure import Figure
 
-from fitting.report.plot.measurement import PLACES
 from fitting.text.arrays import FloatArray
 from fitting.text.csv_cells import csv_text
 from fitting.text.notation import index
 
+#: Where the values of cells were taken, (n, 2): a mesh itself knows their edges alone.
+PLACES: WeakKeyDictionary[QuadMesh, FloatArray] = WeakKeyDictionary()
 HEADS = ("panel", "series", "along x", "along y", "x", "y")
 #: Further columns of a figure with a map: what its colours stand for.
 MAP_HEADS = ("colours", "value")

@@ -9,15 +9,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from fitting.report.figures.file import FigureFile
+from fitting.measurements.figure import Figure as Described
 from fitting.report.figures.style import (
-    Drawing,
+    BLUE,
+    GREY,
+    RED,
     legend_below,
     new_figure,
     save,
     style,
 )
-from fitting.report.plot.axes import BLUE, GREY, RED
 from fitting.result.ensemble import Coverage, Ensemble
 from fitting.text.notation import mathtext
 
@@ -27,7 +28,7 @@ LEVELS = ((0.68, -0.14, BLUE, "o"), (0.95, 0.14, RED, "s"))
 MOST_PULL = 5.0
 
 
-def save_figures(found: Ensemble, folder: Path) -> list[FigureFile]:
+def save_figures(found: Ensemble, folder: Path) -> list[Described]:
     """Draw and write the figure; none where nothing is known to be true.
 
     Args:
@@ -40,7 +41,7 @@ def save_figures(found: Ensemble, folder: Path) -> list[FigureFile]:
         return [save(draw(found), folder, for_page=True)]
 
 
-def draw(found: Ensemble) -> Drawing:
+def draw(found: Ensemble) -> Described:
     """Pulls on the left, shares with their binomial intervals on the right, a line per value.
 
     Args:
@@ -63,8 +64,8 @@ def draw(found: Ensemble) -> Drawing:
         "intervals that hold the truth, with the 95 % interval of Clopper and Pearson; the dashed "
         "lines are what was promised."
     )
-    return Drawing(
-        name="ensemble", number=1, title=title, caption=caption, alt=caption, figure=figure
+    return Described(
+        name="ensemble", number=1, title=title, caption=caption, alt=caption, drawn=figure
     )
 
 

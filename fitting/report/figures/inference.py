@@ -7,25 +7,34 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from fitting.inference.findings import WORTH_SAYING
-from fitting.inference.likelihood.knowledge import NuChoice, Values
-from fitting.report import plot
-from fitting.report.figures.numbers import NU, OUTPUTS, PROFILES, TOGETHER
+from fitting.inference.likelihood.knowledge import NuChoice, Scan, Values
+from fitting.measurements.figure import Figure as Described
 from fitting.report.figures.style import (
-    Drawing,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
     Planned,
+    axes_of,
     handles_of,
     legend_below,
+    log_axis,
     new_figure,
     panels,
+    plain_ticks,
+    say_empty,
+    series_look,
 )
-from fitting.report.plot.axes import BLUE, GREY
-from fitting.report.plot.inference import VERDICT_COLOURS
-from fitting.text.estimate import Estimate, Verdict
-from fitting.text.notation import listed
+from fitting.text.estimate import Estimate, Interval, Verdict
+from fitting.text.notation import listed, mathtext, on_log_axis, scaling_for
 
+PROFILES, TOGETHER, OUTPUTS, NU = "profiles", "together", "outputs", "nu"
 PER_ROW = 3
 #: Profiles, parameters against each other, and outputs, at most in a figure.
 MOST_PROFILES, MOST_TOGETHER, MOST_OUTPUTS = 18, 4, 4
@@ -50,7 +59,7 @@ def knowledge_figures(found: Values, title: str, *, synthetic: bool) -> list[Pla
         title: of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    draws: dict[str, Callable[..., Drawing]] = {}
+    draws: dict[str, Callable[..., Described]] = {}
     if _curved(found):
         draws[PROFILES] = partial(draw_profiles, found)
     if len(_together(found)) > 1:
@@ -82,16 +91,17 @@ def _flat(found: Values) -> list[str]:
     return [name for name, scan in found.scans.items() if scan.values and name not in bent]
 
 
-def flat_sentence(found: Values) -> str:
-    """Which values have a profile that is flat, and is not drawn; empty where all are bent.
+def undrawn_sentence(found: Values, figures: Sequence[Described]) -> str:
+    """Which values have a flat profile, where no figure of profiles has it in its caption.
 
     Args:
         found: values with their profiles.
+        figures: that are drawn.
     """
     names = _flat(found)
-    if not names:
+    if not names or any(figure.name == PROFILES for figure in figures):
         return ""
-    return f"Flat, with Δχ² below 1 at every value that was tried: {listed(names)}."
+    return f"Flat, with Δχ² below 1 at every value of the scan: {listed(names)}."
 
 
 def _left_out(found: Values) -> str:
@@ -108,7 +118,7 @@ def _left_out(found: Values) -> str:
     return f" Not drawn: {'; '.join(said)}." if said else ""
 
 
-def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
+def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described:
     """Profile likelihood of every value with the thresholds of its intervals.
 
     Args:
@@ -123,7 +133,7 @@ def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
     for k, (panel, (name, value)) in enumerate(
         zip(panels(figure, len(shown), PER_ROW), shown.items(), strict=True)
     ):
-        plot.profile(value, found.scans[name], ax=panel)
+        profile(value, found.scans[name], ax=panel)
         if k % PER_ROW:
             panel.set_ylabel("")
     handles = [
@@ -148,12 +158,12 @@ def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
             "in the curve."
         )
     caption += _left_out(found)
-    return Drawing(
+    return Described(
         name=PROFILES,
         title=title,
         caption=caption,
         alt=f"Verdicts: {listed(words)}.",
-        figure=figure,
+        drawn=figure,
     )
 
 
@@ -169,7 +179,7 @@ def _together(found: Values) -> list[str]:
     return [name for name in names if name in ranked[:MOST_TOGETHER]]
 
 
-def draw_together(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
+def draw_together(found: Values, campaign: str, *, synthetic: bool) -> Described:
     """Parameters against each other over all fits that the profiles went through.
 
     Args:
@@ -183,7 +193,7 @@ def draw_together(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
     figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
     axes = panels(figure, len(pairs), PER_ROW)
     for panel, (one, other) in zip(axes, pairs, strict=True):
-        plot.together(found, one, other, ax=panel)
+        together(found, one, other, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
     names = list(_together(found))
     around = [name for name in names if found.parameters[name].is_all_round]
@@ -195,7 +205,7 @@ def draw_together(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
         "everywhere are no knowledge at all."
     )
     alt = f"Fits in the planes of {listed(names)}."
-    return Drawing(name=TOGETHER, title=title, caption=caption, alt=alt, figure=figure)
+    return Described(name=TOGETHER, title=title, caption=caption, alt=alt, drawn=figure)
 
 
 def _along(found: Values) -> tuple[str, list[str]] | None:
@@ -216,7 +226,7 @@ def _along(found: Values) -> tuple[str, list[str]] | None:
     return names[0], [name for name in found.derived if name in kept]
 
 
-def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
+def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Described:
     """Derived outputs over the least determined parameter, with their prior and data intervals.
 
     Args:
@@ -233,7 +243,7 @@ def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
     figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
     axes = panels(figure, len(outputs), 2)
     for panel, name in zip(axes, outputs, strict=True):
-        plot.output(found, name, parameter, ax=panel)
+        output(found, name, parameter, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
     shown = {name: found.derived[name] for name in outputs}
     words = [f"{name} {p.status}{p.condition}" for name, p in shown.items()]
@@ -243,8 +253,8 @@ def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Drawing:
         "them (blue): where both are alike, the data say nothing of that output. A side that no "
         "data end is told to the end of the box; points beyond it fit as well."
     )
-    return Drawing(
-        name=OUTPUTS, title=title, caption=caption, alt=f"{listed(words)}.", figure=figure
+    return Described(
+        name=OUTPUTS, title=title, caption=caption, alt=f"{listed(words)}.", drawn=figure
     )
 
 
@@ -255,7 +265,7 @@ def _no_value(found: Values, outputs: Sequence[str]) -> str:
     return f", of {listed(gaps)} where there is a value" if gaps else ""
 
 
-def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
+def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Described:
     """L-curve, discrepancy, and the result at every nu against the prior.
 
     Args:
@@ -266,9 +276,9 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
     title = "The regularisation ν that the data would choose"
     figure = new_figure(title, campaign, synthetic=synthetic, height=3.4)
     curve, squares, ways = figure.subplots(1, 3)
-    plot.l_curve(nu, ax=curve)
-    plot.discrepancy(nu, ax=squares)
-    plot.against_prior(nu, ax=ways)
+    l_curve(nu, ax=curve)
+    discrepancy(nu, ax=squares)
+    against_prior(nu, ax=ways)
     if handles_of(ways):
         ways.legend(loc="best")
     caption = (
@@ -276,4 +286,299 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
         "one. Middle: χ²(ν), that of the data where Algorithm 2 stood at every ν. Right: how far "
         "the data moved the solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
     )
-    return Drawing(name=NU, title=title, caption=caption, alt=" ".join(nu.sentences), figure=figure)
+    return Described(
+        name=NU, title=title, caption=caption, alt=" ".join(nu.sentences), drawn=figure
+    )
+
+
+#: Dchi^2 at the ends of the 68 % and 95 % intervals, and the highest that is drawn.
+AT_68, AT_95, HIGHEST = 1.0, 3.84, 8.0
+VERDICT_COLOURS = {
+    Verdict.DETERMINED: GREEN,
+    Verdict.BOUNDED: ORANGE,
+    Verdict.ABOVE: ORANGE,
+    Verdict.BELOW: ORANGE,
+    Verdict.SEVERAL: ORANGE,
+    Verdict.OPEN: RED,
+}
+#: Series in the panel of values over nu.
+MOST_SERIES = 6
+
+
+def profile(found: Estimate, scan: Scan, *, ax: Axes | None = None) -> Axes:
+    """Draw a profile likelihood: the least Δχ² that fits reach at each value.
+
+    Dashed lines are the thresholds of the 68 % and 95 % intervals, 1 and 3.84; the band is the 95 %
+    interval, its colour and the title the verdict.
+
+    Args:
+        found: the value, drawn in its unit.
+        scan: the points of its profile.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    values = [v for v in (*scan.values, *found.ci95) if math.isfinite(v)]
+    colour = VERDICT_COLOURS.get(found.status, GREY)
+    # what it holds under would not fit beside the next title: tables and sentences tell it
+    axes.set_title(
+        f"{mathtext(found.name)}: {found.status}", color=colour, loc="left", fontsize="small"
+    )
+    axes.set_ylim(-0.35, HIGHEST)
+    axes.set_ylabel("Δχ²")
+    if not values:
+        say_empty(axes, "no value")
+        return axes
+    scaling = scaling_for(values, found.unit)
+    if all(map(math.isfinite, found.ci95)):
+        low, high = (scaling(v) for v in found.ci95)
+        axes.axvspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
+    for level in (AT_68, AT_95):
+        axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
+    kept = _near(found, scan)
+    xs, ys = [scaling(scan.values[k]) for k in kept], [scan.delta_chi2[k] for k in kept]
+    axes.plot(
+        xs,
+        np.minimum(ys, 2 * HIGHEST),
+        color=BLUE,
+        marker="o",
+        markersize=2.8,
+        linewidth=1,
+        label="profile",
+    )
+    axes.set_xlabel(scaling.label(mathtext(found.name)))
+    plain_ticks(axes, x=3)
+    axes.set_yticks([0.0, AT_68, AT_95, HIGHEST], ["0", "1", "3.84", "8"])
+    return axes
+
+
+def _near(found: Estimate, scan: Scan) -> list[int]:
+    """Points of a profile worth drawing: not those far beyond the threshold."""
+    low, high = found.ci95
+    if math.isnan(low):
+        low, high = found.bounds
+    room = 0.25 * (high - low)
+    return [
+        k
+        for k, value in enumerate(scan.values)
+        if scan.delta_chi2[k] <= 2.0 * HIGHEST and low - room <= value <= high + room
+    ]
+
+
+def together(found: Values, one: str, other: str, *, ax: Axes | None = None) -> Axes:
+    """Draw two parameters against each other over all fits that the profiles went through.
+
+    Filled where a point fits the data at 95 % (Δχ² ≤ 3.84), pale where it does not; the star is the
+    most likely point, lines are the box where points come near it. A value that goes round has no
+    such lines: its profile holds one period, wherever its box ends.
+
+    Args:
+        found: values with their profiles.
+        one: name of the parameter along x, drawn in its unit.
+        other: name of the parameter along y, drawn in its unit.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes, known = axes_of(ax), found.parameters
+    (x, delta), (y, _) = _cloud(found, one), _cloud(found, other)
+    across = scaling_for([*_range(known[one])], known[one].unit)
+    up = scaling_for([*_range(known[other])], known[other].unit)
+    _scatter(axes, [across(v) for v in x], [up(v) for v in y], delta)
+    _star(axes, across(known[one].likely), up(known[other].likely))
+    if not known[one].is_all_round:
+        _frame(axes, [across(v) for v in x], [across(v) for v in known[one].bounds], vertical=False)
+    if not known[other].is_all_round:
+        _frame(axes, [up(v) for v in y], [up(v) for v in known[other].bounds], vertical=True)
+    plain_ticks(axes, x=4)
+    axes.set_xlabel(across.label(mathtext(one)))
+    axes.set_ylabel(up.label(mathtext(other)))
+    return axes
+
+
+def output(found: Values, name: str, parameter: str, *, ax: Axes | None = None) -> Axes:
+    """Draw a derived output over a parameter at every fit that the profiles went through.
+
+    The bars at the right edge are the range of the output without data (grey) and its 95 % interval
+    with them (blue).
+
+    Args:
+        found: values with their profiles.
+        name: of the output, drawn in its unit.
+        parameter: name of the parameter along x, drawn in its unit.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    read, own = found.derived[name], found.parameters[parameter]
+    (x, delta), (y, _) = _cloud(found, parameter), _cloud(found, name)
+    across = scaling_for([*_range(own)], own.unit)
+    up = scaling_for([*read.bounds, read.likely], read.unit)
+    exists = np.isfinite(y)
+    _scatter(axes, [across(v) for v in x[exists]], [up(v) for v in y[exists]], delta[exists])
+    _star(axes, across(own.likely), up(read.likely))
+    for at, bar, colour, label in (
+        (1.02, read.bounds, GREY, "without data: range over the box"),
+        (1.05, read.ci95, BLUE, "with data: 95 % interval"),
+    ):
+        axes.plot(
+            [at, at],
+            [up(v) for v in bar],
+            transform=axes.get_yaxis_transform(),
+            color=colour,
+            linewidth=4.0,
+            clip_on=False,
+            solid_capstyle="butt",
+            label=label,
+        )
+    plain_ticks(axes, x=4)
+    axes.set_xlabel(across.label(mathtext(parameter)))
+    axes.set_ylabel(up.label(mathtext(name)))
+    return axes
+
+
+def _range(value: Estimate) -> Interval:
+    """Where a parameter was looked for: its bounds, or the period in which its profile lies."""
+    if not value.is_all_round:
+        return value.bounds
+    low, high = value.ci95
+    return (low, high) if math.isfinite(low) else value.bounds
+
+
+def _cloud(found: Values, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Values of a parameter or output at all points of all profiles, and Dchi^2 there."""
+    values, deltas = [], []
+    for scan in found.scans.values():
+        if name in scan.path:
+            values += list(scan.path[name])
+            deltas += list(scan.delta_chi2)
+    cloud, delta = np.array(values), np.array(deltas)
+    own = found.parameters.get(name)
+    if own is not None and own.is_all_round and own.period is not None:
+        cloud = _range(own)[0] + np.mod(cloud - _range(own)[0], own.period)
+    return cloud, delta
+
+
+def _scatter(axes: Axes, x: Sequence[float], y: Sequence[float], delta: np.ndarray) -> None:
+    fits = delta <= AT_95
+    across, up = np.array(x), np.array(y)
+    axes.plot(
+        across[fits],
+        up[fits],
+        "o",
+        color=BLUE,
+        markersize=3.2,
+        alpha=0.8,
+        zorder=2.1,
+        label="fits (Δχ² ≤ 3.84)",
+    )
+    axes.plot(
+        across[~fits], up[~fits], "o", color=GREY, alpha=0.3, markersize=3.0, label="does not fit"
+    )
+
+
+def _star(axes: Axes, x: float, y: float) -> None:
+    axes.plot(
+        x,
+        y,
+        marker="*",
+        linestyle="none",
+        color=RED,
+        markersize=9,
+        zorder=2.2,
+        label="most likely",
+    )
+
+
+def _frame(axes: Axes, values: Sequence[float], box: Sequence[float], *, vertical: bool) -> None:
+    """The box, where the points come near it; else the axis keeps to the points."""
+    finite = [v for v in values if math.isfinite(v)]
+    width = box[1] - box[0]
+    if not finite or max(finite) - min(finite) < 0.3 * width:
+        return
+    for end in box:
+        line = axes.axhline if vertical else axes.axvline
+        line(end, color=GREY, linewidth=0.9)
+
+
+def l_curve(nu: NuChoice, *, ax: Axes | None = None) -> Axes:
+    """Draw the L-curve: distance from the prior |x| over misfit J_fit, a point per ν.
+
+    A square marks the corner where there is one.
+
+    Args:
+        nu: the fit at every ν of the schedule.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    rows = [row for row in nu.rows if row.distance > 0.0 and row.j_fit > 0.0]
+    axes.plot(
+        [r.j_fit for r in rows], [r.distance for r in rows], color=BLUE, marker="o", markersize=3.5
+    )
+    for row in rows:
+        if row.nu == nu.corner:
+            axes.plot(row.j_fit, row.distance, "s", color=RED, markersize=8, fillstyle="none")
+    still = not rows or max(r.distance for r in rows) < 1.01 * min(r.distance for r in rows)
+    for row in rows[:1] if still else (rows[0], rows[-1]):
+        axes.annotate(
+            "all ν" if still else f"ν = {on_log_axis(row.nu)}",
+            (row.j_fit, row.distance),
+            fontsize="small",
+            xytext=(4, 4),
+            textcoords="offset points",
+        )
+    if rows:
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+    axes.set_xlabel("J_fit")
+    axes.set_ylabel("distance from the prior |x|")
+    axes.set_title("L-curve", loc="left")
+    return axes
+
+
+def discrepancy(nu: NuChoice, *, ax: Axes | None = None) -> Axes:
+    """Draw χ²(ν), that of the data where Algorithm 2 stood at every ν; dashed: what noise explains.
+
+    Args:
+        nu: the fit at every ν of the schedule.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    squares = [row.chi_square for row in nu.rows]
+    axes.plot([row.nu for row in nu.rows], squares, color=BLUE, marker="o", markersize=3.5)
+    axes.axhline(nu.allowed, color=GREY, linestyle="--", linewidth=1.0)
+    axes.set_ylabel("χ²(ν) (dashed: what noise explains)")
+    axes.set_title("Discrepancy principle", loc="left")
+    _falling_nu(axes)
+    log_axis(axes)
+    return axes
+
+
+def against_prior(nu: NuChoice, *, ax: Axes | None = None) -> Axes:
+    """Draw the fitted parameters at every ν as distances from their references, in % of the box.
+
+    Args:
+        nu: the fit at every ν of the schedule.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    names = [name for name in nu.rows[0].parameters if name in nu.prior][:MOST_SERIES]
+    for k, name in enumerate(names):
+        ways = [100.0 * (r.parameters[name] - nu.prior[name]) / nu.widths[name] for r in nu.rows]
+        colour, marker = series_look(k)
+        axes.plot(
+            [row.nu for row in nu.rows],
+            ways,
+            color=colour,
+            marker=marker,
+            markersize=3.5,
+            label=mathtext(name),
+        )
+    axes.axhline(0.0, color=GREY, linestyle="--", linewidth=1.0)
+    axes.set_title("The result against the prior", loc="left")
+    axes.set_ylabel("value − reference, % of the box")
+    _falling_nu(axes)
+    return axes
+
+
+def _falling_nu(axes: Axes) -> None:
+    """ν as it falls during a fit."""
+    axes.set_xscale("log")
+    axes.invert_xaxis()
+    axes.set_xlabel("ν")

@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib.lines import Line2D
 
 from fitting.inference.posterior.summary import PosteriorSummary
-from fitting.report.figures.file import FigureFile
-from fitting.report.figures.style import Drawing, legend_below, new_figure, save, style
-from fitting.report.plot.axes import BLUE, GREEN, ORANGE, RED
-from fitting.report.plot.posterior import alone, marked, together
+from fitting.measurements.figure import Figure as Described
+from fitting.report.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    Axes,
+    legend_below,
+    new_figure,
+    plain_ticks,
+    save,
+    style,
+)
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import listed, mathtext, scaling_for
+from fitting.text.notation import Scaling, listed, mathtext, scaling_for
 
 #: Values that are drawn at most: more panels than these tell nothing any more.
 MOST = 7
 
 
-def save_figure(found: PosteriorSummary, draws: FloatArray, folder: Path) -> FigureFile:
+def save_figure(found: PosteriorSummary, draws: FloatArray, folder: Path) -> Described:
     """Draw and write the figure.
 
     Args:
@@ -30,7 +43,7 @@ def save_figure(found: PosteriorSummary, draws: FloatArray, folder: Path) -> Fig
         return save(draw(found, draws), folder)
 
 
-def draw(found: PosteriorSummary, draws: FloatArray) -> Drawing:
+def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
     """The corner figure.
 
     Args:
@@ -68,8 +81,8 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Drawing:
             axes.tick_params(labelbottom=i == count - 1, labelleft=k == 0 < i)
     legend_below(figure, _handles(found), ncols=4)
     caption = _caption(found, shown)
-    return Drawing(
-        name="corner", number=1, title=title, caption=caption, alt=caption, figure=figure
+    return Described(
+        name="corner", number=1, title=title, caption=caption, alt=caption, drawn=figure
     )
 
 
@@ -107,3 +120,73 @@ def _caption(found: PosteriorSummary, shown: list[str]) -> str:
     if found.status != "converged":
         told += " The draws have not converged: what is seen here is not yet the posterior."
     return told
+
+
+#: Least and most bins of each axis; between them a quarter of the root of the draws.
+BINS = (10, 30)
+#: Shares of the draws that the outlines hold.
+HELD = (0.95, 0.68)
+
+
+def alone(axes: Axes, draws: FloatArray, scaling: Scaling, interval: tuple[float, float]) -> None:
+    """Draw how often each value was drawn, its 95 % interval as a band.
+
+    Args:
+        axes: to draw into.
+        draws: (k,) in their unit.
+        scaling: how they are shown.
+        interval: in their unit; NaN: none is told.
+    """
+    axes.hist((draws - scaling.offset) / scaling.factor, _bins(draws), color=BLUE, histtype="step")
+    if all(map(math.isfinite, interval)):
+        axes.axvspan(*(scaling(end) for end in interval), color=GREY, alpha=0.18, lw=0)
+    plain_ticks(axes, x=3)
+    axes.set_yticks([])
+
+
+def together(
+    axes: Axes, across: FloatArray, up: FloatArray, scalings: tuple[Scaling, Scaling]
+) -> None:
+    """Draw two values against each other: outlines that hold 68 % and 95 % of the draws.
+
+    Args:
+        axes: to draw into.
+        across: (k,) in their unit.
+        up: (k,) in their unit.
+        scalings: how both are shown.
+    """
+    x, y = ((v - s.offset) / s.factor for v, s in zip((across, up), scalings, strict=True))
+    counts, x_ends, y_ends = np.histogram2d(x, y, _bins(x))
+    ordered = np.sort(counts.ravel())[::-1]
+    held = np.cumsum(ordered) / counts.sum()
+    levels = sorted({float(ordered[np.searchsorted(held, share)]) for share in HELD})
+    middles = [0.5 * (ends[1:] + ends[:-1]) for ends in (x_ends, y_ends)]
+    axes.plot(x[:: max(1, x.size // 800)], y[:: max(1, x.size // 800)], ",", color=GREY, alpha=0.5)
+    if levels[-1] < counts.max():
+        axes.contour(*middles, counts.T, levels=levels, colors=[BLUE], linewidths=0.9)
+    plain_ticks(axes, x=3, y=3)
+
+
+def _bins(draws: FloatArray) -> int:
+    return int(np.clip(0.25 * np.sqrt(draws.size), *BINS))
+
+
+def marked(axes: Axes, place: Sequence[float], *, kind: str) -> None:
+    """Mark a place: a line in a panel of one value, a sign in one of two.
+
+    Args:
+        axes: to draw into.
+        place: one or two values as they are shown.
+        kind: "fit", "other" (minimum) or "truth".
+    """
+    colour, sign, dashes = {
+        "fit": (RED, "*", "-"),
+        "other": (ORANGE, "D", ":"),
+        "truth": (GREEN, "P", "--"),
+    }[kind]
+    if not all(map(math.isfinite, place)):
+        return
+    if len(place) == 1:
+        axes.axvline(place[0], color=colour, ls=dashes, lw=1.0)
+    else:
+        axes.plot(*place, sign, color=colour, ms=6.0, mec="white", mew=0.5)

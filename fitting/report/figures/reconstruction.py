@@ -1,58 +1,57 @@
-"""The figures of a reconstruction: which belong to a campaign, drawn and saved."""
+"""The figures of a reconstruction: which belong to a campaign, their numbers, drawn and saved.
+
+Numbers are the same on the page and before the names of files. They follow the order of the page
+and depend on the campaign alone, not on how its fit went: what a fit may or may not have to show
+keeps its number, so that a figure has one number in every fit.
+"""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from fitting.report.figures.file import FigureFile
-from fitting.report.figures.fit import draw_convergence, draw_derived, varying
-from fitting.report.figures.inference import knowledge_figures
+from fitting.measurements.figure import Figure
+from fitting.report.figures.fit import CONVERGENCE, DERIVED, draw_convergence, draw_derived, varying
+from fitting.report.figures.inference import NU, OUTPUTS, PROFILES, TOGETHER, knowledge_figures
 from fitting.report.figures.measurements import draw_measurement
-from fitting.report.figures.numbers import (
-    CONVERGENCE,
-    DERIVED,
+from fitting.report.figures.style import Planned, save, style
+from fitting.report.figures.tones import (
     DRIVE,
     IMPROVEMENT,
     OVER_FREQUENCY,
     PER_EXPERIMENT,
-    SPECTRA,
-    numbered,
-)
-from fitting.report.figures.paper import ONE_COLUMN, TWO_COLUMNS, save_pdf
-from fitting.report.figures.style import Drawing, Planned, save, style
-from fitting.report.figures.tones import (
     draw_drive,
     draw_improvement,
     draw_over_frequency,
     draw_per_experiment,
 )
 from fitting.report.shown import ShownCampaign, shares_of
-from fitting.result.result import Compared, Result
+from fitting.result.result import Result
+from fitting.text.files import write_whole
 
 FOLDER = "figures"
-#: Names of the figures of any reconstruction.
-NAMES: dict[Callable[[Result, ShownCampaign], Drawing], str] = {
-    draw_drive: DRIVE,
-    draw_over_frequency: OVER_FREQUENCY,
-    draw_improvement: IMPROVEMENT,
-    draw_convergence: CONVERGENCE,
-    draw_derived: DERIVED,
-    draw_per_experiment: PER_EXPERIMENT,
+SPECTRA, PHASES, RESPONSE = "spectra", "phases", "frequency_response"
+#: Before and after figures that no list names: those of other kinds of measurements.
+FIRST = (PROFILES, TOGETHER, OUTPUTS, DRIVE, SPECTRA, PHASES, RESPONSE)
+LAST = (OVER_FREQUENCY, IMPROVEMENT, PER_EXPERIMENT, CONVERGENCE, NU, DERIVED)
+#: Of several figures of measurements these show least at once: any other goes first.
+SELDOM_LEADING = (SPECTRA, PHASES)
+#: Figures of peaks, with those of the model: no inference changes them.
+OF_PEAKS: dict[str, Callable[[Result, ShownCampaign], Figure]] = {
+    DRIVE: draw_drive,
+    OVER_FREQUENCY: draw_over_frequency,
+    IMPROVEMENT: draw_improvement,
+    PER_EXPERIMENT: draw_per_experiment,
 }
-#: Figures of peaks beside those of the model: no inference changes them.
-OF_PEAKS: tuple[Callable[[Compared, ShownCampaign], Drawing], ...] = (
-    draw_drive,
-    draw_over_frequency,
-    draw_improvement,
-    draw_per_experiment,
-)
-#: Figures that take longest: of several that draw, whoever began one last would be waited for.
+#: Figures that take longest: of several processes that draw, the last to start would delay all.
 LONGEST = (CONVERGENCE, SPECTRA, DRIVE)
 #: Figures over frequency: of campaigns that were fitted together every one has its own.
-ALONG_FREQUENCY = (draw_drive, draw_over_frequency, draw_improvement)
+ALONG_FREQUENCY = (DRIVE, OVER_FREQUENCY, IMPROVEMENT)
+#: Widths of figures for print, of one and of two columns, inches.
+ONE_COLUMN, TWO_COLUMNS = 3.4, 7.0
 
 
 def write_figures(
@@ -60,41 +59,49 @@ def write_figures(
     data: ShownCampaign,
     out_dir: Path,
     progress: Callable[[int, int], None] = lambda done, of: None,
-) -> list[FigureFile]:
-    """Draw every figure that the campaign has data for, as SVG, PNG and CSV in `out_dir`/figures.
+    *,
+    interactive: bool = False,
+) -> list[Figure]:
+    """Draw every figure that the campaign has data for, as SVG, PNG, PDF and CSV.
 
     The same result gives the same bytes.
 
     Args:
         result: of a reconstruction.
         data: what is shown of the campaign.
-        out_dir: where the files go.
-        progress: is told how many are drawn, of how many.
+        out_dir: where the files go, in its folder "figures".
+        progress: called with the number of figures that are drawn, and of all.
+        interactive: whether figures can be zoomed and read off, which needs Bokeh.
 
     Raises:
         BadInput: the folder cannot be written.
     """
     written = []
     planned = planned_figures(result, data)
-    for done, figure in enumerate(planned):
+    for done, (number, figure) in enumerate(planned.items()):
         progress(done, len(planned))
-        written.append(write_figure(figure, out_dir))
+        written.append(write_figure(figure, number, out_dir, interactive=interactive))
     progress(len(planned), len(planned))
     return written
 
 
-def write_figure(planned: Planned, out_dir: Path) -> FigureFile:
+def write_figure(
+    planned: Planned, number: str, out_dir: Path, *, interactive: bool = False
+) -> Figure:
     """Draw one of these figures; the same bytes, whatever was drawn before.
 
     Args:
         planned: what is drawn.
+        number: as its files have it.
         out_dir: where the files go.
+        interactive: whether it can be zoomed and read off, which needs Bokeh.
 
     Raises:
         BadInput: the folder cannot be written.
     """
     with style():
-        return save(planned.drawing(), out_dir / FOLDER, for_page=True)
+        drawn = planned.drawing(int(number), len(number))
+        return save(drawn, out_dir / FOLDER, for_page=True, interactive=interactive)
 
 
 def write_paper_figures(
@@ -103,73 +110,138 @@ def write_paper_figures(
     out_dir: Path,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[Path]:
-    """The same figures as PDF for print, in the widths of one column and of two.
+    """The same figures as PDF for print, in the widths of one column and of two, without titles.
 
     Args:
         result: of a reconstruction.
         data: what is shown of the campaign.
         out_dir: where the files go.
-        progress: is told how many are drawn, of how many.
+        progress: called with the number of figures that are drawn, and of all.
 
     Raises:
         BadInput: the folder cannot be written.
     """
     written: list[Path] = []
-    widths = (ONE_COLUMN, TWO_COLUMNS)
-    for k, width in enumerate(widths):
+    planned = planned_figures(result, data)
+    for k, width in enumerate((ONE_COLUMN, TWO_COLUMNS)):
         with style(paper_width=width):
-            drawn = [planned.drawing() for planned in planned_figures(result, data)]
-            progress(k * len(drawn), len(widths) * len(drawn))
+            drawn = [figure.drawing(int(n), len(n)) for n, figure in planned.items()]
+            progress(k * len(drawn), 2 * len(drawn))
             written += save_pdf(drawn, out_dir / FOLDER, width)
     return written
 
 
-def planned_figures(result: Result, data: ShownCampaign) -> list[Planned]:
-    """Every figure that the campaign has data for, in order and numbered, yet to be drawn.
+def save_pdf(figures: Sequence[Figure], folder: Path, width: float) -> list[Path]:
+    """Write drawings of a width as PDF, whole or not at all; the same drawing, the same bytes.
+
+    Args:
+        figures: drawn in the style of that width.
+        folder: where the files go.
+        width: of all of them, inch; figures with panels side by side need two columns.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    written = []
+    for figure in figures:
+        specs = [axes.get_subplotspec() for axes in figure.drawn.axes]
+        if width < TWO_COLUMNS and any(spec and spec.get_gridspec().ncols > 1 for spec in specs):
+            continue
+        path = folder / f"{figure.stem}_{width:g}in.pdf"
+        words = {"Title": figure.title, "Subject": figure.caption, "CreationDate": None}
+        image = io.BytesIO()
+        figure.drawn.savefig(image, format="pdf", metadata=words)
+        write_whole(path, image.getvalue())
+        written.append(path)
+    return written
+
+
+def planned_figures(result: Result, data: ShownCampaign) -> dict[str, Planned]:
+    """Every figure that the campaign has data for, in order and by number, yet to be drawn.
 
     Args:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
+    draws = {**OF_PEAKS, CONVERGENCE: draw_convergence, DERIVED: draw_derived}
+    order = [DRIVE, OVER_FREQUENCY, IMPROVEMENT] if result.peaks else []
+    order += [CONVERGENCE] if result.history else []
+    order += [DERIVED] if result.peaks and varying(result) else []
+    order += [PER_EXPERIMENT] if result.peaks else []
     parts = shares_of(result, data)
     planned = []
-    for draw in figures_of(result, data):
-        made = partial(draw, result, data)
-        draws: list[Callable[[], Drawing]] = [made]
-        if parts and draw in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
-            draws = [partial(_of_series, draw, *part) for part in parts]
-        planned += [Planned(name=NAMES[draw], draw=own) for own in draws]
-    planned += [
-        Planned(name=described.name, draw=partial(draw_measurement, described, data))
-        for described in data.figures
-    ]
+    for name in order:
+        own = [partial(draws[name], result, data)]
+        if parts and name in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
+            own = [partial(_of_series, draws[name], *part) for part in parts]
+        planned += [Planned(name=name, draw=draw) for draw in own]
+    planned += [Planned(name=f.name, draw=partial(draw_measurement, f, data)) for f in data.figures]
     if result.knowledge is not None:
         planned += knowledge_figures(result, data.title, synthetic=data.synthetic)
-    return numbered(planned, result, [described.name for described in data.figures])
+    return numbered(planned, result, [figure.name for figure in data.figures])
 
 
 def _of_series(
-    draw: Callable[[Result, ShownCampaign], Drawing],
+    draw: Callable[[Result, ShownCampaign], Figure],
     series: str,
     share: Result,
     member: ShownCampaign,
-) -> Drawing:
+) -> Figure:
     """A figure of one campaign of several."""
-    drawing = draw(share, member)
-    return replace(drawing, series=series, title=f"{drawing.title}, {series}")
+    drawn = draw(share, member)
+    return replace(drawn, series=series, title=f"{drawn.title}, {series}")
 
 
-def longest_first(planned: Sequence[Planned]) -> list[Planned]:
-    """Figures in the order in which several that draw begin them.
+def numbered(
+    planned: Sequence[Planned], result: Result, shown: Sequence[str]
+) -> dict[str, Planned]:
+    """The figures of a reconstruction in the order of the page, by their numbers.
+
+    Args:
+        planned: all figures that there is something for.
+        result: of a reconstruction.
+        shown: names of the figures of its measurements, of which one leads: it shows data, fit and
+            residual at once.
+    """
+    leading = [figure for figure in planned if figure.name in shown]
+    leading.sort(key=lambda figure: figure.name in SELDOM_LEADING)
+    leading += [figure for figure in planned if figure.name == PER_EXPERIMENT]
+    ordered = [figure for figure in planned if figure not in leading[:1]]
+    ordered.sort(key=lambda figure: _place(figure.name))
+    # figures that a fit of this campaign may have, and another may not
+    reserved = {PROFILES, CONVERGENCE, NU}
+    reserved |= {TOGETHER} if len(result.parameters) > 1 else set()
+    reserved |= {OUTPUTS} if result.parameters and result.derived else set()
+    missing = sorted(reserved - {figure.name for figure in planned}, key=_place)
+    digits = len(str(len(planned) + len(missing)))
+    made = {f"{1:0{digits}d}": figure for figure in leading[:1]}
+    number = len(made)
+    for figure in ordered:
+        while missing and _place(missing[0]) < _place(figure.name):
+            missing.pop(0)
+            number += 1
+        number += 1
+        made[f"{number:0{digits}d}"] = figure
+    return made
+
+
+def _place(name: str) -> int:
+    if name in LAST:
+        return len(FIRST) + 1 + LAST.index(name)
+    return FIRST.index(name) if name in FIRST else len(FIRST)
+
+
+def longest_first(planned: dict[str, Planned]) -> list[str]:
+    """Numbers of figures in the order in which several processes start them.
 
     Args:
         planned: figures in the order of the page.
     """
-    ranks = {name: LONGEST.index(name) for name in LONGEST}
-    return sorted(planned, key=lambda figure: ranks.get(figure.name, len(LONGEST)))
+    ranks = {name: rank for rank, name in enumerate(LONGEST)}
+    return sorted(planned, key=lambda number: ranks.get(planned[number].name, len(LONGEST)))
 
 
-def settled(planned: Sequence[Planned], data: ShownCampaign) -> list[Planned]:
+def settled(planned: dict[str, Planned], data: ShownCampaign) -> dict[str, Planned]:
     """Figures that the fit alone settles: those of peaks, and what measurements show of themselves.
 
     They are the same bytes for results of the same peaks and deviations.
@@ -178,28 +250,5 @@ def settled(planned: Sequence[Planned], data: ShownCampaign) -> list[Planned]:
         planned: all figures.
         data: what is shown of the campaign.
     """
-    names = {NAMES[draw] for draw in OF_PEAKS} | {figure.name for figure in data.figures}
-    return [figure for figure in planned if figure.name in names]
-
-
-def figures_of(
-    result: Result, data: ShownCampaign
-) -> list[Callable[[Result, ShownCampaign], Drawing]]:
-    """The figures to draw of any reconstruction, in order: those of peaks need experiments.
-
-    What its measurements show of themselves is not among them (`ShownCampaign.figures`).
-
-    Args:
-        result: of a reconstruction.
-        data: what is shown of the campaign.
-    """
-    draws: list[Callable[[Result, ShownCampaign], Drawing]] = []
-    if result.peaks:
-        draws += [draw_drive, draw_over_frequency, draw_improvement]
-    if result.history:
-        draws.append(draw_convergence)
-    if result.peaks and varying(result):
-        draws.append(draw_derived)
-    if result.peaks:
-        draws.append(draw_per_experiment)
-    return draws
+    names = {*OF_PEAKS, *(figure.name for figure in data.figures)}
+    return {number: figure for number, figure in planned.items() if figure.name in names}

@@ -1,6 +1,8 @@
-"""What all figures of the report share: their style, the synthetic mark, and how they are saved.
+"""What all figures share: colours, markers, ticks, style, the synthetic mark, how they are saved.
 
-Saving the same figure twice gives the same bytes.
+Colours are Okabe and Ito's, distinct for any colour vision; nothing rests on colour alone:
+markers and dashes show the same. Ink and paper are those of the style that is in use. Saving the
+same figure twice gives the same bytes.
 """
 
 from __future__ import annotations
@@ -19,15 +21,176 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
+from matplotlib.axes import Axes as Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
 
+from fitting.measurements.figure import Figure as Described
 from fitting.report.figures.data import figure_csv
-from fitting.report.figures.file import FigureFile
-from fitting.report.plot.axes import BLACK, RED
 from fitting.text.files import write_whole
+from fitting.text.notation import on_log_axis
+
+BLACK, GREY, PALE = "#000000", "#6e6e6e", "#d9d9d9"
+ORANGE, BLUE, RED, GREEN, PURPLE = "#e69f00", "#0072b2", "#d55e00", "#009e73", "#cc79a7"
+#: Measured, simulated; after the fit (before it: ink).
+MEASURED, SIMULATED, AFTER = ORANGE, BLUE, RED
+#: Series within a panel.
+SERIES = (BLUE, RED, GREEN, PURPLE, GREY, ORANGE)
+SERIES_MARKERS = ("o", "s", "^", "D", "v", "P")
+#: One shape per experiment, the paper's first: bullet, triangle, pentagon, diamond, square.
+MARKERS = ("o", "^", "p", "D", "s", "v", "h", "P", "X", "*", "<", ">")
+#: Opacity of grey bands behind the data.
+BAND = 0.22
+#: Names of experiments longer than this are cut in legends and on axes.
+LONGEST_NAME = 24
+
+
+def axes_of(ax: Axes | None) -> Axes:
+    """The axes that were given, else pyplot's current ones.
+
+    Args:
+        ax: axes to draw into, None for new ones.
+    """
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot  # opens a window system: only where the axes are left to it
+
+    return pyplot.gca()
+
+
+def ink() -> str:
+    """Colour of text in the style that is in use."""
+    return str(mpl.rcParams["text.color"])
+
+
+def short(text: str, longest: int) -> str:
+    """A name cut to so many characters, dollar signs escaped for matplotlib.
+
+    The middle goes: names in a row mostly differ at their ends.
+
+    Args:
+        text: as it was written.
+        longest: characters at most.
+    """
+    tail = longest // 2
+    cut = text if len(text) <= longest else f"{text[: longest - 1 - tail]}…{text[-tail:]}"
+    return cut.replace("$", r"\$")
+
+
+def marker_of(index: int) -> str:
+    """Marker shape of an experiment, the same in all figures.
+
+    Args:
+        index: place in the series of looks.
+    """
+    return MARKERS[index % len(MARKERS)]
+
+
+def series_look(index: int) -> tuple[str, str]:
+    """Colour and marker of a series within a panel.
+
+    Args:
+        index: place in the series of looks.
+    """
+    return SERIES[index % len(SERIES)], SERIES_MARKERS[index % len(SERIES_MARKERS)]
+
+
+def plain_ticks(axes: Axes, *, x: int = 5, y: int = 5) -> None:
+    """Few round ticks written in full: offsets and powers are named in the axis label instead.
+
+    Args:
+        axes: axes to draw into.
+        x: ticks of the horizontal axis at most, 0: as they are.
+        y: ticks of the vertical axis at most, 0: as they are.
+    """
+    for axis, count in ((axes.xaxis, x), (axes.yaxis, y)):
+        plain = ScalarFormatter(useOffset=False)
+        plain.set_scientific(False)
+        axis.set_major_formatter(plain)
+        axis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))
+
+
+def log_axis(axes: Axes, which: str = "y") -> None:
+    """A logarithmic axis whose ticks are written as numbers, not as bare powers.
+
+    Args:
+        axes: axes to draw into.
+        which: "x" or "y".
+    """
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    axis.set_major_locator(LogLocator(10.0, subs=(1.0,), numticks=8))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def say_empty(axes: Axes, words: str = "the model has no value here") -> None:
+    """Say in the middle of an empty panel why it is empty.
+
+    Args:
+        axes: axes to draw into.
+        words: as they are shown.
+    """
+    axes.text(0.5, 0.5, words, ha="center", va="center", transform=axes.transAxes, color=GREY)
+
+
+def experiment_handles(labels: Sequence[str]) -> list[Line2D]:
+    """Legend entries that tell which marker is which experiment.
+
+    Args:
+        labels: of the experiments.
+    """
+    return [
+        Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker=marker_of(i),
+            markersize=5.5,
+            color=GREY,
+            label=short(text, LONGEST_NAME),
+        )
+        for i, text in enumerate(labels)
+    ]
+
+
+def label_experiments(axes: Axes, labels: Sequence[str]) -> None:
+    """An x axis with a tick per experiment, turned where the labels would meet.
+
+    Args:
+        axes: axes to draw into.
+        labels: of the experiments.
+    """
+    width = width_inches(axes)
+    step = math.ceil(0.17 * len(labels) / (width - 0.9))  # turned labels need that many inches
+    shown = range(0, len(labels), max(1, step))
+    axes.set_xticks(shown, [short(labels[i], LONGEST_NAME) for i in shown])
+    axes.grid(visible=False, axis="x")
+    axes.set_xlim(-0.6, len(labels) - 0.4)
+    if sum(len(text) + 1 for text in labels) > 15.0 * (width - 0.7):
+        axes.tick_params(axis="x", rotation=45)
+        for text in axes.get_xticklabels():
+            text.set_horizontalalignment("right")
+            text.set_rotation_mode("anchor")
+
+
+def width_inches(axes: Axes) -> float:
+    """Width of the column of panels that axes stand in, labels included.
+
+    Args:
+        axes: axes to draw into.
+    """
+    whole = float(axes.figure.get_figure(root=True).get_size_inches()[0])
+    spec = axes.get_subplotspec()
+    if spec is None:
+        return max(1.5, whole * axes.get_position().width)
+    return max(1.5, whole * len(spec.colspan) / spec.get_gridspec().ncols)
+
+
+# --- the style of a report, and files -------------------------------------------------------------
 
 SYNTHETIC = "SYNTHETIC DATA"
 PNG_DPI = 160
@@ -66,42 +229,20 @@ _STYLE: Any = {  # matplotlib's stubs want every key as a literal
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drawing:
-    """A figure with what is said about it: short name, title, caption, text for the blind.
-
-    ``number`` is that on the page and before the name of its files (0: it has none), of ``digits``
-    digits there, so that files sort as on the page; ``series``
-    the measurement's, where each of several has such a figure.
-    """
-
-    name: str
-    title: str
-    caption: str
-    alt: str
-    figure: Figure
-    series: str = ""
-    number: int = 0
-    digits: int = 1
-
-    @property
-    def stem(self) -> str:
-        """Name of its files, without an ending."""
-        number = f"{self.number:0{self.digits}d}" if self.number else ""
-        return "_".join(filter(None, (number, self.name, self.series)))
-
-
-@dataclass(frozen=True, kw_only=True)
 class Planned:
-    """A figure that is yet to be drawn: what it is known by before, and what draws it."""
+    """A figure that is yet to be drawn: its name, and what draws it."""
 
     name: str
-    draw: Callable[[], Drawing]
-    number: int = 0
-    digits: int = 1
+    draw: Callable[[], Described]
 
-    def drawing(self) -> Drawing:
-        """The figure, with its number."""
-        return replace(self.draw(), number=self.number, digits=self.digits)
+    def drawing(self, number: int, digits: int = 1) -> Described:
+        """The figure with its number.
+
+        Args:
+            number: on the page.
+            digits: of the number in the names of files.
+        """
+        return replace(self.draw(), number=number, digits=digits)
 
 
 #: What a figure for print has otherwise: fonts as publishers want them, which takes half a second
@@ -191,38 +332,48 @@ def _mark_synthetic(figure: Figure, *, small: bool) -> None:
     )
 
 
-def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFile:
-    """Write a drawing as SVG and PNG, whole or not at all.
+def save(
+    drawing: Described, folder: Path, *, for_page: bool = False, interactive: bool = False
+) -> Described:
+    """Write a drawing as SVG and PNG, whole or not at all; what is known of it then.
 
     Args:
         drawing: figure with its name, title and caption.
         folder: where the files go.
-        for_page: whether it is shown on a page: a PDF and the numbers as CSV go with it then, and
-            what makes it interactive there.
+        for_page: whether it is shown on a page: a PDF and the numbers as CSV go with it then.
+        interactive: whether it can be zoomed and read off there, which needs Bokeh.
 
     Raises:
         BadInput: the folder cannot be written.
     """
-    svg, png = folder / f"{drawing.stem}.svg", folder / f"{drawing.stem}.png"
-    words = {"Title": drawing.title, "Description": drawing.alt}
-    _lay_out(drawing.figure)
-    image = io.BytesIO()
-    drawing.figure.savefig(image, format="png", dpi=PNG_DPI, metadata={**words, "Software": None})
-    vector = io.BytesIO()
-    drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
-    write_whole(png, image.getvalue())
-    write_whole(svg, vector.getvalue())
-    saved = FigureFile(
-        name=drawing.stem,
-        kind=drawing.name,
-        number=drawing.number,
-        title=drawing.title,
-        caption=drawing.caption,
-        alt=drawing.alt,
-        svg=svg,
-        png=png,
+    figure: Figure = drawing.drawn
+    saved = replace(drawing, folder=folder, drawn=None, kinds=("svg", "png"))
+    _lay_out(figure)
+    write_whole(
+        saved.file("png"), _rendered(drawing, "png", Software=None, Description=drawing.alt)
     )
-    return _for_page(saved, drawing) if for_page else saved
+    written = _rendered(drawing, "svg", Date=None, Creator=None, Description=drawing.alt)
+    write_whole(saved.file("svg"), written)
+    if not for_page:
+        return saved
+    write_whole(saved.file("csv"), figure_csv(figure))
+    written = _rendered(drawing, "pdf", CreationDate=None, Subject=drawing.alt)
+    write_whole(saved.file("pdf"), written)
+    live = ""
+    if interactive:
+        from fitting.report import interactive as bokeh  # takes half a second to import
+
+        live = bokeh.document(figure)
+    return replace(saved, kinds=("svg", "png", "csv", "pdf"), live=live)
+
+
+def _rendered(drawing: Described, kind: str, **words: str | None) -> bytes:
+    """A drawing as the bytes of a file; the same drawing, the same bytes."""
+    image = io.BytesIO()
+    dpi: Any = {"dpi": PNG_DPI} if kind == "png" else {}
+    metadata: Any = {"Title": drawing.title, **words}
+    drawing.drawn.savefig(image, format=kind, metadata=metadata, **dpi)
+    return image.getvalue()
 
 
 def _lay_out(figure: Figure) -> None:
@@ -239,24 +390,6 @@ def _lay_out(figure: Figure) -> None:
     engine.execute(figure)
     figure.set_dpi(dpi)
     figure.set_layout_engine(None)
-
-
-def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
-    """The same with what a page offers of it: numbers, PDF, and itself to zoom and read off."""
-    # takes half a second to import: only where there is a page
-    from fitting.report.interactive.document import as_text, interactive
-
-    table, print_ = (
-        saved.svg.with_name(f"{saved.name}.csv"),
-        saved.svg.with_name(f"{saved.name}.pdf"),
-    )
-    words = {"Title": drawing.title, "Subject": drawing.alt, "CreationDate": None}
-    image = io.BytesIO()
-    drawing.figure.savefig(image, format="pdf", metadata=words)
-    write_whole(table, figure_csv(drawing.figure))
-    write_whole(print_, image.getvalue())
-    live = as_text(interactive(drawing.figure))
-    return replace(saved, csv=table, pdf=print_, live=live)
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:

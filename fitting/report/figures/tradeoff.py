@@ -14,21 +14,18 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from fitting.lab.names import QUANTITIES
 from fitting.lab.tradeoff.front import pareto
 from fitting.lab.tradeoff.records import COHERENT, Measurement, Study
-from fitting.report.figures.file import FigureFile
+from fitting.measurements.figure import Figure as Described
 from fitting.report.figures.style import (
-    Drawing,
-    legend_below,
-    new_figure,
-    save,
-    style,
-)
-from fitting.report.plot.axes import (
     BLACK,
     GREY,
     ORANGE,
     SERIES,
     SERIES_MARKERS,
+    legend_below,
     log_axis,
+    new_figure,
+    save,
+    style,
 )
 from fitting.text.notation import number, on_log_axis
 
@@ -52,7 +49,7 @@ HEADINGS = {
 }
 
 
-def save_figures(study: Study, folder: Path) -> list[FigureFile]:
+def save_figures(study: Study, folder: Path) -> list[Described]:
     """Draw and write the figure of a study; none of one that ended before its first setting.
 
     Args:
@@ -65,7 +62,7 @@ def save_figures(study: Study, folder: Path) -> list[FigureFile]:
         return [save(draw(study), folder, for_page=True)]
 
 
-def draw(study: Study) -> Drawing:
+def draw(study: Study) -> Described:
     """Error over cost, a panel per quantity; the plan's choices joined to what was asked.
 
     Args:
@@ -99,13 +96,13 @@ def draw(study: Study) -> Drawing:
     )
     if any(m.extrapolated for m in study.measurements):
         caption += " Pale markers: not run, cost extrapolated from a shorter run."
-    return Drawing(
+    return Described(
         name=f"tradeoff_{study.scene}",
         number=1,
         title=title,
         caption=caption,
         alt=caption,
-        figure=figure,
+        drawn=figure,
     )
 
 

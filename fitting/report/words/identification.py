@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from fitting.inference.likelihood.knowledge import Identification, PartAlone, Values
-from fitting.report.table import text_lines
-from fitting.report.tables.inference import direction_table, part_table
+from fitting.report.table import table, text_lines
 from fitting.report.words.inference import knowledge_lines
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import listed, settings_words
@@ -23,14 +22,13 @@ def identification_lines(found: Identification) -> list[str]:
         f"{kind}, set out from {found.at}",
         "",
     ]
-    directions = direction_table(found.knowledge)
-    if directions is not None:  # what was tried along them is told below
-        lines += text_lines(directions.without("what was tried"))
+    if found.knowledge.directions:  # the change along them is described below
+        lines += text_lines(table("directions", knowledge=found.knowledge, tried=False))
     lines += ["", *knowledge_lines(found)]
     if found.part is None:
         return lines
     lines += ["", *part_sentences(found, found.part), ""]
-    return lines + text_lines(part_table(found, found.part))
+    return lines + text_lines(table("part", whole=found, part=found.part))
 
 
 def part_sentences(whole: Values, part: PartAlone) -> tuple[str, ...]:

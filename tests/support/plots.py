@@ -1,19 +1,15 @@
-"""Plots into given axes, one thing each: they compute and save nothing and keep any style.
-
-Every function takes records of this program, draws into `ax` (pyplot's current axes if none is
-given) with labelled artists, so that ``ax.legend()`` names them, and returns the axes.
-"""
+"""All plots into given axes, under one name for the tests."""
 
 from __future__ import annotations
 
-from fitting.report.plot.design import candidates, expected_errors
-from fitting.report.plot.fit import (
+from fitting.report.figures.design import candidates, expected_errors
+from fitting.report.figures.fit import (
     objective_path,
     output_by_experiment,
     output_path,
     parameter_path,
 )
-from fitting.report.plot.inference import (
+from fitting.report.figures.inference import (
     against_prior,
     discrepancy,
     l_curve,
@@ -21,8 +17,8 @@ from fitting.report.plot.inference import (
     profile,
     together,
 )
-from fitting.report.plot.measurement import panel
-from fitting.report.plot.simulate import (
+from fitting.report.figures.measurements import frequency_response, panel
+from fitting.report.figures.simulate import (
     amplitude_spectrum,
     beating,
     drive_envelope,
@@ -30,8 +26,7 @@ from fitting.report.plot.simulate import (
     periods,
     swept_tone,
 )
-from fitting.report.plot.sweep import frequency_response, response_residuals
-from fitting.report.plot.tones import (
+from fitting.report.figures.tones import (
     deviations,
     deviations_by_experiment,
     improvement,
@@ -61,7 +56,6 @@ __all__ = [
     "periods",
     "profile",
     "residuals",
-    "response_residuals",
     "swept_tone",
     "together",
 ]

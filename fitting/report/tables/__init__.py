@@ -1,1 +1,0 @@
-"""The tables of terminal and report, by subject: each is columns over records."""
