@@ -10,7 +10,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -38,7 +38,7 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed, number, span, unit_text
 from fitting.text.sentences import warning_sentences
@@ -161,7 +161,7 @@ class Tikhonov:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Value(Estimate):
+class Value(FittedEstimate):
     """One parameter or derived output: what the data say of it, all numbers in ``unit``.
 
     ``value`` is the most likely one, or the paper's if that was asked for (`Tikhonov.estimator`);
@@ -617,11 +617,12 @@ def require_values(names: Sequence[str], known: Sequence[str], where: str) -> No
             raise BadInput(f"{where}: no value '{name}'{did_you_mean(name, sorted(known))}")
 
 
-def _value(found: Estimate, scan: Scan | None) -> Value:
+def _value(found: FittedEstimate, scan: Scan | None) -> Value:
     is_open = not found.status.has_value
     if found.role == "offset":  # its prior gives it a value, where the model is right
         is_open = found.status is Verdict.WITHDRAWN
-    shared = vars(found) | {"most_likely": found.likely}
+    shared = {each.name: getattr(found, each.name) for each in fields(FittedEstimate)}
+    shared["most_likely"] = found.likely
     if is_open:
         shared |= {"value": math.nan, "std": math.nan}
     return Value(**shared, scan=scan)

@@ -33,7 +33,7 @@ from fitting.inference.equivalent_fits import turned_to
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, OutOfBudget
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
 
 #: Steps at most by the derivatives at the solution, and share of a standard error that ends them.
@@ -51,7 +51,7 @@ class _Moved:
     chi_square: float
 
 
-def assumption_findings(fit: Fit, values: Mapping[str, Estimate]) -> tuple[Finding, ...]:
+def assumption_findings(fit: Fit, values: Mapping[str, FittedEstimate]) -> tuple[Finding, ...]:
     """By how much every value that has one would shift without an assumption, a finding for each.
 
     The subject says what is assumed and what might be instead. Numbers are ``shift_NAME`` of each
@@ -165,7 +165,7 @@ def _started(solution: Solution, assumption: Assumption) -> FloatArray:
 
 
 def _shifts(
-    solution: Solution, moved: _Moved, known: Mapping[str, Estimate]
+    solution: Solution, moved: _Moved, known: Mapping[str, FittedEstimate]
 ) -> Iterator[tuple[str, float]]:
     """Name and shift of every value, in SI units."""
     parameters, here = solution.parameters, solution.final.parameters

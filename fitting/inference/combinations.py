@@ -21,7 +21,7 @@ from fitting.fit.solution import Solution
 from fitting.inference.estimates import SEEN
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed
 
@@ -38,7 +38,9 @@ STEP = 1e-4
 ALONE = "std_alone_"
 
 
-def combination_findings(solution: Solution, values: Mapping[str, Estimate]) -> tuple[Finding, ...]:
+def combination_findings(
+    solution: Solution, values: Mapping[str, FittedEstimate]
+) -> tuple[Finding, ...]:
     """A finding for each pair of parameters of which the data know little but one combination.
 
     The subject names both, derived values that follow behind them. Numbers are the `correlation`,
@@ -69,7 +71,7 @@ def combination_findings(solution: Solution, values: Mapping[str, Estimate]) -> 
     return tuple(found)
 
 
-def _is_poor(solution: Solution, i: int, values: Mapping[str, Estimate]) -> bool:
+def _is_poor(solution: Solution, i: int, values: Mapping[str, FittedEstimate]) -> bool:
     """Whether the data know a parameter, but not well."""
     p = solution.parameters[i]
     if p.name not in values or not p.moves_model or p.experiments:

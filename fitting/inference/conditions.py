@@ -28,7 +28,7 @@ from fitting.fit.solution import Solution
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput, FmuFailure
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import ParameterEstimate
 from fitting.text.finding import Finding, Kind
 
 #: How much wider an error is with the condition free, from which the value rests on it: a wrong
@@ -69,7 +69,7 @@ class _Column:
     change: FloatArray
 
 
-def condition_findings(fit: Fit, values: Mapping[str, Estimate]) -> Iterator[Finding]:
+def condition_findings(fit: Fit, values: Mapping[str, ParameterEstimate]) -> Iterator[Finding]:
     """Under what conditions values hold that the data do not tell; none where there are none.
 
     Args:
@@ -123,7 +123,7 @@ def _taken(fit: Fit) -> list[Taken]:
     return list(found.values())
 
 
-def _known(values: Mapping[str, Estimate]) -> dict[str, Estimate]:
+def _known(values: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
     """Parameters of the campaign that have a value and an error."""
     return {
         name: value
@@ -221,7 +221,7 @@ def _example(
     columns: Sequence[_Column],
     fixed: FloatArray,
     added: FloatArray,
-    values: Mapping[str, Estimate],
+    values: Mapping[str, ParameterEstimate],
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """How little of a condition moves which value by its standard error, where the fit allows.
 

@@ -75,7 +75,7 @@ from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
 from fitting.text.errors import OutOfBudget
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate, OutputEstimate, ParameterEstimate
 from fitting.text.notation import span
 
 _log = logging.getLogger(__name__)
@@ -190,7 +190,6 @@ def determine(
     resampled = _resampled(evaluator, optimum, values, options)
     rates = [rate for m in objective.data.measurements for rate in m.sampled_hz]
     spent = Effort(evaluator.evaluations, evaluator.derived, evaluator.runs)
-    named = [p.name for p in parameters]
     knowledge = Knowledge(
         data=options.data,
         chi_square=optimum.chi_square,
@@ -213,8 +212,8 @@ def determine(
         bootstrap=resampled,
     )
     return Determined(
-        parameters={name: value for name, value in values.items() if name in named},
-        derived={name: value for name, value in values.items() if name not in named},
+        parameters={n: v for n, v in values.items() if isinstance(v, ParameterEstimate)},
+        derived={n: v for n, v in values.items() if isinstance(v, OutputEstimate)},
         findings=tuple(sampling_findings(rates, values, equivalents)),
         knowledge=knowledge,
     )
@@ -257,7 +256,7 @@ def _likelihood(
 def _resampled(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
-    values: Mapping[str, Estimate],
+    values: Mapping[str, FittedEstimate],
     options: InferenceOptions,
 ) -> Bootstrap | None:
     """The bootstrap, where one is asked for."""
@@ -268,7 +267,7 @@ def _resampled(
     return bootstrap_of(optimum, values, *drawn, options.progress)
 
 
-def _log_of(values: Mapping[str, Estimate]) -> None:
+def _log_of(values: Mapping[str, FittedEstimate]) -> None:
     for name, p in values.items():
         interval = span(*p.ci95, p.unit).replace("\u00a0", " ")
         _log.info("profile of %s: %s, %s", name, interval, p.status)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fitting.inference.likelihood.knowledge import Equivalent, Values
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
 
 #: Beyond an interval by less than this share of its width a value is still the same: two fits of
@@ -109,5 +109,5 @@ def _farthest(values: Values, other: Equivalent) -> str:
     return max((n for n in other.parameters if n in known), key=off, default="")
 
 
-def _profiled(values: Values) -> dict[str, Estimate]:
+def _profiled(values: Values) -> dict[str, FittedEstimate]:
     return {name: value for name, value in values.parameters.items() if name in values.scans}

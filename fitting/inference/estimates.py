@@ -17,7 +17,7 @@ from fitting.measurements.dataset import places_of_outputs
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import OffsetEstimate, OutputEstimate, ParameterEstimate, Verdict
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the box.
 OUTPUT_STEP = 1e-4
@@ -43,7 +43,7 @@ class Estimates:
         return self.paper if self.estimator == ALGORITHM2 else self.best
 
 
-def parameter_results(solution: Solution, found: Estimates) -> dict[str, Estimate]:
+def parameter_results(solution: Solution, found: Estimates) -> dict[str, ParameterEstimate]:
     """Value, error and provenance of every parameter of the whole campaign, by name.
 
     Args:
@@ -61,9 +61,8 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Estimat
         gradient[i] = parameter.scale
         (std, half), shrinkage = _halves(solution, gradient)
         shift = solution.errors.shift(gradient)
-        results[parameter.name] = Estimate(
+        results[parameter.name] = ParameterEstimate(
             name=parameter.name,
-            role="parameter",
             value=float(reported[i]),
             unit=parameter.unit,
             std=std + shift if shrinkage >= SEEN else float("nan"),
@@ -100,7 +99,7 @@ def _interval(parameter: Parameter, raw: float, shown: float, half: float) -> tu
 
 def derived_results(
     solution: Solution, found: Estimates, units: Mapping[str, str], seed: int
-) -> dict[str, Estimate]:
+) -> dict[str, OutputEstimate]:
     """Derived outputs as reported, with errors from their gradient and range over the box.
 
     Args:
@@ -134,9 +133,8 @@ def derived_results(
         value = mean(values)
         each = len(places) == values.size > 1
         slopes = around.quotients([answer[name] for answer in answers[2:]]) if each else ()
-        results[name] = Estimate(
+        results[name] = OutputEstimate(
             name=name,
-            role="derived",
             value=value,
             unit=units.get(name, ""),
             values=tuple(map(float, values)),
@@ -196,7 +194,7 @@ def _within(box: tuple[float, float], value: float, half: float) -> tuple[float,
     return min(low, value), max(high, value)
 
 
-def offset_results(solution: Solution, found: Estimates) -> dict[str, Estimate]:
+def offset_results(solution: Solution, found: Estimates) -> dict[str, OffsetEstimate]:
     """One record per parameter of an experiment, by name: what it adds up to there, with its error.
 
     Steps of a random walk are reported as the offset that they have led to.
@@ -219,9 +217,8 @@ def offset_results(solution: Solution, found: Estimates) -> dict[str, Estimate]:
         (std, half), shrinkage = _halves(solution, gradient)
         shift = solution.errors.shift(gradient)
         later = [q.experiment for q in own if q is not p and _goes_to(q) == _goes_to(p)]
-        results[p.name] = Estimate(
+        results[p.name] = OffsetEstimate(
             name=p.name,
-            role="offset",
             experiments=tuple(label for label in p.experiments if label not in later),
             variables=_goes_to(p),
             value=float(adds @ found.reported),

@@ -40,7 +40,7 @@ from fitting.signal.residual_tests import TOLD
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate, OffsetEstimate
 from fitting.text.finding import SEVERITIES, Finding, Kind, Severity
 from fitting.text.notation import hertz, settings_words
 from fitting.text.units import convert
@@ -84,7 +84,7 @@ class Misfitting:
 
 def findings_of(
     fit: Fit,
-    offsets: Sequence[Estimate],
+    offsets: Sequence[OffsetEstimate],
     sweeps: SweepFindings,
     most_likely: FloatArray,
     misfit: Misfitting | None = None,
@@ -273,7 +273,7 @@ def _finite(numbers: Mapping[str, float]) -> dict[str, float]:
 # --- values --------------------------------------------------------------------------------------
 
 
-def estimator_findings(options: Options, values: Mapping[str, Estimate]) -> Iterator[Finding]:
+def estimator_findings(options: Options, values: Mapping[str, FittedEstimate]) -> Iterator[Finding]:
     """That the values are Algorithm 2's and the errors are not, and which of them do not agree.
 
     Args:
@@ -296,7 +296,7 @@ def estimator_findings(options: Options, values: Mapping[str, Estimate]) -> Iter
 
 
 def simulation_findings(
-    promised: Sequence[float], scale_off: float, values: Mapping[str, Estimate]
+    promised: Sequence[float], scale_off: float, values: Mapping[str, FittedEstimate]
 ) -> Iterator[Finding]:
     """Values whose errors hold more of what is no noise than can be left unsaid.
 
@@ -426,7 +426,7 @@ def alternative_findings(alternatives: Sequence[AlternativeResult]) -> Iterator[
 
 
 def _of_drift(
-    problem: Problem, offsets: Sequence[Estimate], sweeps: SweepFindings, describes: bool
+    problem: Problem, offsets: Sequence[OffsetEstimate], sweeps: SweepFindings, describes: bool
 ) -> Iterator[Finding]:
     """Of every campaign, by its name where there are several."""
     for name, bound in problem.campaigns.items():
@@ -444,7 +444,7 @@ def _of_drift(
 
 def drift_findings(
     bound: BoundCampaign,
-    offsets: Sequence[Estimate],
+    offsets: Sequence[OffsetEstimate],
     width_hz: float,
     describes: bool = True,
     subject: str = "",

@@ -62,7 +62,7 @@ from fitting.inference.presence import unseen
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import listed, number, settings_words
 
@@ -149,7 +149,7 @@ def _inferred(
     parameters = judged(parameters, profiled, apart, why_not)
     derived = judged(derived, profiled, apart, why_not)
     offsets = judged(offset_results(solution, estimates), {}, {}, why_not)
-    named = {**parameters, **derived, **offsets}
+    named: dict[str, FittedEstimate] = {**parameters, **derived, **offsets}
     ending = _ending(fit, status, read, left)
     if is_best and contradictions(joint):
         ending = _contradicted(ending, joint)
@@ -176,7 +176,7 @@ def _inferred(
         *pair_findings(joint, is_best=is_best),
         # profiles name an alternative with its values
         *(equivalents or alternative_findings(fit.alternatives)),
-        *(_of_solution(fit, solution, {**parameters, **derived}) if describes else ()),
+        *(_of_solution(fit, solution, inference) if describes else ()),
         *(determined.findings if determined is not None and describes else ()),
         *estimator_findings(fit.options, named),
         *simulation_findings(solution.final.promised, sweeps.scale_off, named),
@@ -219,17 +219,15 @@ def _scale_off(solution: Solution, sweeps: SweepFindings) -> float:
     return max(beyond, default=math.nan)
 
 
-def _of_solution(
-    fit: Fit, solution: Solution, values: Mapping[str, Estimate]
-) -> tuple[Finding, ...]:
+def _of_solution(fit: Fit, solution: Solution, inference: Inference) -> tuple[Finding, ...]:
     """What the data know in combination only, and what values rest on.
 
     Nothing of start values that nobody measured where the model fails near the solution.
     """
     conditions: tuple[Finding, ...] = ()
     with contextlib.suppress(FmuFailure, np.linalg.LinAlgError):
-        parameters = {n: v for n, v in values.items() if v.role == "parameter"}
-        conditions = tuple(condition_findings(fit, parameters))
+        conditions = tuple(condition_findings(fit, inference.parameters))
+    values = {**inference.parameters, **inference.derived}
     return (
         *conditions,
         *combination_findings(solution, values),
@@ -237,7 +235,9 @@ def _of_solution(
     )
 
 
-def _with_names(sweeps: SweepFindings, fit: Fit, values: Mapping[str, Estimate]) -> SweepFindings:
+def _with_names(
+    sweeps: SweepFindings, fit: Fit, values: Mapping[str, FittedEstimate]
+) -> SweepFindings:
     """The sweeps; a line that nothing speaks against says which of the values are its own."""
     if sweeps.faults or any(found.contradicts for found in sweeps.agreement):
         return sweeps
@@ -249,7 +249,7 @@ def _with_names(sweeps: SweepFindings, fit: Fit, values: Mapping[str, Estimate])
 def _quadratures(
     solution: Solution,
     request: InferenceRequest,
-    named: Mapping[str, Estimate],
+    named: Mapping[str, FittedEstimate],
 ) -> Quadratures:
     """What complex values tell, of values that there are; nothing where the model fails nearby."""
     try:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 from fitting.fit.fit import Status
 from fitting.inference.ending import Ending
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Knowledge, Values
 from fitting.inference.quadratures import Quadratures
-from fitting.inference.verdicts import withdrawn
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
+
+Fitted = TypeVar("Fitted", bound=FittedEstimate)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +40,11 @@ class Inferred(Values):
 
 
 def judged(
-    values: Mapping[str, Estimate],
-    profiled: Mapping[str, Estimate],
+    values: Mapping[str, Fitted],
+    profiled: Mapping[str, FittedEstimate],
     apart: Mapping[str, str],
     why_not: str,
-) -> dict[str, Estimate]:
+) -> dict[str, Fitted]:
     """Values with status, error and intervals of their profiles, where these were scanned.
 
     Args:
@@ -68,5 +70,5 @@ def judged(
                 closed_by=known.closed_by,
                 active_bounds=known.active_bounds,
             )
-        made[name] = withdrawn(value, why) if why else value
+        made[name] = value.withdrawn(why) if why else value
     return made

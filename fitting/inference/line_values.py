@@ -17,7 +17,7 @@ from fitting.measurements.sweep import Sweep
 from fitting.signal.peaks import fit_resonance
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.units import convert
 
 #: A value is the line's where both agree to this share: of the width, or of the quality.
@@ -28,7 +28,7 @@ ELSEWHERE = ((1.1, 0.3), (1.0 / 1.3, -0.5), (1.2, 1.0))
 
 
 def values_of_line(
-    problem: Problem, solution: Solution, values: Mapping[str, Estimate]
+    problem: Problem, solution: Solution, values: Mapping[str, FittedEstimate]
 ) -> dict[str, str]:
     """Names of values that are the line's "frequency", "width" or "q".
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from fitting.inference.likelihood.knowledge import Equivalent
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number
 
@@ -14,7 +14,9 @@ WHOLE = 1e-3
 
 
 def sampling_findings(
-    rates_hz: Iterable[float], values: Mapping[str, Estimate], equivalents: Sequence[Equivalent]
+    rates_hz: Iterable[float],
+    values: Mapping[str, FittedEstimate],
+    equivalents: Sequence[Equivalent],
 ) -> Iterator[Finding]:
     """Which values in Hz are one of several because the record is sampled so rarely.
 
@@ -37,7 +39,9 @@ def sampling_findings(
                 )
 
 
-def _turns(name: str, value: Estimate, rate: float, equivalents: Sequence[Equivalent]) -> set[int]:
+def _turns(
+    name: str, value: FittedEstimate, rate: float, equivalents: Sequence[Equivalent]
+) -> set[int]:
     """By how many rates the values of equal fits are off."""
     if value.unit != "Hz" or value.role != "parameter":
         return set()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,13 @@ from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interv
 from fitting.signal.student import ROOT_68
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import NOWHERE, Estimate, Verdict
+from fitting.text.estimate import (
+    NOWHERE,
+    FittedEstimate,
+    OutputEstimate,
+    ParameterEstimate,
+    Verdict,
+)
 from fitting.text.notation import as_known, listed, number, span
 
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
@@ -132,29 +139,7 @@ def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
         if name not in made:
             made[name] = _without_value(explored, name, basis)
     why = basis.withdrawn
-    return {n: p._replace(value=withdrawn(p.value, why)) for n, p in made.items()} if why else made
-
-
-def withdrawn(value: Estimate, why: str) -> Estimate:
-    """A value of a model that does not describe the data: its intervals are those of nothing.
-
-    Args:
-        value: as it was determined.
-        why: there is no verdict.
-    """
-    nothing = (math.nan,) * len(value.stds)
-    return replace(
-        value,
-        std=math.nan,
-        ci68=NOWHERE,
-        ci95=NOWHERE,
-        shrinkage=math.nan if value.method == "profile" else value.shrinkage,
-        status=Verdict.WITHDRAWN,
-        reason=why,
-        active_bounds=(),
-        stds=nothing,
-        halves95=nothing,
-    )
+    return {n: p._replace(value=p.value.withdrawn(why)) for n, p in made.items()} if why else made
 
 
 def _turn(optimum: Optimum) -> FloatArray:
@@ -226,24 +211,34 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     verdict, reason = _verdict(subject, found, basis)
     shrinkage = 1.0 - min(1.0, (wide[1] - wide[0]) / (subject.box[1] - subject.box[0])) ** 2
     points = _in_order(explored, quantity)
-    value = Estimate(
-        name=quantity.name,
-        role="derived" if subject.parameter is None else "parameter",
-        value=subject.shown(quantity.best),
-        unit=subject.unit,
-        std=0.5 * (high68 - low68) if verdict.has_value else math.nan,
-        ci68=(low68, high68),
-        ci95=wide,
-        lower=subject.box[0] if subject.parameter is None else subject.parameter.lower,
-        upper=subject.box[1] if subject.parameter is None else subject.parameter.upper,
-        period=subject.period,
-        closed_by=(ends[0], ends[1]),
-        shrinkage=shrinkage,
-        status=verdict,
-        reason=reason,
-        method="profile",
-        simulation=subject.scale * quantity.reach * quantity.sigma,
-    )
+    parameter = subject.parameter
+    known: dict[str, Any] = {
+        "name": quantity.name,
+        "value": subject.shown(quantity.best),
+        "unit": subject.unit,
+        "std": 0.5 * (high68 - low68) if verdict.has_value else math.nan,
+        "ci68": (low68, high68),
+        "ci95": wide,
+        "closed_by": (ends[0], ends[1]),
+        "shrinkage": shrinkage,
+        "status": verdict,
+        "reason": reason,
+        "method": "profile",
+        "simulation": subject.scale * quantity.reach * quantity.sigma,
+    }
+    value: FittedEstimate
+    if parameter is None:
+        value = OutputEstimate(**known, lower=subject.box[0], upper=subject.box[1])
+    else:
+        value = ParameterEstimate(
+            **known,
+            lower=parameter.lower,
+            upper=parameter.upper,
+            period=parameter.period,
+            reference=parameter.reference,
+            start=parameter.start,
+            asked=parameter.moves_model,
+        )
     scan = Scan(
         sigma=subject.scale * quantity.sigma,
         held=tuple(dict.fromkeys(found.held)) if "held" in ends else (),
@@ -577,9 +572,8 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
     k = explored.optimum.likelihood.names.index(name)
     best = float(explored.optimum.expansion.sample.outputs[k])
     box = basis.boxes.get(name, NOWHERE)
-    value = Estimate(
+    value = OutputEstimate(
         name=name,
-        role="derived",
         value=best,
         unit=basis.units.get(name, ""),
         ci68=box,

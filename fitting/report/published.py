@@ -15,7 +15,7 @@ from fitting.report.table import csv_text, environment, table
 from fitting.report.tables import is_reported, values
 from fitting.result.result import Result
 from fitting.signal.student import ratio95
-from fitting.text.estimate import NOWHERE, Estimate, Verdict
+from fitting.text.estimate import NOWHERE, FittedEstimate, Verdict
 from fitting.text.files import write_whole
 from fitting.text.notation import rounded_alike, span, symbol, unit_text, with_error
 
@@ -37,7 +37,7 @@ _RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺]+")
 _POWER = re.compile(r"\*\*\(?(-?[\d.]+)\)?")
 
 #: A value for print and the source of its numbers; NaN is what there is not.
-Row = tuple[Estimate, str]
+Row = tuple[FittedEstimate, str]
 
 
 def write_values(result: Result, folder: Path) -> tuple[Path, Path]:
@@ -93,7 +93,7 @@ def latex(rows: Sequence[Row]) -> str:
     return templates.get_template("values.tex.j2").render(rows=rows)
 
 
-def _value(e: Estimate) -> str:
+def _value(e: FittedEstimate) -> str:
     """A value with its error, or with both where they differ: 235^{+128}_{-89}."""
     bars, unit = e.bars, unit_text(e.unit)
     if not math.isfinite(e.value):
@@ -106,7 +106,7 @@ def _value(e: Estimate) -> str:
     return f"${value}^{{+{above}}}_{{-{below}}}$" + (f"~{latex_text(unit)}" if unit else "")
 
 
-def _ends(e: Estimate) -> str:
+def _ends(e: FittedEstimate) -> str:
     """The 95 % interval in words."""
     if e.is_all_round:
         return phrase("values", "period", e)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Protocol
 
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate, OutputEstimate
 
 #: Values, and ends of intervals over their width, that are as near are the same.
 SAME, SAME_END = 1e-9, 0.02
@@ -16,15 +16,15 @@ class Valued(Protocol):
     """What has values: a result, or what was inferred of a fit."""
 
     @property
-    def parameters(self) -> Mapping[str, Estimate]:
+    def parameters(self) -> Mapping[str, FittedEstimate]:
         """Fitted parameters by name."""
 
     @property
-    def derived(self) -> Mapping[str, Estimate]:
+    def derived(self) -> Mapping[str, OutputEstimate]:
         """Derived outputs by name."""
 
     @property
-    def offsets(self) -> tuple[Estimate, ...]:
+    def offsets(self) -> tuple[FittedEstimate, ...]:
         """Values of single experiments."""
 
 
@@ -38,7 +38,7 @@ def same_values(result: Valued) -> dict[str, str]:
         result: of a reconstruction, or what was inferred of a fit.
     """
     found: dict[str, str] = {}
-    first: dict[str, Estimate] = dict(result.parameters)
+    first: dict[str, FittedEstimate] = dict(result.parameters)
     for name, d in result.derived.items():
         same = [other for other, p in first.items() if d.unit == p.unit and _same(d, p)]
         if same:
@@ -48,7 +48,7 @@ def same_values(result: Valued) -> dict[str, str]:
     return found
 
 
-def _same(one: Estimate, other: Estimate) -> bool:
+def _same(one: OutputEstimate, other: FittedEstimate) -> bool:
     """Whether two values are one number, in all that was found of them."""
     if one.status is not other.status or one.spread > SAME * abs(one.value):
         return False

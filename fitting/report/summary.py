@@ -15,7 +15,7 @@ from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.report.same_values import same_values
 from fitting.report.screen import Printed, phrase, screen
 from fitting.result.result import Result
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import (
     listed,
@@ -105,7 +105,7 @@ def summary_of(result: Result) -> Summary:
     """
     same = same_values(result)
     # the outputs that the campaign asks for come first
-    every: dict[str, Estimate] = {**result.derived, **result.parameters}
+    every: dict[str, FittedEstimate] = {**result.derived, **result.parameters}
     every = {name: found for name, found in every.items() if name not in same}
     values, limits = [], []
     for name, found in every.items():
@@ -170,7 +170,7 @@ def status_words(result: Result) -> str:
 
 
 def _value(
-    name: str, found: Estimate, line: SweepLine | None, symbols: tuple[str, ...]
+    name: str, found: FittedEstimate, line: SweepLine | None, symbols: tuple[str, ...]
 ) -> Printed | None:
     """A value with its error: the sweep's own where it is the better one; None: it has none."""
     better = by_line(name, found, line)
@@ -189,7 +189,7 @@ def _value(
     return Printed(name=name, symbols=symbols, text=text, remark=remark)
 
 
-def _limit(name: str, found: Estimate, symbols: tuple[str, ...]) -> Printed:
+def _limit(name: str, found: FittedEstimate, symbols: tuple[str, ...]) -> Printed:
     """A value that the data bound: "< 5.2 Hz", or an interval."""
     low, high = found.ci95
     text = {
@@ -200,7 +200,7 @@ def _limit(name: str, found: Estimate, symbols: tuple[str, ...]) -> Printed:
     return Printed(name=name, symbols=symbols, text=text, remark=found.condition.strip())
 
 
-def by_line(name: str, found: Estimate, line: SweepLine | None) -> tuple[float, float] | None:
+def by_line(name: str, found: FittedEstimate, line: SweepLine | None) -> tuple[float, float] | None:
     """Value and error of the sweep's line, where they are of this value and the better ones.
 
     Args:
@@ -220,7 +220,7 @@ def by_line(name: str, found: Estimate, line: SweepLine | None) -> tuple[float, 
     return (value, std) if std < found.std and near else None
 
 
-def _unconstrained(left: Mapping[str, Estimate]) -> tuple[str, ...]:
+def _unconstrained(left: Mapping[str, FittedEstimate]) -> tuple[str, ...]:
     """Names of unconstrained values by the range that the data allow, parameters first."""
     periodic, bounded, derived = [], dict[str, list[str]](), dict[str, list[str]]()
     for name, found in left.items():
@@ -240,7 +240,7 @@ def _unconstrained(left: Mapping[str, Estimate]) -> tuple[str, ...]:
     return (*entries, f"{allowed} (all that the model allows)") if allowed else tuple(entries)
 
 
-def _unknown(left: Mapping[str, Estimate], *, withdrawn: bool) -> tuple[str, ...]:
+def _unknown(left: Mapping[str, FittedEstimate], *, withdrawn: bool) -> tuple[str, ...]:
     """Names of values of which nothing is known, by the reason; those ``withdrawn`` among them."""
     verdicts = (Verdict.UNKNOWN, Verdict.WITHDRAWN) if withdrawn else (Verdict.UNKNOWN,)
     groups: dict[str, list[str]] = {}
@@ -277,7 +277,7 @@ def _assumption(result: Result) -> str:
 # --- what to do next -----------------------------------------------------------------------------
 
 
-def next_step(result: Result, left: Mapping[str, Estimate]) -> tuple[str, str]:
+def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, str]:
     """What to do next, in words and as a command; both empty where nothing is needed.
 
     Args:
@@ -327,7 +327,9 @@ def _other_model(result: Result) -> str:
     return "use another model, more data, or the noise that the data have"
 
 
-def _measurement(result: Result, left: Mapping[str, Estimate], kinds: set[Kind]) -> tuple[str, str]:
+def _measurement(
+    result: Result, left: Mapping[str, FittedEstimate], kinds: set[Kind]
+) -> tuple[str, str]:
     """What to measure next, of a fit that is as good as it can be."""
     knowledge = result.knowledge
     if Kind.sampling_ambiguity in kinds:
@@ -391,7 +393,7 @@ def _without_budget(result: Result) -> tuple[list[str], int | None]:
     return kept, budget
 
 
-def target_of(result: Result, left: Mapping[str, Estimate]) -> str:
+def target_of(result: Result, left: Mapping[str, FittedEstimate]) -> str:
     """What to determine next: the first output that is not determined, else parameter.
 
     Not what the measurement brings along, as the delay of a cable.

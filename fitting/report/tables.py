@@ -13,7 +13,7 @@ from fitting.report.screen import phrase
 from fitting.report.table import Cell, numeric
 from fitting.result.ensemble import Ensemble, Share
 from fitting.simulate.budget import Decision
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import Estimate, FittedEstimate, OutputEstimate, Verdict
 from fitting.text.notation import (
     as_its_error,
     error_number,
@@ -205,7 +205,7 @@ def third_digit(value: float, std: float) -> Cell:
 # --- estimates -----------------------------------------------------------------------------------
 
 
-def values(result: Valued) -> list[tuple[str, int, Estimate, str]]:
+def values(result: Valued) -> list[tuple[str, int, FittedEstimate, str]]:
     """Every value: name, digits without an error, estimate, the other name of the same number.
 
     Args:
@@ -219,7 +219,7 @@ def values(result: Valued) -> list[tuple[str, int, Estimate, str]]:
     ]
 
 
-def is_reported(e: Estimate) -> bool:
+def is_reported(e: FittedEstimate) -> bool:
     """Whether a value is printed: the prior of an offset gives it one if the model fits.
 
     Args:
@@ -228,7 +228,7 @@ def is_reported(e: Estimate) -> bool:
     return e.status is not Verdict.WITHDRAWN if e.role == "offset" else e.status.has_value
 
 
-def value(e: Estimate, digits: int = 6) -> Cell:
+def value(e: FittedEstimate, digits: int = 6) -> Cell:
     """The value as exact as the smaller of its errors; a dash where it is not reported.
 
     Args:
@@ -238,7 +238,7 @@ def value(e: Estimate, digits: int = 6) -> Cell:
     return _rounded(e, e.value, digits) if is_reported(e) else DASH
 
 
-def likely(e: Estimate, digits: int) -> Cell:
+def likely(e: FittedEstimate, digits: int) -> Cell:
     """The most likely value, which is listed next to that of another estimator.
 
     Args:
@@ -248,7 +248,7 @@ def likely(e: Estimate, digits: int) -> Cell:
     return _rounded(e, e.likely, digits) if is_reported(e) else DASH
 
 
-def stopped(e: Estimate, end: float, digits: int) -> Cell:
+def stopped(e: FittedEstimate, end: float, digits: int) -> Cell:
     """The end of an estimator, with few digits where the data do not determine the value.
 
     Args:
@@ -263,7 +263,7 @@ def stopped(e: Estimate, end: float, digits: int) -> Cell:
     return Cell(number(end, FEW_DIGITS), end)
 
 
-def std(e: Estimate) -> Cell:
+def std(e: FittedEstimate) -> Cell:
     """The error with two digits; "+128 −89" where the sides differ, half of both behind it.
 
     Args:
@@ -278,7 +278,7 @@ def std(e: Estimate) -> Cell:
     return Cell(f"+{above}\u00a0−{below}", e.std)
 
 
-def sides(e: Estimate) -> tuple[float, float]:
+def sides(e: FittedEstimate) -> tuple[float, float]:
     """Ends of the 68 % interval, NaN without a value.
 
     Args:
@@ -300,7 +300,7 @@ def verdict(status: Verdict, condition: str = "") -> Cell:
     return Cell(f"{status}{condition}", mark=MARKS.get(status, "no"))
 
 
-def at_place(e: Estimate, k: int) -> Cell:
+def at_place(e: OutputEstimate, k: int) -> Cell:
     """The value at a place with its error; a dash where the data leave it open.
 
     Args:
@@ -311,7 +311,7 @@ def at_place(e: Estimate, k: int) -> Cell:
     return Cell(with_error(e.values[k], e.stds[k], ""), e.values[k]) if known else DASH
 
 
-def per_experiment(result: Valued, count: int) -> list[Estimate]:
+def per_experiment(result: Valued, count: int) -> list[OutputEstimate]:
     """Outputs that have a value in each of so many experiments.
 
     Args:
@@ -322,7 +322,7 @@ def per_experiment(result: Valued, count: int) -> list[Estimate]:
     return [e for e in outputs if len(e.values) == count and e.status is not Verdict.WITHDRAWN]
 
 
-def per_place(result: Valued) -> list[Estimate]:
+def per_place(result: Valued) -> list[OutputEstimate]:
     """Outputs that have a value with an error at some place.
 
     Args:
@@ -345,7 +345,7 @@ def alone(part: Any, result: Valued, name: str) -> str:
     return quantity(part.value, part.std, unit)
 
 
-def _rounded(e: Estimate, shown: float, digits: int) -> Cell:
+def _rounded(e: FittedEstimate, shown: float, digits: int) -> Cell:
     bars = e.bars
     errors = (e.std,) if bars.is_even else (e.std, bars.below, bars.above)
     return exactly(shown, as_its_error(shown, min(errors), digits))
@@ -354,7 +354,7 @@ def _rounded(e: Estimate, shown: float, digits: int) -> Cell:
 # --- profiles, levels, fits ----------------------------------------------------------------------
 
 
-def best(e: Estimate) -> Cell:
+def best(e: FittedEstimate) -> Cell:
     """The most likely value where the data determine one, as exact as the smaller of its errors.
 
     Args:
@@ -375,7 +375,7 @@ def closed(end: str) -> str:
     return ENDS.get(end, end)
 
 
-def precision(e: Estimate) -> Cell:
+def precision(e: FittedEstimate) -> Cell:
     """Half the width over the value, or over its period, in percent.
 
     Args:

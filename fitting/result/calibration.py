@@ -13,7 +13,7 @@ from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_text
 from fitting.text.error_bars import EVEN, ErrorBars
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.units import convert
 
 
@@ -99,7 +99,7 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
     )
 
 
-def _handed(name: str, found: Estimate, description: FmuDescription, wanted: bool) -> Handed:
+def _handed(name: str, found: FittedEstimate, description: FmuDescription, wanted: bool) -> Handed:
     variable = description.variables.get(name)
     unit = found.unit
     if variable is None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from fitting.inference.joint_result import ExternalTest
 from fitting.result.result import Result
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.notation import quantity, span
 from fitting.text.units import convert, parse_quantity
 
@@ -64,7 +64,7 @@ def _parts(text: str) -> list[str]:
 
 def _test(result: Result, text: str) -> ExternalTest:
     name, _, written = text.partition("=")
-    values: dict[str, Estimate] = {**result.parameters, **result.derived}
+    values: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
     if name not in values:
         raise _no_such(name, list(values))
     found = values[name]
@@ -104,7 +104,7 @@ def _test(result: Result, text: str) -> ExternalTest:
     )
 
 
-def _allowed(found: Estimate) -> tuple[float, float]:
+def _allowed(found: FittedEstimate) -> tuple[float, float]:
     """The interval of a value, or its range where it has none at the solution."""
     if math.isfinite(found.ci95[0]):
         return found.ci95
@@ -115,7 +115,7 @@ def _no_such(name: str, known: Sequence[str]) -> BadInput:
     return BadInput(f"--external: the result has no '{name}'{did_you_mean(name, sorted(known))}")
 
 
-def _towards(found: Estimate, value: float) -> float:
+def _towards(found: FittedEstimate, value: float) -> float:
     """Standard deviation on the side of the external value: intervals may be asymmetric."""
     low, high = found.ci95
     best = found.value if found.is_most_likely else found.most_likely
@@ -123,7 +123,7 @@ def _towards(found: Estimate, value: float) -> float:
     return side if math.isfinite(side) and side > 0.0 else found.std
 
 
-def _own_words(found: Estimate, best: float, own: float) -> str:
+def _own_words(found: FittedEstimate, best: float, own: float) -> str:
     """The value with the error on the side of the external one, or with that of both sides."""
     return quantity(best, own, found.unit) if found.bars.is_even else found.likely_words
 

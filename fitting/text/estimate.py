@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from fitting.text.as_number import AsNumber
 from fitting.text.error_bars import EVEN, ErrorBars, error_bars
@@ -44,8 +44,8 @@ RENAMED = {
     "box_end": "bound_passed",
 }
 #: What a value is of.
-Role = Literal["parameter", "derived", "offset", "value"]
-#: What files hold of a plain value; the rest, which is of fits, only where it is not the default.
+Role = Literal["parameter", "derived", "offset"]
+#: What files hold of a plain value; the rest only where it is not the default.
 PLAIN = ("name", "value", "unit", "std", "ci95", "status")
 #: How errors and intervals were determined.
 Method = Literal["covariance", "linearised, verified", "profile", "posterior"]
@@ -111,81 +111,80 @@ class OldNames:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate(OldNames, AsNumber):
-    """One value, in ``unit``.
+    """One value with its uncertainty, in ``unit``.
 
     Args:
-        name: of the parameter or the output.
-        role: "parameter" of the campaign, "derived" output, "offset" of single experiments, or
-            "value" of a line, a chain or another fit.
-        value: the most likely one, or the end of Algorithm 2 where the campaign asks for that;
-            canonical: periodic ones lie in [0, period). Of an output its mean over the experiments;
-            of an offset all steps of a random walk together.
-        std: half of the 68 % interval; NaN where ``status`` leaves no value.
-        ci68, ci95: intervals of the profile likelihood, also where ``status`` leaves no value;
-            without a profile ``ci95`` is that of the covariance and ``ci68`` NaN.
-        status: how far the data determine it, ``reason``: why.
+        name: of the value.
+        value: the best one.
+        std: standard deviation; of a profile half of the 68 % interval. NaN where ``status`` leaves
+            no value.
+        ci68, ci95: intervals; those of a profile also where ``status`` leaves no value. NaN: none.
+        status: how far the data determine it.
         method: of errors and intervals.
         closed_by: what closes each side of ``ci95`` (``ENDS`` of a profile); empty without one.
         active_bounds: parameters whose bounds ``status`` rests on: beyond them the data may allow
             other values.
-        most_likely, algorithm2: by the likelihood, and by Algorithm 2; errors belong to the former.
-        shrinkage: share of the variance that comes from the data.
-        simulation: how far what the plan of the simulation cannot exclude moves the value, at most;
-            ``std`` and the intervals include it.
-        reference, start: of a parameter; of an output ``reference`` is the mean there.
-        lower, upper: bounds of a parameter; range of an output over them.
-        period: by which values may differ and be the same; None: it has none.
-        asked: whether the campaign names it; else the measurement brings it, as a cable's delay.
-        prior: standard deviation of an offset's prior; NaN: none.
-        fitted: of an offset, the value of its own parameter, which is the last step of a walk.
-        experiments, variables: that an offset belongs to, and that it is added to.
-        values: of an output per experiment, with their standard deviation ``spread``.
-        places: labels of ``values``, with linearised ``stds`` and halves of 95 % intervals
-            ``halves95``; all empty where there is one, NaN where the data leave a value open.
     """
 
     name: str
     value: float
     unit: str
     std: float = math.nan
+    ci68: Interval = NOWHERE
     ci95: Interval = NOWHERE
     status: Verdict = Verdict.LINEARISED
-    role: Role = "value"
-    shrinkage: float = math.nan
-    ci68: Interval = NOWHERE
     method: Method = "covariance"
     closed_by: tuple[str, str] = ("", "")
     active_bounds: tuple[str, ...] = ()
-    reason: str = ""
-    most_likely: float = math.nan
-    algorithm2: float = math.nan
-    simulation: float = 0.0
-    reference: float = 0.0
-    start: float = math.nan
-    lower: float = math.nan
-    upper: float = math.nan
-    period: float | None = None
-    asked: bool = True
-    prior: float = math.nan
-    fitted: float = math.nan
-    experiments: tuple[str, ...] = ()
-    variables: tuple[str, ...] = ()
-    values: Floats = ()
-    spread: float = 0.0
-    places: tuple[str, ...] = ()
-    stds: Floats = ()
-    halves95: Floats = ()
 
     @property
     def stored_fields(self) -> tuple[str, ...]:
-        """Fields that files hold; most are of fits, and at their defaults in a plain value."""
+        """Fields that files hold: of a plain value most are at their defaults."""
         return tuple(
-            of.name
-            for of in fields(self)
-            if self.role != "value"
-            or of.name in PLAIN
-            or getattr(self, of.name) not in (of.default,)
+            each.name
+            for each in fields(self)
+            if each.name in PLAIN or getattr(self, each.name) not in (each.default,)
         )
+
+    @property
+    def condition(self) -> str:
+        """What the status holds under: " in the box of d1"; mostly empty."""
+        return in_boxes(self.active_bounds)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedEstimate(Estimate):
+    """A value of a fit: which estimator's it is, and what it could be without any data.
+
+    Args:
+        role: "parameter" of the campaign, "derived" output, "offset" of single experiments.
+        value: the most likely one, or the end of Algorithm 2 where the campaign asks for that;
+            canonical: periodic ones lie in [0, period).
+        reason: of the status.
+        most_likely, algorithm2: by the likelihood, and by Algorithm 2; errors belong to the former.
+        shrinkage: share of the variance that comes from the data.
+        simulation: how far what the plan of the simulation cannot exclude moves the value, at most;
+            ``std`` and the intervals include it.
+        reference: of a parameter; of an output its mean there.
+        lower, upper: bounds of a parameter; range of an output over them.
+        period: by which values may differ and be the same; None: it has none.
+    """
+
+    role: Role
+    reason: str = ""
+    most_likely: float = math.nan
+    algorithm2: float = math.nan
+    shrinkage: float = math.nan
+    simulation: float = 0.0
+    reference: float = math.nan
+    lower: float = math.nan
+    upper: float = math.nan
+    period: float | None = None
+
+    @property
+    def stored_fields(self) -> tuple[str, ...]:
+        """Fields that files hold: all of them."""
+        return tuple(each.name for each in fields(self))
 
     @property
     def bounds(self) -> Interval:
@@ -208,11 +207,6 @@ class Estimate(OldNames, AsNumber):
         if self.period is not None:
             return half / self.period
         return half / abs(self.likely) if self.likely else math.inf
-
-    @property
-    def condition(self) -> str:
-        """What the status holds under: " in the box of d1"; mostly empty."""
-        return in_boxes(self.active_bounds)
 
     @property
     def is_most_likely(self) -> bool:
@@ -249,14 +243,7 @@ class Estimate(OldNames, AsNumber):
     @property
     def bound_passed(self) -> float:
         """The bound of a parameter beyond which its most likely value lies; NaN: within both."""
-        slack = SLACK * (self.upper - self.lower)
-        if self.role != "parameter" or self.period is not None or not self.asked:
-            return math.nan
-        if not math.isfinite(self.likely):
-            return math.nan
-        if self.likely > self.upper + slack:
-            return self.upper
-        return self.lower if self.likely < self.lower - slack else math.nan
+        return math.nan
 
     def text(self) -> str:
         """The value for people; never with a small error where the data do not give one."""
@@ -268,3 +255,88 @@ class Estimate(OldNames, AsNumber):
         if not self.is_most_likely:
             return f"{self.value:.9g} (most likely {self.likely_words})"
         return self.likely_words
+
+    def withdrawn(self, why: str) -> Self:
+        """The value of a model that does not describe the data: its intervals are of nothing.
+
+        Args:
+            why: there is no verdict.
+        """
+        return replace(
+            self,
+            std=math.nan,
+            ci68=NOWHERE,
+            ci95=NOWHERE,
+            shrinkage=math.nan if self.method == "profile" else self.shrinkage,
+            status=Verdict.WITHDRAWN,
+            reason=why,
+            active_bounds=(),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterEstimate(FittedEstimate):
+    """A parameter that was fitted.
+
+    Args:
+        start: where the search began.
+        asked: whether the campaign names it; else the measurement brings it, as a cable's delay.
+    """
+
+    role: Role = "parameter"
+    start: float = math.nan
+    asked: bool = True
+
+    @property
+    def bound_passed(self) -> float:
+        """The bound beyond which its most likely value lies; NaN: within both."""
+        slack = SLACK * (self.upper - self.lower)
+        if self.period is not None or not self.asked or not math.isfinite(self.likely):
+            return math.nan
+        if self.likely > self.upper + slack:
+            return self.upper
+        return self.lower if self.likely < self.lower - slack else math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputEstimate(FittedEstimate):
+    """A derived output: its ``value`` is the mean over the experiments.
+
+    Args:
+        values: per experiment, with their standard deviation ``spread``.
+        places: labels of ``values``, with linearised ``stds`` and halves of 95 % intervals
+            ``halves95``; all empty where there is one, NaN where the data leave a value open.
+    """
+
+    role: Role = "derived"
+    values: Floats = ()
+    spread: float = 0.0
+    places: tuple[str, ...] = ()
+    stds: Floats = ()
+    halves95: Floats = ()
+
+    def withdrawn(self, why: str) -> Self:
+        """The output of a model that does not describe the data, without errors at its places.
+
+        Args:
+            why: there is no verdict.
+        """
+        nothing = (math.nan,) * len(self.stds)
+        return replace(super().withdrawn(why), stds=nothing, halves95=nothing)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffsetEstimate(FittedEstimate):
+    """A value of single experiments: all steps of a random walk together.
+
+    Args:
+        prior: standard deviation of its prior; NaN: none.
+        fitted: the value of its own parameter, which is the last step of a walk.
+        experiments, variables: that it belongs to, and that it is added to.
+    """
+
+    role: Role = "offset"
+    prior: float = math.nan
+    fitted: float = math.nan
+    experiments: tuple[str, ...] = ()
+    variables: tuple[str, ...] = ()

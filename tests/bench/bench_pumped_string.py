@@ -40,7 +40,7 @@ from fitting.lab.subharmonic import PumpedSweep, SubharmonicBench, closest_peaks
 from fitting.lab.synthesis import synthesize
 from fitting.lab.true_values import true_values
 from fitting.lab.writer import written_mhz
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Kind
 from tests.bench.records import Records
 
@@ -209,7 +209,7 @@ def found(seed: int, fmu: ff.Fmu, coupling: float) -> dict[str, Any]:
             return _rests(fit.result, truth["lambda12"])
         result = ff.profile(fit, NAMES).result
     rows = {}
-    values: dict[str, Estimate] = {**result.parameters, **result.derived}
+    values: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
     for name, value in values.items():
         if name in NAMES:
             low, high = value.ci95

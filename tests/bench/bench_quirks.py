@@ -33,7 +33,7 @@ from fitting.fmu.findings import Severity
 from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from tests.support.cfmu_build import (
     build_c_fmu,
     build_lag_fmu,
@@ -172,7 +172,7 @@ def fitted(path: Path, folder: Path) -> str:
     return f"| 0 | {ended} | {cells} |"
 
 
-def off(found: Estimate, true: float) -> str:
+def off(found: FittedEstimate, true: float) -> str:
     """How far a value is from the truth, in its standard errors."""
     if found.std is None or not found.std > 0.0:
         return "not told"

@@ -18,7 +18,7 @@ from fitting.resonance.reading import Columns
 from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from tests.support.lines import mode, noise, write_csv
 
 pytestmark = pytest.mark.usefixtures("swift_models")
@@ -52,7 +52,7 @@ def two_coupled() -> FloatArray:
     return averaged(1e-12 * (np.array(density) / np.max(density) + 0.01), 300, 9)
 
 
-def fitted(folder: Path, file: Path) -> tuple[dict[str, Estimate], dict[str, Any]]:
+def fitted(folder: Path, file: Path) -> tuple[dict[str, FittedEstimate], dict[str, Any]]:
     """What `reconstruct` finds with the campaign that `init` wrote, and its table of noise."""
     out, results = folder / "drafted", folder / "results"
     assert main(["init", str(file), "--out", str(out), "--yes"]) == 0

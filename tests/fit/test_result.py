@@ -19,7 +19,7 @@ from fitting.fit import checkpoint
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
-from fitting.text.estimate import RENAMED, Estimate, Verdict
+from fitting.text.estimate import RENAMED, FittedEstimate, OutputEstimate, Verdict
 from fitting.text.records import from_plain, read_json, to_plain, write_json
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -148,9 +148,8 @@ def test_a_checkpoint_is_whole_at_any_moment(tmp_path: Path) -> None:
 
 
 def test_a_derived_value_without_data_is_not_printed_as_one() -> None:
-    held = Estimate(
+    held = OutputEstimate(
         name="lambda",
-        role="derived",
         value=647400.0,
         unit="Hz",
         values=(647399.0, 647401.0),
@@ -208,7 +207,8 @@ def test_a_result_obeys_the_published_schema() -> None:
 def test_names_of_0_2_work_with_a_warning_until_they_go() -> None:
     result = read_result(Path(__file__).with_name("result_schema1.json"))
     d1 = result.parameters["d1"]
-    value = Value(**vars(d1), scan=result.scans["d1"])
+    shared = {each.name: getattr(d1, each.name) for each in fields(FittedEstimate)}
+    value = Value(**shared, scan=result.scans["d1"])
     for old, now in RENAMED.items():
         record = value if hasattr(value, now) else value.scan
         with pytest.warns(DeprecationWarning, match=f"'{now}'"):

@@ -28,7 +28,7 @@ from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.outside import held_sentences
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from tests.faults import scene
 from tests.support.whitened import learnt, parameter, whitened
 
@@ -166,7 +166,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
     found: Inference = infer(fit, InferenceRequest(profiles=profiles))
     assert found.status is Status.MISFIT
     assert found.ending.words == MISFIT
-    values: dict[str, Estimate] = {**found.parameters, **found.derived}
+    values: dict[str, FittedEstimate] = {**found.parameters, **found.derived}
     assert set(values) == {"p", "q", "r", "sum", "fixed"}
     for value in values.values():
         assert value.status is Verdict.WITHDRAWN

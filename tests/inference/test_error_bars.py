@@ -27,7 +27,7 @@ from fitting.report.words.calibration import calibration_lines
 from fitting.result.calibration import Calibration, Handed
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import EVEN, ErrorBars, error_bars
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from tests.support import report_records as records
 from tests.support.whitened import Z95, parameter, whitened
 
@@ -36,7 +36,7 @@ DEEP = 10.0
 STEEP = math.asinh(2.5)
 
 
-def found_of(row: Callable[[float], float], start: float, top: float) -> Estimate:
+def found_of(row: Callable[[float], float], start: float, top: float) -> FittedEstimate:
     """One value whose chi square is row(p)^2, in three rows, through fit and profile."""
     objective = whitened(
         lambda p: np.full(3, row(float(p[0])) / math.sqrt(3.0)),
@@ -47,7 +47,7 @@ def found_of(row: Callable[[float], float], start: float, top: float) -> Estimat
     return infer(solve_problem(problem, lambda _: objective.response, options)).parameters["p"]
 
 
-def words_of(found: Estimate) -> str:
+def words_of(found: FittedEstimate) -> str:
     return phrase("values", "reported", found).replace("\u00a0", " ")
 
 
@@ -83,10 +83,11 @@ def test_an_interval_that_the_error_does_not_tell_stands_beside_it() -> None:
     assert high == pytest.approx(235.0 + half, abs=4.0)
 
 
-def profile_of(near: FloatArray, far: FloatArray) -> Estimate:
+def profile_of(near: FloatArray, far: FloatArray) -> FittedEstimate:
     """Of 500 Hz, with sides at 68 % and at 95 %."""
-    return Estimate(
+    return FittedEstimate(
         name="f",
+        role="parameter",
         unit="Hz",
         value=500.0,
         ci68=(500.0 - near[0], 500.0 + near[1]),

@@ -26,7 +26,7 @@ from fitting.measurements.measurement import Evaluation
 from fitting.signal.student import ROOT_68, freedom_of_share, normal_square, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from tests.support.datasets import answer, dataset, sweep_measurement
 from tests.support.whitened import parameter
 
@@ -69,7 +69,7 @@ def swept(points: int, seed: int, *, known: bool = False) -> Objective:
     return make_objective(SweptLine(f), boxes, dataset(np.empty(0), sweep=sweep))
 
 
-def profiled(objective: Objective, name: str) -> Estimate:
+def profiled(objective: Objective, name: str) -> FittedEstimate:
     begin = to_search(objective.parameters, np.array([ETA_HZ, WIDTH_HZ]))
     [point] = evaluate_many(objective, [begin])
     options = InferenceOptions(only=(name,), starts=0, twins=(), directions=False, beyond=False)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import Verdict
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 Rows = Callable[[FloatArray], FloatArray]
@@ -16,7 +17,7 @@ Rows = Callable[[FloatArray], FloatArray]
 ETA, WIDTH, STD = 1e6, 100.0, 2.0
 
 
-def drifting(share: float, rows: Rows | None = None) -> Mapping[str, Estimate]:
+def drifting(share: float, rows: Rows | None = None) -> Determined:
     """What the data say of a line that drifts by such a share of its frequency, at most."""
 
     def measured(p: FloatArray) -> FloatArray:
@@ -29,19 +30,19 @@ def drifting(share: float, rows: Rows | None = None) -> Mapping[str, Estimate]:
         w=lambda p: float(p[0]),
         q=lambda p: ETA * (1.0 + share * p[1]) / float(p[0]),
     )
-    return learnt(objective).profiled
+    return learnt(objective)
 
 
 @pytest.mark.parametrize("share", [0.0, 1e-5, 1e-4, 1e-2])
 def test_the_interval_of_q_is_that_of_the_width(share: float) -> None:
     """width 100 +- 2; the step is known to 0.1, so that Q moves by 1e-3 of itself at most."""
     found = drifting(share)
-    low, high = found["q"].ci95
+    low, high = found.derived["q"].ci95
     assert low == pytest.approx(ETA / (WIDTH + Z95 * STD), rel=2e-4)
     assert high == pytest.approx(ETA / (WIDTH - Z95 * STD), rel=2e-4)
-    assert found["q"].status is found["w"].status is Verdict.DETERMINED
+    assert found.derived["q"].status is found.derived["w"].status is Verdict.DETERMINED
     # walked once where Q moves by less than a hundredth of 2 %
-    products = np.outer(found["q"].values, found["w"].values) / ETA
+    products = np.outer(found.scans["q"].values, found.scans["w"].values) / ETA
     twice = np.all(np.min(np.abs(products - 1.0), axis=1) < 1e-9)
     assert bool(twice) is (share <= 1e-4)
 
@@ -54,8 +55,8 @@ def test_a_frequency_that_the_data_hold_moves_no_product(share: float, twice: bo
         return np.array([(p[0] - WIDTH) / STD, p[1] / 1e-4, 0.5])
 
     found = drifting(share, measured)
-    assert found["q"].ci95[0] == pytest.approx(ETA / (WIDTH + Z95 * STD), rel=2e-4)
-    products = np.outer(found["q"].values, found["w"].values) / ETA
+    assert found.derived["q"].ci95[0] == pytest.approx(ETA / (WIDTH + Z95 * STD), rel=2e-4)
+    products = np.outer(found.scans["q"].values, found.scans["w"].values) / ETA
     assert bool(np.all(np.min(np.abs(products - 1.0), axis=1) < 1e-9)) is twice
 
 
@@ -67,6 +68,6 @@ def test_a_bound_of_q_is_that_of_the_width_from_the_other_side(share: float) -> 
         return np.array([min(p[0] - WIDTH, 0.0) / STD, p[1] / 0.1, 0.5])
 
     found = drifting(share, one_sided)
-    assert found["w"].status is Verdict.BELOW
-    assert found["q"].status is Verdict.ABOVE
-    assert found["q"].ci95[1] == pytest.approx(ETA / found["w"].ci95[0], rel=1e-3)
+    assert found.derived["w"].status is Verdict.BELOW
+    assert found.derived["q"].status is Verdict.ABOVE
+    assert found.derived["q"].ci95[1] == pytest.approx(ETA / found.derived["w"].ci95[0], rel=1e-3)

@@ -9,7 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.inference.line_values import values_of_line
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.judge import by_closed_form
 from tests.support.virtual.kinds import KINDS
@@ -31,7 +31,7 @@ def test_the_line_is_that_of_the_mode_that_was_swept(series: str, mode: str) -> 
     fit = ff.fit(problem, ff.Tikhonov(levels=1, misfit="squares"), starts=1)
     inferred = ff.profile(fit, [f"Q_{mode}"]).record
     widths = {n: replace(v, unit="Hz") for n, v in inferred.derived.items() if "width" in n}
-    values: dict[str, Estimate]
+    values: dict[str, FittedEstimate]
     values = {**inferred.parameters, **inferred.derived, **widths}
     found = values_of_line(inferred.fit.problem, inferred.fit.solution, values)
     assert found == {f"width_{mode}": "width", f"Q_{mode}": "q"}

@@ -22,7 +22,7 @@ from fitting.measurements.tones import Tones
 from fitting.report.published import rows_of
 from fitting.result.assembly import result_of
 from fitting.result.result import Provenance
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Kind
 from tests.support.curve_fits import (
     CENTRE_HZ,
@@ -65,7 +65,7 @@ def kinds(found: Inference) -> dict[Kind, float]:
 
 
 def withdrawn(found: Inference) -> bool:
-    values: list[Estimate]
+    values: list[FittedEstimate]
     values = [*found.parameters.values(), *found.derived.values(), *found.offsets]
     return all(
         value.status is Verdict.WITHDRAWN

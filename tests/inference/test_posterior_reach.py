@@ -20,7 +20,7 @@ from fitting.inference.likelihood.knowledge import (
 from fitting.inference.posterior.minima import Target
 from fitting.inference.posterior.reach import Accepted, accepted_by, missed_by
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import ParameterEstimate
 from tests.support.closed_posteriors import parameter
 
 
@@ -102,7 +102,7 @@ def determined(inflation: float = 1.0, beside: float = 5.0) -> Determined:
         equivalents=(other, elsewhere, beyond),
         **plain,
     )
-    own = Estimate(name="d", role="parameter", value=40.0, unit="", ci95=(20.4, 100.0))
+    own = ParameterEstimate(name="d", value=40.0, unit="", ci95=(20.4, 100.0))
     return Determined(parameters={"d": own}, derived={}, knowledge=known)
 
 

@@ -14,7 +14,7 @@ from fitting.inference.likelihood.knowledge import Determined, Scan
 from fitting.inference.likelihood.outside import CUT
 from fitting.report.words.inference import knowledge_lines
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 Rows = Callable[[FloatArray], FloatArray]
@@ -25,7 +25,7 @@ def thrice(row: Callable[[float], float]) -> Rows:
     return lambda p: np.full(3, row(float(p[0])) / math.sqrt(3.0))
 
 
-def profile_of(row: Callable[[float], float], own: Parameter) -> Estimate:
+def profile_of(row: Callable[[float], float], own: Parameter) -> FittedEstimate:
     return learnt(whitened(thrice(row), own)).parameters[own.name]
 
 
@@ -254,7 +254,7 @@ def test_effort_changes_nothing_but_whether_it_is_known() -> None:
 # --- limits of other values
 
 
-def leaning(**limits: float) -> tuple[Estimate, Scan]:
+def leaning(**limits: float) -> tuple[FittedEstimate, Scan]:
     """p - q is measured, q can follow p as far as it may."""
     p = parameter("p", -50.0, 50.0, start=1.0)
     q = parameter("q", -1.0, 1.0, start=0.0, **limits)
@@ -281,7 +281,7 @@ def test_a_limit_that_the_model_declares_is_knowledge() -> None:
     assert "zero" in found.reason
 
 
-def vanishing(power: float) -> Estimate:
+def vanishing(power: float) -> FittedEstimate:
     """p + q^-power = 1.2 +- 0.1 is measured; q has a room of ten times its most likely value."""
     p = parameter("p", -50.0, 50.0, start=0.8)
     q = parameter("q", 1.0, 10.0, start=2.0)
@@ -307,7 +307,7 @@ def test_a_limit_beyond_which_nothing_changes_leaves_the_end_to_the_data() -> No
 # --- several values
 
 
-def valleys(barrier: float, tilt: float = 0.0) -> Estimate:
+def valleys(barrier: float, tilt: float = 0.0) -> FittedEstimate:
     """(k^2 - 9/4)^2 with its top at k = 0 `barrier` sigma high; `tilt` sigma lift k = -3/2."""
 
     def rows(p: FloatArray) -> FloatArray:

@@ -13,15 +13,14 @@ from fitting.report.screen import phrase
 from fitting.report.words.inference import profile_words
 from fitting.result.assembly import result_of
 from fitting.result.result import Result
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import OutputEstimate, ParameterEstimate, Verdict
 from fitting.text.records import to_plain
 from tests.inference.test_misfit_rule import ORIGIN
 from tests.support.curve_fits import U as PLACES
 from tests.support.curve_fits import fitted_line, inferred, line, sweep
 
-THETA = Estimate(
+THETA = ParameterEstimate(
     name="theta",
-    role="parameter",
     value=1.2,
     unit="rad",
     std=math.nan,
@@ -74,9 +73,8 @@ def test_an_output_that_rests_on_other_bounds_is_no_other_name_of_a_parameter(
     result: Result,
 ) -> None:
     known = replace(THETA, ci95=(1.0, 1.4), status=Verdict.DETERMINED, period=None)
-    same = Estimate(
+    same = OutputEstimate(
         name="angle",
-        role="derived",
         value=1.2,
         unit="rad",
         values=(1.2,),

@@ -23,20 +23,22 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import Curve, Jump, Sweep, SweepResponse
 from fitting.simulate.response import DriveResponse, Remainder, RemainderKind, Spectrum, Trace
-from fitting.text.estimate import Estimate, Role, Verdict
+from fitting.text.estimate import OutputEstimate, ParameterEstimate, Verdict
 
 TONES_HZ = (6940160.0, 6940360.0)
 
 
 def profile(
-    name: str = "d1", best: float = 94.0, sigma: float = 2.5, role: Role = "parameter"
+    name: str = "d1",
+    best: float = 94.0,
+    sigma: float = 2.5,
+    kind: type[ParameterEstimate] | type[OutputEstimate] = ParameterEstimate,
 ) -> Profile:
     """A parabola Dchi^2 = ((v - best)/sigma)^2, known over 7 points within 3 sigma."""
     steps = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
     values = tuple(best + sigma * s for s in steps)
-    value = Estimate(
+    value = kind(
         name=name,
-        role=role,
         unit="Hz",
         value=best,
         std=sigma,
@@ -57,10 +59,9 @@ def profile(
 
 def determined() -> Determined:
     """One parameter beside another that goes as its negative, and an output."""
-    made = [profile(), profile("d2", 106.0), profile("lambda", 7e5, 1e4, "derived")]
+    made = [profile(), profile("d2", 106.0), profile("lambda", 7e5, 1e4, OutputEstimate)]
     first = made[0].scan.values
     path = {"d1": first, "d2": tuple(200.0 - v for v in first)}
-    values = {p.value.name: p.value for p in made}
     scans = {p.value.name: replace(p.scan, path={**p.scan.path, **path}) for p in made}
     knowledge = Knowledge(
         data=True,
@@ -77,8 +78,12 @@ def determined() -> Determined:
         effort=Effort(10, 10, 100),
         nu=nu_choice(),
     )
-    derived = {"lambda": values.pop("lambda")}
-    return Determined(parameters=values, derived=derived, knowledge=knowledge)
+    values = [p.value for p in made]
+    return Determined(
+        parameters={v.name: v for v in values if isinstance(v, ParameterEstimate)},
+        derived={v.name: v for v in values if isinstance(v, OutputEstimate)},
+        knowledge=knowledge,
+    )
 
 
 def nu_choice() -> NuChoice:

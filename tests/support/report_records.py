@@ -28,7 +28,7 @@ from fitting.result.result import (
 )
 from fitting.signal.line_record import line_numbers, number_of_line
 from fitting.signal.peaks import fit_resonance
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import OutputEstimate, ParameterEstimate, Verdict
 from fitting.text.finding import Finding, Kind
 
 #: Drive pairs of the paper's first series, Hz, and peak amplitudes of the size it reports.
@@ -242,12 +242,11 @@ def with_figures(data: ShownCampaign, result: Result) -> ShownCampaign:
     return replace(data, figures=tuple(figures))
 
 
-def parameters() -> dict[str, Estimate]:
+def parameters() -> dict[str, ParameterEstimate]:
     """One parameter that the data do not determine, one that they do."""
     return {
-        "theta": Estimate(
+        "theta": ParameterEstimate(
             name="theta",
-            role="parameter",
             value=1.964226760285730,
             unit="rad",
             std=3.6,
@@ -260,9 +259,8 @@ def parameters() -> dict[str, Estimate]:
             shrinkage=8e-8,
             status=Verdict.OPEN,
         ),
-        "d1": Estimate(
+        "d1": ParameterEstimate(
             name="d1",
-            role="parameter",
             value=93.42457642728192,
             unit="Hz",
             std=0.24,
@@ -279,14 +277,13 @@ def parameters() -> dict[str, Estimate]:
     }
 
 
-def derived(experiments: int) -> dict[str, Estimate]:
+def derived(experiments: int) -> dict[str, OutputEstimate]:
     """The same for derived outputs: a drifting one not determined, a constant one determined."""
     drift = tuple(657227.49 + 1.1 * m for m in range(experiments))
     mean = float(np.mean(drift))
     return {
-        "lambda": Estimate(
+        "lambda": OutputEstimate(
             name="lambda",
-            role="derived",
             value=mean,
             unit="Hz",
             values=drift,
@@ -300,9 +297,8 @@ def derived(experiments: int) -> dict[str, Estimate]:
             lower=63313.9,
             upper=780999.0,
         ),
-        "D11": Estimate(
+        "D11": OutputEstimate(
             name="D11",
-            role="derived",
             value=599.134,
             unit="1/s",
             values=(599.134,) * experiments,

@@ -22,7 +22,7 @@ from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lock
 from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles
 from fitting.inference.stages import Stage
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 
 #: Refits handed to an executor at a time.
 CHUNK = 25
@@ -30,7 +30,7 @@ CHUNK = 25
 
 def bootstrap(
     optimum: Optimum,
-    known: Mapping[str, Estimate],
+    known: Mapping[str, FittedEstimate],
     samples: int,
     seed: int,
     executor: Executor | None = None,
@@ -123,7 +123,7 @@ def _values(
     likelihood: Likelihood,
     expansion: Expansion,
     refits: Sequence[tuple[FloatArray, FloatArray]],
-    known: Mapping[str, Estimate],
+    known: Mapping[str, FittedEstimate],
 ) -> dict[str, Percentiles]:
     parameters = likelihood.parameters
     here = to_model(parameters, expansion.x)

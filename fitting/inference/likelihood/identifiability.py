@@ -20,7 +20,7 @@ from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_loc
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import as_known, listed, number, signed_number, unit_text
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
@@ -199,7 +199,7 @@ def _rounded(value: float, digits: int) -> float:
 
 
 def without_effect(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, values: Mapping[str, Estimate]
+    evaluator: LikelihoodEvaluator, optimum: Optimum, values: Mapping[str, FittedEstimate]
 ) -> tuple[str, ...]:
     """Parameters that alone, anywhere in the box, move no row by a tenth of a sigma; evaluated.
 
@@ -337,7 +337,7 @@ def _idle_words(optimum: Optimum, name: str) -> str:
 
 def sentences(
     optimum: Optimum,
-    values: Mapping[str, Estimate],
+    values: Mapping[str, FittedEstimate],
     unseen: Sequence[Direction],
     idle: Sequence[str],
     others: Sequence[Equivalent],

@@ -12,7 +12,13 @@ from typing import NamedTuple
 
 from fitting.signal.misfit import CORRELATED
 from fitting.text.arrays import Scalar
-from fitting.text.estimate import Estimate, OldNames
+from fitting.text.estimate import (
+    FittedEstimate,
+    OffsetEstimate,
+    OldNames,
+    OutputEstimate,
+    ParameterEstimate,
+)
 from fitting.text.finding import Finding
 
 Floats = tuple[float, ...]
@@ -106,7 +112,7 @@ class Scan(OldNames):
 class Profile(NamedTuple):
     """A value with the profile that determines it."""
 
-    value: Estimate
+    value: FittedEstimate
     scan: Scan
 
 
@@ -239,11 +245,11 @@ class Knowledge:
 class Values:
     """What data determine: every value with its interval and status, and what was found besides."""
 
-    parameters: Mapping[str, Estimate]
+    parameters: Mapping[str, ParameterEstimate]
     """The fitted parameters by name."""
-    derived: Mapping[str, Estimate]
+    derived: Mapping[str, OutputEstimate]
     """Outputs of the FMU that follow from them, by name."""
-    offsets: tuple[Estimate, ...] = ()
+    offsets: tuple[OffsetEstimate, ...] = ()
     """Fitted values of single experiments, as offsets from the drift."""
     findings: tuple[Finding, ...] = ()
     """What a reader has to know, decided once."""
@@ -256,9 +262,9 @@ class Values:
         return {} if self.knowledge is None else self.knowledge.scans
 
     @property
-    def profiled(self) -> dict[str, Estimate]:
+    def profiled(self) -> dict[str, FittedEstimate]:
         """Parameters and outputs whose profiles were scanned, by name."""
-        both = {**self.parameters, **self.derived}
+        both: dict[str, FittedEstimate] = {**self.parameters, **self.derived}
         return {name: value for name, value in both.items() if name in self.scans}
 
 

@@ -25,7 +25,7 @@ from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import as_known, listed, number
 
 #: Digits of the ends of a box: as somebody has written them.
@@ -365,7 +365,7 @@ def _place(parameter: Parameter, value: float, profiles: Mapping[str, Profile]) 
     return f"{parameter.name} = {shown} (box: {box})"
 
 
-def _against(value: float, known: Estimate) -> bool:
+def _against(value: float, known: FittedEstimate) -> bool:
     """Whether a value lies beyond an end of the interval that the data cut."""
     low, high = known.ci95
     margin = BEYOND * (high - low)

@@ -10,7 +10,7 @@ import numpy as np
 from fitting.fit.outputs import answered_apart, mean
 from fitting.inference.posterior.summary import NONE, PosteriorOutput, numbers_of
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 
 #: Draws that are read in one batch.
 BATCH = 500
@@ -45,7 +45,7 @@ def read_outputs(read: Read, draws: FloatArray, names: Sequence[str]) -> dict[st
 
 def outputs_of(
     table: Mapping[str, FloatArray],
-    beside: Mapping[str, Estimate],
+    beside: Mapping[str, FittedEstimate],
     truth: Mapping[str, float],
 ) -> dict[str, PosteriorOutput]:
     """Every derived output by name.
@@ -61,7 +61,7 @@ def outputs_of(
     }
 
 
-def _output(values: FloatArray, fit: Estimate, truth: float) -> PosteriorOutput:
+def _output(values: FloatArray, fit: FittedEstimate, truth: float) -> PosteriorOutput:
     there = values[np.isfinite(values)]
     return PosteriorOutput(
         unit=fit.unit,

@@ -27,7 +27,7 @@ from fitting.report.figures.style import (
 from fitting.report.screen import phrase
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import (
     listed,
     mathtext,
@@ -78,7 +78,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Described:
         f"{name} = {number(last[name], 6)} {unit_text(p.unit)}".strip()
         for name, p in result.parameters.items()
     ]
-    every: dict[str, Estimate] = {**result.parameters, **result.derived}
+    every: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
     warning = _warning({name: p.status for name, p in every.items()})
     levels, end = len(result.history) - 1, ""
     if ends_elsewhere(result):
@@ -107,7 +107,7 @@ def _groups(result: Result) -> list[list[str]]:
     ]
 
 
-def varying(result: Result) -> dict[str, Estimate]:
+def varying(result: Result) -> dict[str, FittedEstimate]:
     """Outputs that the data give and that differ between experiments by more than a line's width.
 
     Args:
@@ -153,7 +153,7 @@ def draw_derived(result: Result, data: ShownCampaign) -> Described:
     return Described(name=DERIVED, title=title, caption=caption, alt=alt, drawn=figure)
 
 
-def _in_words(derived: Estimate) -> str:
+def _in_words(derived: FittedEstimate) -> str:
     if not derived.status.has_value:
         allowed = range_words(*derived.bounds, derived.unit)
         return f"{derived.status} by these data ({allowed} within the bounds of the parameters)"
@@ -389,7 +389,7 @@ def _room_around(axes: Axes, values: Sequence[float]) -> None:
     axes.set_ylim(low - margin, high + margin)
 
 
-def _short_words(derived: Estimate) -> str:
+def _short_words(derived: FittedEstimate) -> str:
     """Two lines: never a value with a small error where the data do not give one."""
     if not derived.status.has_value:
         allowed = range_words(*derived.bounds, derived.unit)

@@ -31,7 +31,7 @@ from fitting.report.figures.style import (
     say_empty,
     series_look,
 )
-from fitting.text.estimate import Estimate, Interval, Verdict
+from fitting.text.estimate import FittedEstimate, Interval, Verdict
 from fitting.text.notation import listed, mathtext, on_log_axis, scaling_for
 
 PROFILES, TOGETHER, OUTPUTS, NU = "profiles", "together", "outputs", "nu"
@@ -76,12 +76,12 @@ def knowledge_figures(found: Values, title: str, *, synthetic: bool) -> list[Pla
     ]
 
 
-def _curved(found: Values) -> dict[str, Estimate]:
+def _curved(found: Values) -> dict[str, FittedEstimate]:
     """Profiles that the data bend anywhere, few of them; a flat one is a line on the axis."""
     return dict(list(_bent(found).items())[:MOST_PROFILES])
 
 
-def _bent(found: Values) -> dict[str, Estimate]:
+def _bent(found: Values) -> dict[str, FittedEstimate]:
     highest = {name: max(scan.delta_chi2, default=0.0) for name, scan in found.scans.items()}
     return {name: p for name, p in found.profiled.items() if highest[name] >= BENT}
 
@@ -167,7 +167,7 @@ def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described
     )
 
 
-def _drawn(found: Values, values: Mapping[str, Estimate]) -> list[str]:
+def _drawn(found: Values, values: Mapping[str, FittedEstimate]) -> list[str]:
     """Values whose profile has points enough for a plane."""
     return [n for n in values if n in found.scans and len(found.scans[n].values) > 1]
 
@@ -305,7 +305,7 @@ VERDICT_COLOURS = {
 MOST_SERIES = 6
 
 
-def profile(found: Estimate, scan: Scan, *, ax: Axes | None = None) -> Axes:
+def profile(found: FittedEstimate, scan: Scan, *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood: the least Δχ² that fits reach at each value.
 
     Dashed lines are the thresholds of the 68 % and 95 % intervals, 1 and 3.84; the band is the 95 %
@@ -351,7 +351,7 @@ def profile(found: Estimate, scan: Scan, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def _near(found: Estimate, scan: Scan) -> list[int]:
+def _near(found: FittedEstimate, scan: Scan) -> list[int]:
     """Points of a profile worth drawing: not those far beyond the threshold."""
     low, high = found.ci95
     if math.isnan(low):
@@ -433,7 +433,7 @@ def output(found: Values, name: str, parameter: str, *, ax: Axes | None = None) 
     return axes
 
 
-def _range(value: Estimate) -> Interval:
+def _range(value: FittedEstimate) -> Interval:
     """Where a parameter was looked for: its bounds, or the period in which its profile lies."""
     if not value.is_all_round:
         return value.bounds

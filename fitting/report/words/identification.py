@@ -5,7 +5,7 @@ from __future__ import annotations
 from fitting.inference.likelihood.knowledge import Identification, PartAlone, Values
 from fitting.report.table import table, text_lines
 from fitting.report.words.inference import knowledge_lines
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import listed, settings_words
 
 
@@ -87,5 +87,5 @@ def _open_sentences(part: PartAlone) -> list[str]:
     return said
 
 
-def _is_cut(value: Estimate) -> bool:
+def _is_cut(value: FittedEstimate) -> bool:
     return "cost" in value.closed_by or "lost" in value.closed_by

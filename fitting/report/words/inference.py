@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 
 from fitting.inference.likelihood.knowledge import Bootstrap, Determined, Knowledge, Values
-from fitting.text.estimate import Estimate, Verdict
+from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import bound, how_many, number, prefixed, span
 
 
-def profile_words(value: Estimate) -> str:
+def profile_words(value: FittedEstimate) -> str:
     """One value: its 95 % interval, or that it is not determined and what it could be.
 
     Args:
@@ -45,7 +45,7 @@ def profile_words(value: Estimate) -> str:
     )
 
 
-def _size(value: Estimate) -> tuple[float, str]:
+def _size(value: FittedEstimate) -> tuple[float, str]:
     """Prefix for an interval, none where its width would be all zeros in it."""
     low, high = value.ci95
     factor, unit = prefixed(max(abs(low), abs(high)), value.unit)
@@ -54,7 +54,7 @@ def _size(value: Estimate) -> tuple[float, str]:
     return factor, unit
 
 
-def _range(value: Estimate) -> str:
+def _range(value: FittedEstimate) -> str:
     low, high = value.ci95
     if not (math.isfinite(low) and math.isfinite(high)):
         return "anything"

@@ -24,7 +24,7 @@ import fitting as ff
 from fitting.report.summary import by_line
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate
+from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Kind
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.laboratory import Laboratory, Series, amplitude_v
@@ -256,7 +256,7 @@ def _of_lines(inference: ff.Inference, truth: Mapping[str, float]) -> list[State
     said = []
     record = inference.record
     for line in record.sweeps.lines.values():
-        every: dict[str, Estimate]
+        every: dict[str, FittedEstimate]
         every = {**record.parameters, **record.derived}
         for name, found in every.items():
             better = by_line(name, found, line)
