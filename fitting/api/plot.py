@@ -37,7 +37,7 @@ from fitting.report.figures.simulate import (
 )
 from fitting.report.figures.style import Axes
 from fitting.report.shown import figures_of
-from fitting.resonance.figure import line_figure
+from fitting.resonance.figure import figure_of
 from fitting.resonance.line import Line
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
@@ -202,7 +202,7 @@ def line(found: Line, *, number: int = 0, ax: Axes | None = None) -> Axes:
     """
     if not isinstance(found, Line):
         raise BadInput(f"plot: found a {type(found).__name__}, wanted what fitting.line returns")
-    panels = line_figure(found).panels
+    panels = figure_of(found).panels
     if not -len(panels) <= number < len(panels):
         raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
     return measurements.panel(panels[number], among=panels, ax=ax)

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fitting.measurements.figure import Figure
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.style import save, style
 from fitting.report.shown import ShownCampaign
-from fitting.resonance.figure import line_figure
-from fitting.resonance.line import Line
+from fitting.resonance.figure import figure_of
 from fitting.resonance.noise_line import NoiseLine
-from fitting.resonance.noise_line_figure import noise_line_figure
 from fitting.resonance.record import MeasuredLine
-from fitting.resonance.ringdown import Ringdown
-from fitting.resonance.ringdown_figure import ringdown_figure
 from fitting.text.csv_cells import csv_text
 from fitting.text.files import write_whole
 from fitting.text.records import write_json
@@ -34,17 +29,8 @@ def write_line(line: MeasuredLine, out: Path) -> tuple[Path, ...]:
     write_whole(out / "line.csv", _table(line))
     with style():
         shown = ShownCampaign(title=Path(line.source).name, synthetic=False)
-        figure = save(draw_measurement(_figure(line), shown), out)
+        figure = save(draw_measurement(figure_of(line), shown), out)
     return (out / "line.json", out / "line.csv", figure.file("png"), figure.file("svg"))
-
-
-def _figure(line: MeasuredLine) -> Figure:
-    if isinstance(line, Line):
-        return line_figure(line)
-    if isinstance(line, Ringdown):
-        return ringdown_figure(line)
-    assert isinstance(line, NoiseLine)  # noqa: S101 - there is no fourth kind
-    return noise_line_figure(line)
 
 
 def _table(line: MeasuredLine) -> str:
