@@ -33,6 +33,7 @@ from fitting.signal.roughness import roughness
 from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, listed, number
+from fitting.text.sentences import sentence_lines
 from fitting.text.toml import rewritten, toml_text
 from fitting.text.units import same_kind
 
@@ -131,7 +132,7 @@ def map_draft_of(
         phases=phases_of(crossing, spectra, values) if values else (False, False),
     )
     check_text(made.text(None), source)
-    said = (*lead(file.roles), *_said(made), *answers.said, *_starts(boxes))
+    said = (*sentence_lines(lead(file.roles)), *_said(made), *answers.said, *_starts(boxes))
     return Draft(text=made.text(folder), said=said)
 
 

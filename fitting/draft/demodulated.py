@@ -186,7 +186,7 @@ def demodulated_draft_of(
         found=found,
         boxes=decay.boxes_of(names),
         start=start,
-        seen=(*(words for each in found for words in each.reading), *_said(found[0], decay)),
+        seen=(*(words for each in found for words in each.remarks), *_said(found[0], decay)),
         taken=tuple(name for name in decay.taken() if name not in names),
         derived=() if of_amplitudes else decay.derived,
     )

@@ -35,6 +35,7 @@ from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many, listed, number, quantity, with_error
+from fitting.text.sentences import sentence_lines
 from fitting.text.units import convert, same_kind
 
 #: The parameter of two modes that weighs the upper one against the lower one.
@@ -303,7 +304,7 @@ def _said(files: Files) -> list[str]:
     """What every file was found to be."""
     said: list[str] = []
     for sweep in files.sweeps:
-        said += sweep.said
+        said += sentence_lines(sweep.reading)
         kind, line = "amplitude and phase" if sweep.is_complex else "amplitudes", sweep.driven_line
         if sweep.is_noise and sweep.noise is not None:
             said += [*sweep.noise.words, NOISE]

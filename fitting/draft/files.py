@@ -14,10 +14,10 @@ import numpy as np
 from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
 from fitting.draft.questions import Answers, Question
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
-from fitting.resonance.clipped import LEFT_OUT
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import (
+    AMPLITUDE,
     Columns,
     Roles,
     hertz_in,
@@ -25,13 +25,13 @@ from fitting.resonance.reading import (
     read_trace_of,
     roles_of,
     units_untold,
-    values_in,
 )
-from fitting.resonance.spikes import spike_words, spikes_in
+from fitting.resonance.spikes import spike_note, spikes_in
 from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
 from fitting.signal.line_record import LineResult, line_numbers
 from fitting.signal.noise_lines import TOGETHER
 from fitting.text.errors import BadInput, gathered
+from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import listed
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
@@ -41,8 +41,6 @@ LABEL = "experiment"
 PHASE_UNITS = ("deg", "rad", "°")
 #: Units that a person may answer with, by the field of `Columns` that tells one.
 UNITS = {"unit_frequency": ("Hz", "kHz", "MHz", "GHz"), "unit_phase": ("deg", "rad")}
-#: What becomes of a single point that was left out of a line.
-COUNTED = "The campaign counts it as every other point: better without its row in the file."
 SIGMA_PREFIXES = ("s_", "sigma", "std", "err")
 
 
@@ -58,7 +56,7 @@ class SweepFile:
 
     path: Path
     roles: Roles
-    said: tuple[str, ...]
+    reading: tuple[Finding, ...]
     line: LineResult | None
     trouble: str = ""
     two: TwoLines | None = None
@@ -93,16 +91,14 @@ class SweepFile:
         if kind != NOISE or self.noise is None:
             return self
         lines, two = self.noise.lines, self.noise.two
-        of_amplitudes, what = values_in(self.roles)[2], self.noise.column
+        what = self.noise.column
         return replace(
             self,
             is_noise=True,
-            said=tuple(
-                words.replace(" amplitude '", f" {what} '").replace(
-                    "the amplitude:", f"the {what}:"
-                )
-                for words in self.said
-                if words not in of_amplitudes
+            reading=tuple(
+                _of_noise(each, what)
+                for each in self.reading
+                if each.kind is not Kind.values_converted
             ),
             line=_line_of_noise(self.noise),
             two=two,
@@ -113,6 +109,16 @@ class SweepFile:
             if lines is None
             else "",
         )
+
+
+def _of_noise(reading: Finding, what: str) -> Finding:
+    """How a file was read whose sizes are those of a density, not amplitudes."""
+    names = dict(reading.names)
+    if reading.kind is Kind.file_read:
+        names["roles"] = tuple(what if role == AMPLITUDE else role for role in names["roles"])
+    if reading.kind is Kind.file_remark:
+        names["text"] = (names["text"][0].replace("the amplitude:", f"the {what}:"),)
+    return replace(reading, names=names)
 
 
 def _line_of_noise(look: NoiseLook) -> LineResult | None:
@@ -292,11 +298,12 @@ def _map(path: Path, columns: Columns, *, alone: bool) -> list[MapFile]:
 def _sweep(path: Path, columns: Columns) -> SweepFile:
     roles, trace = roles_of(path, columns), read_trace_of(path, columns)
     line, trouble, two, modes, rising = None, "", None, None, False
-    said = [*trace.reading, *(f"{spike_words(s, trace.unit)} {COUNTED}" for s in spikes_in(trace))]
+    counted = (spike_note(spike, trace.unit, campaign=True) for spike in spikes_in(trace))
+    reading = [*trace.reading, *counted]
     try:
         line = line_of(trace)
         rising = line.phases_reversed
-        said += [each for each in line.reading if each.startswith(LEFT_OUT)]
+        reading += of_kind(line.reading, Kind.top_excluded)
         if line.second is not None:  # a model of two modes describes both
             two = as_two(line, line.second)
             line = None
@@ -310,7 +317,7 @@ def _sweep(path: Path, columns: Columns) -> SweepFile:
     return SweepFile(
         path=path,
         roles=roles,
-        said=tuple(said),
+        reading=tuple(reading),
         line=line,
         trouble=trouble,
         two=two,

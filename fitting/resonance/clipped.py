@@ -21,10 +21,8 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS, OFFSET
 from fitting.signal.sweep_faults import CLIPPED_POINTS
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, how_many, number, prefixed
+from fitting.text.finding import Finding, Kind, note
 
-#: How the sentence on it begins.
-LEFT_OUT = "Left out: "
 #: Standard deviations of a reading within which noise may take a point to the limit.
 CLOSE = 3.0
 #: Steps of the scale over noise, up to which three largest points are not equal by chance.
@@ -85,7 +83,7 @@ def without_clipped(trace: Trace) -> tuple[Trace, Clipped | None]:
         high_hz=float(left[-1]),
         width_hz=math.nan if plain is None else plain.width.value,
     )
-    return _rest(trace, kept, clipped_words(found, trace.unit)), found
+    return _rest(trace, kept, _note(found, trace.unit)), found
 
 
 def _without_clipped_parts(trace: Trace) -> tuple[Trace, Clipped | None]:
@@ -102,44 +100,30 @@ def _without_clipped_parts(trace: Trace) -> tuple[Trace, Clipped | None]:
         high_hz=float(left[-1]),
         width_hz=math.nan,
     )
-    said = (
-        f"{LEFT_OUT}{how_many(found.count, 'point')} between "
-        f"{hertz(found.low_hz, found.high_hz, digits=8, joined=' and ')}. X, Y or the amplitude is "
-        f"the same there at its largest, {_limit(found, trace.unit)}, or as close to it as noise "
-        "goes: it is clipped. All numbers are those of the other points."
-    )
-    return _rest(trace, ~cut, said), found
+    return _rest(trace, ~cut, _note(found, trace.unit, parts=("X", "Y"))), found
 
 
-def _rest(trace: Trace, kept: BoolArray, said: str) -> Trace:
-    """The trace of the points that are kept, and a sentence on the others."""
+def _rest(trace: Trace, kept: BoolArray, excluded: Finding) -> Trace:
+    """The trace of the points that are kept, and a finding on the others."""
     whole = trace.whole
     if whole is not None:
         whole = whole.points(~np.isin(whole.frequency_hz, trace.frequency_hz[~kept]))
-    return replace(replace(trace, whole=whole).points(kept), reading=(*trace.reading, said))
+    reading = (*trace.reading, excluded)
+    return replace(replace(trace, whole=whole).points(kept), reading=reading)
 
 
-def _limit(found: Clipped, unit: str) -> str:
-    factor, of_unit = prefixed(found.limit, "" if unit == "1" else unit)
-    return f"{number(found.limit / factor, 4)} {of_unit}".rstrip()
-
-
-def clipped_words(found: Clipped, unit: str) -> str:
-    """How many points were left out, and why.
-
-    Args:
-        found: the top that was cut off.
-        unit: of its limit.
-    """
-    limit = _limit(found, unit)
-    ends = hertz(found.low_hz, found.high_hz, digits=8, joined=" and ")
-    beside = f", and {found.beside} beside them, which noise may have taken there"
-    wide = "" if math.isnan(found.width_hz) else hertz(found.width_hz, digits=4)
-    with_all = f"; with all points the width would be {wide}" * bool(wide)
-    return (
-        f"{LEFT_OUT}the {found.count} largest points{beside * bool(found.beside)}, between {ends}. "
-        f"They are equal, {limit}: the top is clipped, and says how high the line is at least. All "
-        f"numbers are those of the other points{with_all}."
+def _note(found: Clipped, unit: str, parts: tuple[str, ...] = ()) -> Finding:
+    """How many points were left out, and why; of complex values ``parts`` were clipped."""
+    return note(
+        Kind.top_excluded,
+        "",
+        {"unit": (unit,), "parts": parts},
+        size=found.limit,
+        count=found.count,
+        near=found.beside,
+        low_hz=found.low_hz,
+        high_hz=found.high_hz,
+        width_hz=found.width_hz,
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting.campaign.instruments import Channel, Recording, read_recording
-from fitting.campaign.recognised import Recognised, recognised
+from fitting.campaign.recognised import recognised
 from fitting.measurements.traces.grid import spacing_s
 from fitting.resonance.decay_record import (
     AMPLITUDES,
@@ -22,16 +22,16 @@ from fitting.resonance.reading import (
     ValueRoles,
     column_of,
     columns_there,
-    columns_words,
     phase_complaints,
+    read_note,
     value_names,
     value_roles_of,
     values_in,
     with_unit,
 )
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.frequency import hertz_of
-from fitting.text.notation import hertz, listed
 from fitting.text.units import convert, is_frequency
 
 #: Names of columns that say that they hold amplitudes, in small letters.
@@ -98,24 +98,23 @@ def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
         BadInput: as `decay_roles_of`; times that are not even.
     """
     time, roles = decay_roles_of(path, columns)
-    known, recording = roles.recognised, roles.recording
+    recording = roles.recording
     where = f"{path}: column '{time.name}'"
     time_s = convert(1.0, str(time.unit), "s", where=where) * recording.numbers(time)
     spacing_s(time_s, str(path), recording.places)
-    values, unit, words = values_in(roles)
+    values, unit, converted = values_in(roles)
     kind = _kind(roles, unit)
-    reference_hz, told = _reference(recording, columns)
+    reference_hz, demodulated = _reference(recording, columns)
     made = decay_record_of(time_s, values, unit, str(path))
     return replace(
         made,
         kind=kind,
         reference_hz=reference_hz,
         reading=(
-            f"{path.name}: {known.words}.",
-            f"Read: {columns_words({'time': time, **_value_names(roles, kind)})}.",
-            *words,
-            *told,
-            *_others(known, recording, roles, time),
+            read_note(roles, {"time": time, **_value_names(roles, kind)}),
+            *converted,
+            *demodulated,
+            *_others(roles, time),
         ),
     )
 
@@ -137,7 +136,7 @@ def _value_names(roles: ValueRoles, kind: str) -> dict[str, Channel | None]:
     return names if kind else {"values": roles.sizes}
 
 
-def _reference(recording: Recording, columns: Columns) -> tuple[float, tuple[str, ...]]:
+def _reference(recording: Recording, columns: Columns) -> tuple[float, tuple[Finding, ...]]:
     """What was demodulated at, Hz, where a column that does not change tells it; else NaN.
 
     Raises:
@@ -158,8 +157,8 @@ def _reference(recording: Recording, columns: Columns) -> tuple[float, tuple[str
             )
         if channel.unit is None:
             raise BadInput(f"{where}: tells no unit; wanted it by --unit-frequency, as Hz or MHz")
-        told = float(hertz_of(values[:1], channel.unit, where=where)[0])
-        return told, (f"Demodulated at {hertz(told)}, as column '{channel.name}' tells.",)
+        at_hz = float(hertz_of(values[:1], channel.unit, where=where)[0])
+        return at_hz, (note(Kind.demodulated_at, channel.name, frequency_hz=at_hz),)
     return math.nan, ()
 
 
@@ -167,14 +166,12 @@ def _tells(channel: Channel) -> bool:
     return bool(channel.unit) and not channel.is_complex and is_frequency(str(channel.unit))
 
 
-def _others(
-    known: Recognised, recording: Recording, roles: ValueRoles, time: Channel
-) -> tuple[str, ...]:
+def _others(roles: ValueRoles, time: Channel) -> tuple[Finding, ...]:
     """Columns that may have been meant as well, where nothing tells which one is."""
-    guessed = {c.name for c in known.columns if c.guessed}
+    guessed = {c.name for c in roles.recognised.columns if c.guessed}
     taken = {c.name for c in (*roles.values, time)}
     if not guessed & taken:
         return ()
-    left = [c for c in recording.channels if c.name not in taken and not _tells(c)]
-    others = listed(f"'{c.name}'" for c in left)
-    return (f"There is also {others}: --amplitude takes another column.",) if others else ()
+    rest = [c for c in roles.recording.channels if c.name not in taken and not _tells(c)]
+    others = {"columns": tuple(f"'{c.name}'" for c in rest)}
+    return (note(Kind.other_columns, names=others),) if rest else ()

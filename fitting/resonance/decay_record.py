@@ -11,6 +11,7 @@ import numpy.typing as npt
 from fitting.measurements.traces.grid import LEAST_SAMPLES, spacing_s
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import how_many, number
 from fitting.text.numbers import as_numbers, as_values, require_size
 
@@ -29,7 +30,7 @@ class DecayRecord:
         unit: of the values.
         kind: one of `KINDS`; empty: samples or amplitudes, as the values tell.
         reference_hz: what was demodulated at, Hz; NaN: nobody told.
-        reading: how the file was read, in sentences.
+        reading: how the file was read.
     """
 
     source: str
@@ -38,7 +39,7 @@ class DecayRecord:
     unit: str
     kind: str = ""
     reference_hz: float = math.nan
-    reading: tuple[str, ...] = ()
+    reading: tuple[Finding, ...] = ()
 
     @property
     def is_complex(self) -> bool:
@@ -77,8 +78,8 @@ class DecayRecord:
                 f"--from and --to, wanted at least {LEAST_SAMPLES}; its samples run from {first} "
                 f"to {last} s"
             )
-        words = f"Taken: {kept.size} of {self.time_s.size} samples."
-        return replace(self.part(int(kept[0]), int(kept[-1]) + 1), reading=(*self.reading, words))
+        taken = note(Kind.part_taken, "sample", taken=kept.size, count=self.time_s.size)
+        return replace(self.part(int(kept[0]), int(kept[-1]) + 1), reading=(*self.reading, taken))
 
     def part(self, first: int, end: int) -> DecayRecord:
         """The samples from one to another.

@@ -66,6 +66,7 @@ from fitting.signal.sweep_faults import SweepFault
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.estimate import Estimate
+from fitting.text.finding import Kind, note
 from fitting.text.notation import hertz, listed
 
 #: Height of a second line over that of the first one up to which the first is the one meant.
@@ -258,8 +259,7 @@ def _as_falling(trace: Trace) -> Trace:
     here, there = (begin_of(f, each, FANO, guesses(f, each))[1] for each in (y, np.conj(y)))
     if here <= there:
         return trace
-    words = "The file counts phases the other way, rising over the resonance: they were turned."
-    reading = (*trace.reading, words)
+    reading = (*trace.reading, note(Kind.phases_reversed))
     return replace(trace, values=np.conj(y), phases_reversed=True, reading=reading)
 
 

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from scipy.special import digamma, gammainc, gammaincc, ndtri
 
 from fitting.resonance.record import MeasuredLine, Points
-from fitting.resonance.trace import AT_ZERO, above_zero, within
+from fitting.resonance.trace import above_zero, within
 from fitting.signal.line_record import (
     LineValues,
     SecondLine,
@@ -38,7 +38,8 @@ from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.estimate import Estimate
-from fitting.text.notation import hertz, how_many
+from fitting.text.finding import Finding, Kind, note
+from fitting.text.notation import hertz
 from fitting.text.numbers import as_numbers, require_size
 
 #: Points that a noise spectrum has at least.
@@ -58,14 +59,14 @@ class NoiseRecord:
         frequency_hz: rising, shape (n,), Hz.
         density: above zero, shape (n,), in ``unit`` squared per Hz.
         unit: of what is seen, as V; "1": the numbers are relative.
-        reading: how the file was read, in sentences.
+        reading: how the file was read.
     """
 
     source: str
     frequency_hz: FloatArray
     density: FloatArray
     unit: str
-    reading: tuple[str, ...] = ()
+    reading: tuple[Finding, ...] = ()
 
     def within(self, low_hz: float | None, high_hz: float | None) -> NoiseRecord:
         """The part between two frequencies.
@@ -80,12 +81,12 @@ class NoiseRecord:
         if low_hz is None and high_hz is None:
             return self
         kept = within(self.frequency_hz, (low_hz, high_hz), LEAST_POINTS, self.source)
-        words = f"Taken: {int(np.sum(kept))} of {how_many(kept.size, 'point')}."
+        taken = note(Kind.part_taken, "point", taken=int(np.sum(kept)), count=kept.size)
         return replace(
             self,
             frequency_hz=self.frequency_hz[kept],
             density=self.density[kept],
-            reading=(*self.reading, words),
+            reading=(*self.reading, taken),
         )
 
 
@@ -110,7 +111,7 @@ def noise_record_of(
         raise BadInput(f"{source}: frequencies {f.shape} and densities {y.shape}; wanted (n,)")
     kept = above_zero(f)
     f, y = f[kept], y[kept]
-    reading = () if np.all(kept) else (AT_ZERO,)
+    reading = () if np.all(kept) else (note(Kind.zero_frequency),)
     if f.size < LEAST_POINTS:
         raise BadInput(f"{source}: {f.size} points, wanted at least {LEAST_POINTS}")
     for i in np.flatnonzero(~(np.isfinite(f) & np.isfinite(y)))[:1]:

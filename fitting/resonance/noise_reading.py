@@ -15,7 +15,7 @@ from fitting.measurements.noise.table import (
     relative_density,
 )
 from fitting.resonance.noise_line import NoiseRecord, noise_record_of
-from fitting.resonance.reading import Columns, Roles, columns_words, hertz_in, map_in, roles_of
+from fitting.resonance.reading import Columns, Roles, hertz_in, lead, map_in, roles_of
 from fitting.text.errors import BadInput
 
 #: Names of columns that say what they hold, in small letters.
@@ -97,8 +97,4 @@ def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
     unit = "1" if density.is_relative else density.unit
     made = noise_record_of(hertz_in(roles), density.numbers, unit, str(path))
     what = "root of the density" if density.is_root else "density"
-    read = columns_words({"frequency": roles.frequency, what: roles.sizes})
-    beside = (roles.left_out,) if roles.left_out else ()
-    return replace(
-        made, reading=(f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *beside)
-    )
+    return replace(made, reading=lead(roles, what))

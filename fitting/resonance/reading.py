@@ -16,6 +16,7 @@ from fitting.resonance.trace import Trace, swapped, trace_of
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import listed
 from fitting.text.units import convert, same_kind
@@ -30,6 +31,8 @@ TIME_PAGE = "docs/how-to/traces.md"
 TIME_WAY = (
     f"the FMU whose output was recorded, as fmu-fit init --fmu drafts a campaign: {TIME_PAGE}"
 )
+#: Roles of columns of a sweep whose values are amplitudes; of a noise spectrum it is another.
+AMPLITUDE = "amplitude"
 #: Unit of amplitudes that were levels over a milliwatt.
 ROOT_MW = "(mW)^0.5"
 
@@ -346,16 +349,14 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     recording.check(roles.all)
     _complain_of_swapped(roles)
     frequency_hz = hertz_in(roles)
-    read = _columns_words(roles)
-    values, unit, words = values_in(roles)
-    said = [*lead(roles), *_guesses(roles, columns), *words]
+    read = _columns_words({"frequency": roles.frequency, **value_names(roles)})
+    values, unit, converted = values_in(roles)
+    reading = [*lead(roles), *_guesses(roles, columns), *converted]
     steps = np.diff(frequency_hz)
-    if steps.size and np.all(steps < 0.0):
-        said.append("The sweep runs downwards in frequency; its points were turned round.")
-    elif np.any(steps < 0.0):
-        said.append("The rows are not in the order of their frequencies; they were sorted.")
+    if np.any(steps < 0.0):
+        reading.append(note(Kind.rows_sorted, reversed=float(np.all(steps < 0.0))))
     made = trace_of(frequency_hz, values, unit, source=str(path), places=recording.places)
-    return replace(made, read=read, reading=tuple(said), notes=dict(recording.notes))
+    return replace(made, read=read, reading=tuple(reading), notes=dict(recording.notes))
 
 
 def _map_beside_cells(roles: Roles) -> ControlMap | None:
@@ -393,18 +394,39 @@ def map_in(roles: Roles) -> ControlMap | None:
     return map_of(roles.recording, frequencies, [channel.name for channel in roles.all])
 
 
-def lead(roles: Roles) -> tuple[str, ...]:
-    """What a file is, and as what its columns were read, in sentences.
+def lead(roles: Roles, sizes: str = AMPLITUDE) -> tuple[Finding, ...]:
+    """What a file is, and as what its columns were read.
 
     Args:
         roles: of its columns.
+        sizes: role of the column of sizes.
     """
-    name = roles.recording.path.name
-    beside = (roles.left_out,) if roles.left_out else ()
-    return f"{name}: {roles.recognised.words}.", f"Read: {_columns_words(roles)}.", *beside
+    names = {"frequency": roles.frequency, **value_names(roles, sizes)}
+    left_out = (note(Kind.file_remark, names={"text": (roles.left_out,)}),)
+    return read_note(roles, names), *(left_out if roles.left_out else ())
 
 
-def values_in(roles: ValueRoles) -> tuple[FloatArray | ComplexArray, str, list[str]]:
+def read_note(roles: ValueRoles, names: Mapping[str, Channel | None]) -> Finding:
+    """What a file is, and which of its columns is read as what.
+
+    Args:
+        roles: of its columns.
+        names: columns by what they are.
+    """
+    known = {role: channel for role, channel in names.items() if channel is not None}
+    return note(
+        Kind.file_read,
+        roles.recording.path.name,
+        {
+            "format": (roles.recognised.words,),
+            "roles": tuple(known),
+            "columns": tuple(channel.name for channel in known.values()),
+            "units": tuple(channel.unit or "" for channel in known.values()),
+        },
+    )
+
+
+def values_in(roles: ValueRoles) -> tuple[FloatArray | ComplexArray, str, list[Finding]]:
     """Amplitudes or complex values (n,) of a file, their unit, and what was made of them.
 
     Args:
@@ -425,12 +447,12 @@ def values_in(roles: ValueRoles) -> tuple[FloatArray | ComplexArray, str, list[s
     assert roles.sizes is not None  # noqa: S101 - roles_of has complained otherwise
     if roles.sizes.is_complex:
         return recording.values(roles.sizes), roles.sizes.unit or "1", []
-    sizes, unit, words = _amplitudes(recording, roles.sizes)
+    sizes, unit, converted = _amplitudes(recording, roles.sizes)
     if roles.phase is None:
-        return sizes, unit, words
+        return sizes, unit, converted
     where = f"{path}: column '{roles.phase.name}'"
     radians = convert(1.0, str(roles.phase.unit), "rad", where=where)
-    return sizes * np.exp(1j * radians * recording.numbers(roles.phase)), unit, words
+    return sizes * np.exp(1j * radians * recording.numbers(roles.phase)), unit, converted
 
 
 def hertz_in(roles: Roles) -> FloatArray:
@@ -448,53 +470,40 @@ def hertz_in(roles: Roles) -> FloatArray:
     return hertz_of(roles.recording.numbers(channel), unit, where=where)
 
 
-def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str, list[str]]:
+def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str, list[Finding]]:
     """Amplitudes of a column, their unit, and what was made of them."""
     values, unit = recording.numbers(channel), channel.unit or "1"
-    if unit == "dBm":
-        words = (
-            "Decibels were read as those of an amplitude, 20 dB as a factor of ten (dBm): the "
-            f"square of an amplitude is a power in mW, and 1 {ROOT_MW} is 0.2236 V rms into 50 ohm."
-        )
-        return np.asarray(10.0 ** (values / 20.0)), ROOT_MW, [words]
+    converted = note(Kind.values_converted, channel.name, {"unit": (unit,)})
     if unit.startswith("dB"):
-        words = f"Decibels were read as those of an amplitude: 20 dB are a factor of ten ({unit})."
-        return np.asarray(10.0 ** (values / 20.0)), "1", [words]
+        root = ROOT_MW if unit == "dBm" else "1"
+        return np.asarray(10.0 ** (values / 20.0)), root, [converted]
     if any(same_kind(unit, power) for power in POWERS):
         for i in np.flatnonzero(values < 0.0)[:1]:
             raise BadInput(
                 f"{recording.path}: {recording.places[i]}, column '{channel.name}': "
                 f"{values[i]:.6g} {unit}, wanted a power of zero or more"
             )
-        words = f"'{channel.name}' is a power ({unit}): amplitudes are its square root."
-        return np.sqrt(values), f"({unit})^0.5", [words]
+        return np.sqrt(values), f"({unit})^0.5", [converted]
     return values, unit, []
 
 
-def _columns_words(roles: Roles) -> str:
-    return columns_words({"frequency": roles.frequency, **value_names(roles)})
-
-
-def value_names(roles: ValueRoles) -> dict[str, Channel | None]:
-    """What each column of values is, in words.
+def value_names(roles: ValueRoles, sizes: str = AMPLITUDE) -> dict[str, Channel | None]:
+    """What each column of values is.
 
     Args:
         roles: of the columns.
+        sizes: role of the column of sizes.
     """
     return {
-        "amplitude": roles.sizes,
+        sizes: roles.sizes,
         "phase": roles.phase,
         "real part": roles.real,
         "imaginary part": roles.imaginary,
     }
 
 
-def columns_words(names: Mapping[str, Channel | None]) -> str:
-    """Columns with their units, as "time 't' (s) and amplitude 'R' (V)".
-
-    Args:
-        names: what each is, in words; None: there is none.
-    """
+def _columns_words(names: Mapping[str, Channel | None]) -> str:
+    """Columns with their units, for complaints, as "time 't' (s) and amplitude 'R' (V)"."""
     return listed(
         f"{what} '{c.name}' ({c.unit or 'no unit told'})"
         for what, c in names.items()
@@ -502,7 +511,7 @@ def columns_words(names: Mapping[str, Channel | None]) -> str:
     )
 
 
-def _guesses(roles: Roles, columns: Columns) -> list[str]:
+def _guesses(roles: Roles, columns: Columns) -> list[Finding]:
     """Remarks about the columns, where one of those that are taken was guessed.
 
     What was guessed of a column that is told, or is not taken then, is not said.
@@ -513,5 +522,8 @@ def _guesses(roles: Roles, columns: Columns) -> list[str]:
     if not guessed & taken:
         return []
     silent = tuple(f"column '{c.name}' " for c in roles.recording.channels if c.name not in taken)
-    said = [remark for remark in roles.recognised.remarks if not remark.startswith(silent)]
-    return [f"{remark[0].upper()}{remark[1:]}." for remark in said]
+    remarks = [remark for remark in roles.recognised.remarks if not remark.startswith(silent)]
+    return [
+        note(Kind.file_remark, names={"text": (f"{remark[0].upper()}{remark[1:]}.",)})
+        for remark in remarks
+    ]

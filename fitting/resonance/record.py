@@ -8,6 +8,8 @@ import numpy as np
 
 from fitting.signal.line_record import LineResult
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.finding import Finding
+from fitting.text.sentences import sentence_lines
 
 Floats = tuple[float, ...]
 
@@ -79,12 +81,17 @@ class MeasuredLine(LineResult):
     """One resonance of a file or of arrays.
 
     Attributes:
-        reading: how the file was read, in sentences.
+        reading: how the file was read: findings that ask nothing of the reader.
         points: what was measured and what was fitted.
     """
 
-    reading: tuple[str, ...]
+    reading: tuple[Finding, ...]
     points: Points = field(repr=False)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """How the file was read, in sentences."""
+        return sentence_lines(self.reading)
 
     @property
     def is_complex(self) -> bool:

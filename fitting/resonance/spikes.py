@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.resonance.trace import Trace
 from fitting.signal.single_points import single_points
-from fitting.text.notation import hertz, number, prefixed
+from fitting.text.finding import Finding, Kind, note
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,23 +56,23 @@ def without_spikes(trace: Trace, spikes: Sequence[Spike]) -> Trace:
     if not spikes:
         return trace
     kept = ~np.isin(trace.frequency_hz, [spike.frequency_hz for spike in spikes])
-    words = [spike_words(spike, trace.unit) for spike in spikes]
-    return replace(trace.points(kept), reading=(*trace.reading, *words))
+    notes = [spike_note(spike, trace.unit) for spike in spikes]
+    return replace(trace.points(kept), reading=(*trace.reading, *notes))
 
 
-def spike_words(spike: Spike, unit: str) -> str:
-    """What is said of a point that was left out.
+def spike_note(spike: Spike, unit: str, *, campaign: bool = False) -> Finding:
+    """A point that was left out, as a finding.
 
     Args:
         spike: that point.
         unit: of its size.
+        campaign: whether a campaign counts it.
     """
-    factor, of_unit = prefixed(spike.size, "" if unit == "1" else unit)
-    size, there = (
-        f"{number(value / factor, 3)} {of_unit}".rstrip() for value in (spike.size, spike.expected)
-    )
-    return (
-        f"Left out: {spike.place}, {size} at {hertz(spike.frequency_hz, digits=8)}, where its "
-        f"neighbours make {there} likely: a single point far off them is no line that these "
-        "points could tell of, and a narrower one needs a finer grid."
+    return note(
+        Kind.point_excluded,
+        spike.place,
+        {"unit": (unit,), **({"campaign": ("yes",)} if campaign else {})},
+        size=spike.size,
+        expected=spike.expected,
+        frequency_hz=spike.frequency_hz,
     )

@@ -11,13 +11,12 @@ import numpy.typing as npt
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import hertz, how_many
 from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Steps that are equal but for the last digit of a file: by which share they may differ.
 UNEVEN = 0.2
-#: What is said of a point that is left out.
-AT_ZERO = "A point at 0 Hz was left out: it is the mean of a record and no response."
 #: Frequencies beyond which no point lies, Hz.
 FAR = (-np.inf, np.inf)
 
@@ -62,7 +61,7 @@ class Trace:
         unit: of the values.
         read: the columns that were taken for what, in words; empty for arrays.
         phases_reversed: whether the file counts them the other way; here they are reversed.
-        reading: how the file was read, in sentences.
+        reading: how the file was read.
         notes: header entries of the file.
         places: where every point stands in the file, as "row 12", (n,); of arrays its number.
         whole: the trace of which this is a part; None: it is whole.
@@ -74,7 +73,7 @@ class Trace:
     unit: str
     read: str = ""
     phases_reversed: bool = False
-    reading: tuple[str, ...] = ()
+    reading: tuple[Finding, ...] = ()
     notes: Mapping[str, str] = field(default_factory=dict)
     places: tuple[str, ...] = ()
     whole: Trace | None = None
@@ -108,13 +107,14 @@ class Trace:
             return self
         kept = within(self.frequency_hz, (low_hz, high_hz), MIN_SWEEP_POINTS, self.source)
         count = int(np.sum(kept))
-        part = hertz(
-            self.frequency_hz[kept][0], self.frequency_hz[kept][-1], digits=8, joined=" to "
+        low, high = self.frequency_hz[kept][[0, -1]].tolist()
+        taken = note(
+            Kind.part_taken, "point", taken=count, count=kept.size, low_hz=low, high_hz=high
         )
         return replace(
             self.points(kept),
             whole=self if count < self.frequency_hz.size else None,
-            reading=(*self.reading, f"Taken: {count} of {self.frequency_hz.size} points, {part}."),
+            reading=(*self.reading, taken),
         )
 
     def points(self, kept: npt.NDArray[np.bool_]) -> Trace:
@@ -218,5 +218,5 @@ def trace_of(
     if not np.any(np.abs(y) > 0.0):
         raise BadInput(f"{source}: holds nothing but zeros, wanted a resonance")
     where = tuple(named[k] for k in order)
-    said = () if np.all(kept) else (AT_ZERO,)
-    return Trace(source=source, frequency_hz=f, values=y, unit=unit, places=where, reading=said)
+    reading = () if np.all(kept) else (note(Kind.zero_frequency),)
+    return Trace(source=source, frequency_hz=f, values=y, unit=unit, places=where, reading=reading)

@@ -49,7 +49,7 @@ RENAMED = {
     "asked": "is_requested",
     "turned": "phases_reversed",
     "describes": "is_noise",
-    "said": "reading",
+    "said": "remarks",
     "fits": "forms",
 }
 

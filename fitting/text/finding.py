@@ -84,6 +84,18 @@ class Kind(StrEnum):
     scale_doubt = "scale_doubt"
     posterior_incomplete = "posterior_incomplete"
     posterior_unchecked = "posterior_unchecked"
+    # how a file was read
+    file_read = "file_read"
+    file_remark = "file_remark"
+    other_columns = "other_columns"
+    values_converted = "values_converted"
+    rows_sorted = "rows_sorted"
+    part_taken = "part_taken"
+    zero_frequency = "zero_frequency"
+    phases_reversed = "phases_reversed"
+    demodulated_at = "demodulated_at"
+    point_excluded = "point_excluded"
+    top_excluded = "top_excluded"
     # the FMU and the plan
     fmu_warning = "fmu_warning"
     not_periodic = "not_periodic"
@@ -112,6 +124,25 @@ class Finding:
     subject: str
     numbers: Mapping[str, float] = field(default_factory=dict)
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def note(
+    kind: Kind,
+    subject: str = "",
+    names: Mapping[str, tuple[str, ...]] | None = None,
+    **numbers: float,
+) -> Finding:
+    """A finding that asks nothing of the reader.
+
+    Args:
+        kind: what was found.
+        subject: the column, point or file that it is about.
+        names: that its sentence needs.
+        **numbers: that its sentence needs, in SI units.
+    """
+    return Finding(
+        kind=kind, severity="note", subject=subject, numbers=numbers, names=dict(names or {})
+    )
 
 
 def of_kind(findings: tuple[Finding, ...], *kinds: Kind) -> tuple[Finding, ...]:

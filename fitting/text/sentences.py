@@ -27,6 +27,15 @@ def sentence(finding: Finding) -> str:
     return text if kept else f"{text[0].upper()}{text[1:]}"
 
 
+def sentence_lines(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """The sentences of findings, in lines.
+
+    Args:
+        findings: in their order.
+    """
+    return tuple(line for each in findings for line in sentence(each).splitlines())
+
+
 def warning_sentences(findings: Iterable[Finding]) -> tuple[str, ...]:
     """The sentences of errors and warnings, each once.
 

@@ -9,6 +9,7 @@ from fitting.report.resonance import sentences, text
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.trace import trace_of
 from fitting.text.arrays import FloatArray
+from fitting.text.finding import Kind, of_kind
 from tests.support.lines import mode, noise
 from tests.support.samples import sampled
 
@@ -80,7 +81,8 @@ def test_points_that_noise_decides_on_are_left_out_too() -> None:
     assert np.all(kept[far])
     assert line.clipped is not None
     assert line.clipped.count + line.clipped.beside == F.size - int(np.sum(kept))
-    assert f" {line.clipped.beside} beside" in " ".join(line.reading)
+    [excluded] = of_kind(line.reading, Kind.top_excluded)
+    assert excluded.numbers["near"] == line.clipped.beside
 
 
 def test_three_equal_points_at_the_top_of_a_coarse_scale_stay() -> None:
