@@ -7,7 +7,7 @@ output(t) = Re[value exp(i 2 pi u t)]: the phase of a response falls with freque
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -65,10 +65,9 @@ class MeasuredComplex:
 
     frequency_hz: npt.ArrayLike
     values: npt.ArrayLike
-    _: KW_ONLY
-    unit: str = "V"
-    source: str = "arrays"
-    left_out: str = ""
+    unit: str = field(default="V", kw_only=True)
+    source: str = field(default="arrays", kw_only=True)
+    left_out: str = field(default="", kw_only=True)
     u_hz: FloatArray = field(init=False)
     y: ComplexArray = field(init=False)
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from fitting.campaign import BoundCampaign, Drift, Experiment, SweepData
 from fitting.campaign.joint import join_parameters, named_apart
+from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Measurement
@@ -22,8 +23,7 @@ class Problem:
 
     `alternatives` holds one mapping of start values per discrete alternative (one empty mapping
     without any); `derived` names the outputs that are reported, by series; `campaigns` are those
-    that it was made of, by series, with labels and parameters as they are here; `threshold` is
-    beyond how many standard deviations a residual is called an outlier.
+    that it was made of, by series, with labels and parameters as they are here.
     """
 
     parameters: tuple[Parameter, ...]
@@ -31,11 +31,23 @@ class Problem:
     _: KW_ONLY
     alternatives: tuple[Mapping[str, Scalar], ...] = ({},)
     derived: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    title: str = ""
-    synthetic: bool = False
     campaigns: Mapping[str, BoundCampaign] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    threshold: float = 4.0
+
+    @property
+    def title(self) -> str:
+        """Those of all campaigns."""
+        return " + ".join(bound.title for bound in self.campaigns.values())
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether one of the campaigns is."""
+        return any(bound.synthetic for bound in self.campaigns.values())
+
+    @property
+    def threshold(self) -> float:
+        """Beyond how many standard deviations a residual is called an outlier."""
+        return next((bound.noise for bound in self.campaigns.values()), Noise()).threshold
 
     @property
     def measurements(self) -> tuple[Measurement, ...]:
@@ -124,9 +136,6 @@ def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
         ),
         alternatives=bounds[0].alternatives,
         derived={name: bound.derived for name, bound in series},
-        title=" + ".join(bound.title for bound in bounds),
-        synthetic=any(bound.synthetic for bound in bounds),
         campaigns=dict(series),
         notes=(*notes, *dict.fromkeys(note for bound in bounds for note in bound.notes)),
-        threshold=bounds[0].noise.threshold,
     )
