@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,6 +41,43 @@ class NamedArray:
     values: Numbers
     unit: str | None = None
     matrix: str = ""
+
+    @property
+    def folder(self) -> str:
+        """The group that it is in, with those around it; empty: none."""
+        return self.name.rpartition("/")[0]
+
+    @property
+    def plain(self) -> str:
+        """Its name without a unit, in small letters."""
+        return named_column(self.name, 0).name.lower()
+
+    @property
+    def rises(self) -> bool:
+        """Whether its values are real and rise."""
+        return not np.iscomplexobj(self.values) and bool(np.all(np.diff(self.values) > 0.0))
+
+    def channel(self, folder: str) -> Channel:
+        """The column, by its name within a folder.
+
+        Args:
+            folder: that of the axis.
+        """
+        name = self.name.removeprefix(f"{folder}/") if folder else self.name
+        written = named_column(name, 0)
+        unit = self.unit or written.unit or suffixed_unit(written.name)[1]
+        made = channel_of(written.name, unit, self.values)
+        return replace(made, whole=named_column(self.name, 0).name if "/" in self.name else "")
+
+    def is_of(self, names: Sequence[str], units: Sequence[str]) -> bool:
+        """Whether its name or its unit is one of these.
+
+        Args:
+            names: small letters.
+            units: as they are usually spelt.
+        """
+        channel = self.channel(self.folder)
+        return plain_name(channel) in names or channel.unit in units
 
 
 def columns_of(name: str, values: np.ndarray, unit: str | None = None) -> list[NamedArray]:
@@ -82,62 +119,63 @@ def recording_of(
     """
     if not arrays:
         raise BadInput(f"{path}: is {words}; it holds no arrays of numbers that could be a sweep")
-    axis = _axis(path, arrays, words, selection)
-    kept = [a for a in arrays if a.values.size == axis.values.size]
-    beside = [a for a in kept if _folder(a.name) == _folder(axis.name)]
-    others = [a for a in kept if a not in beside] if _alone(axis, beside) else []
-    asked = [_named(path, arrays, name, axis) for name in selection.values if _grouped(name)]
-    _check_sizes(path, axis, asked)
-    chosen = _each_once([axis, *beside, *others, *asked])
-    channels = tuple(_channel(a, _folder(axis.name)) for a in chosen)
-    return Recording(
-        path=path,
-        channels=channels,
-        places=numbered_points(axis.values.size),
-        headed=bool(selection.axis) or _tells(axis, (*FREQUENCY, *TIME), HERTZ),
-        words=f"{words}, {axis.name}" if "/" in axis.name else words,
-    )
-
-
-def _grouped(name: str) -> bool:
-    """Whether a name tells the group that an array is in; a unit may have a slash, too."""
-    return "/" in named_column(name, 0).name
-
-
-def _each_once(arrays: Sequence[NamedArray]) -> list[NamedArray]:
-    return list({id(array): array for array in arrays}.values())
-
-
-def _check_sizes(path: Path, axis: NamedArray, asked: Sequence[NamedArray]) -> None:
-    """Complain of columns that are asked for and belong to another axis."""
-    for array in asked:
+    grouped = [name for name in selection.values if "/" in named_column(name, 0).name]
+    if selection.axis:
+        axis = _named(path, arrays, selection.axis)
+    else:
+        folder = _named(path, arrays, grouped[0]).folder if grouped else None
+        axis = _axis(path, [a for a in arrays if a.folder == folder] or arrays, words)
+    alike = [a for a in arrays if a.values.size == axis.values.size]
+    chosen = [axis, *(a for a in alike if a.folder == axis.folder)]
+    if all(a is axis for a in chosen):  # alone in its folder
+        chosen += alike
+    for name in grouped:
+        array = _named(path, arrays, name, axis)
         if array.values.size != axis.values.size:
             raise BadInput(
                 f"{path}: '{array.name}' has {how_many(array.values.size, 'value')}, "
                 f"'{axis.name}' {axis.values.size}; wanted columns of one length"
             )
+        chosen.append(array)
+    once = {id(array): array for array in chosen}.values()
+    return Recording(
+        path=path,
+        channels=tuple(array.channel(axis.folder) for array in once),
+        places=numbered_points(axis.values.size),
+        headed=bool(selection.axis) or axis.is_of((*FREQUENCY, *TIME), HERTZ),
+        words=f"{words}, {axis.name}" if "/" in axis.name else words,
+    )
 
 
-def _axis(path: Path, arrays: Sequence[NamedArray], words: str, selection: Selection) -> NamedArray:
-    if selection.axis:
-        return _named(path, arrays, selection.axis)
-    grouped = [name for name in selection.values if _grouped(name)]
-    if grouped:
-        folder = _folder(_named(path, arrays, grouped[0]).name)
-        arrays = [a for a in arrays if _folder(a.name) == folder] or arrays
-    distinct = _sweeps([a for a in arrays if _tells(a, FREQUENCY, HERTZ)])
-    if len(distinct) > 1:
-        raise _several(path, words, distinct, "sweeps", "frequency")
-    if distinct:
-        return distinct[0]
-    times = _one_a_folder([a for a in arrays if _tells(a, TIME, ())])
-    if len(times) > 1:
-        raise _several(path, words, times, "recordings over time", "time")
-    if times:
-        return times[0]
-    unnamed = _unnamed(arrays)
-    if len(unnamed) > 1:
-        raise _several(path, words, unnamed, "tables without names of columns", "frequency")
+def _axis(path: Path, arrays: Sequence[NamedArray], words: str) -> NamedArray:
+    """The axis of a file of which none is named: frequencies, times, or a column that rises."""
+    distinct: list[NamedArray] = []  # one of each folder, or several sweeps in it
+    frequencies = [a for a in arrays if a.is_of(FREQUENCY, HERTZ)]
+    for folder in dict.fromkeys(a.folder for a in frequencies):
+        here = [a for a in frequencies if a.folder == folder]
+        usual = [a for a in here if a.is_of(FREQUENCY, ())]
+        distinct += usual[:1] or _not_alike(here)
+    times: dict[str, NamedArray] = {}
+    for array in arrays:
+        if array.is_of(TIME, ()):
+            times.setdefault(array.folder, array)
+    tables: dict[str, list[NamedArray]] = {}
+    for array in arrays:
+        tables.setdefault(array.matrix or array.folder, []).append(array)
+    unnamed = [
+        first
+        for first, *rest in tables.values()
+        if first.rises and any(a.values.size == first.values.size for a in rest)
+    ]
+    for found, what, key in (
+        (distinct, "sweeps", "frequency"),
+        (list(times.values()), "recordings over time", "time"),
+        (unnamed, "tables without names of columns", "frequency"),
+    ):
+        if len(found) > 1:
+            raise _several(path, words, found, what, key)
+        if found and found is not unnamed:
+            return found[0]
     size = Counter(a.values.size for a in arrays).most_common(1)[0][0]
     return next(a for a in arrays if a.values.size == size)
 
@@ -151,12 +189,6 @@ def _several(path: Path, words: str, found: Sequence[NamedArray], what: str, key
         f'--{key} "{found[0].name}", or in the campaign, as columns = {{ {key} = '
         f'"{found[0].name}" }}'
     )
-
-
-def _tells(array: NamedArray, names: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether the name or the unit of an array is one of these."""
-    channel = _channel(array, _folder(array.name))
-    return plain_name(channel) in names or channel.unit in units
 
 
 def _named(
@@ -174,10 +206,12 @@ def _named(
         BadInput: there is none, or several.
     """
     wanted = {name.lower(), named_column(name, 0).name.lower()}
-    found = [a for a in arrays if {a.name.lower(), _unitless(a.name)} & wanted]
-    found = found or [a for a in arrays if _ends_in(a.name, wanted)]
+    found = [a for a in arrays if {a.name.lower(), a.plain} & wanted]
+    if not found:  # without its folders: whole names of groups and array
+        ends = tuple(f"/{each}" for each in wanted)
+        found = [a for a in arrays if f"/{a.plain}".endswith(ends)]
     if axis is not None and len(found) > 1:
-        found = [a for a in found if _folder(a.name) == _folder(axis.name)] or found
+        found = [a for a in found if a.folder == axis.folder] or found
     if len(found) == 1:
         return found[0]
     if found:
@@ -187,82 +221,16 @@ def _named(
     raise BadInput(f"{path}: no array '{name}'; there is: {there}")
 
 
-def _ends_in(name: str, wanted: Collection[str]) -> bool:
-    """Whether a name ends in one of these, each as whole names of groups and array."""
-    return any(f"/{_unitless(name)}".endswith(f"/{each}") for each in wanted)
-
-
-def _sweeps(found: Sequence[NamedArray]) -> list[NamedArray]:
-    """Frequency axes: one of each folder, or several if there are several sweeps in it."""
-    kept: list[NamedArray] = []
-    for folder in dict.fromkeys(_folder(a.name) for a in found):
-        here = [a for a in found if _folder(a.name) == folder]
-        usual = [a for a in here if _tells(a, FREQUENCY, ())]
-        kept += (usual or _not_alike(here))[: 1 if usual else None]
-    return kept
-
-
 def _not_alike(axes: Sequence[NamedArray]) -> list[NamedArray]:
     """Axes of different sweeps: one in several units is one, a bandwidth or an offset none."""
     kept: list[NamedArray] = []
     for axis in axes:
-        if _rises(axis) and axis.values.real[0] > 0.0 and not any(_alike(axis, k) for k in kept):
+        same_size = (k for k in kept if k.values.size == axis.values.size)
+        ratios = (axis.values / k.values for k in same_size)
+        known = any(np.allclose(ratio, ratio[0], rtol=1e-9) for ratio in ratios)
+        if axis.rises and axis.values.real[0] > 0.0 and not known:
             kept.append(axis)
     return kept or list(axes[:1])
-
-
-def _alike(one: NamedArray, two: NamedArray) -> bool:
-    """Whether two axes are the same but for a factor, as in other units."""
-    if one.values.size != two.values.size:
-        return False
-    ratio = one.values / two.values
-    return bool(np.allclose(ratio, ratio[0], rtol=1e-9))
-
-
-def _rises(array: NamedArray) -> bool:
-    values = array.values
-    return not np.iscomplexobj(values) and bool(np.all(np.diff(values) > 0.0))
-
-
-def _one_a_folder(found: Sequence[NamedArray]) -> list[NamedArray]:
-    """The first of each folder."""
-    kept: dict[str, NamedArray] = {}
-    for array in found:
-        kept.setdefault(_folder(array.name), array)
-    return list(kept.values())
-
-
-def _unnamed(arrays: Sequence[NamedArray]) -> list[NamedArray]:
-    """First columns that rise, one of each matrix or folder that holds more columns beside it."""
-    tables: dict[str, list[NamedArray]] = {}
-    for array in arrays:
-        tables.setdefault(array.matrix or _folder(array.name), []).append(array)
-    return [
-        first
-        for first, *rest in tables.values()
-        if _rises(first) and any(a.values.size == first.values.size for a in rest)
-    ]
-
-
-def _alone(axis: NamedArray, beside: Sequence[NamedArray]) -> bool:
-    return all(a is axis for a in beside)
-
-
-def _folder(name: str) -> str:
-    return name.rpartition("/")[0]
-
-
-def _unitless(name: str) -> str:
-    return named_column(name, 0).name.lower()
-
-
-def _channel(array: NamedArray, folder: str) -> Channel:
-    """A column by its name within the folder of the axis."""
-    name = array.name.removeprefix(f"{folder}/") if folder else array.name
-    written = named_column(name, 0)
-    unit = array.unit or written.unit or suffixed_unit(written.name)[1]
-    made = channel_of(written.name, unit, array.values)
-    return replace(made, whole=named_column(array.name, 0).name if "/" in array.name else "")
 
 
 def flattened(values: Mapping[str, object], prefix: str = "") -> list[tuple[str, np.ndarray]]:
