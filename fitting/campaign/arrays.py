@@ -23,7 +23,14 @@ from fitting.campaign.asked_parameters import (
     written_numbers,
 )
 from fitting.campaign.binder import Binder
-from fitting.campaign.binding import bind_alternatives, bind_experiment, completed, free_scale
+from fitting.campaign.binding import (
+    bind_alternatives,
+    bind_drive,
+    bind_experiment,
+    completed,
+    factor_to_output,
+    free_scale,
+)
 from fitting.campaign.bound import BoundCampaign, SweepData
 from fitting.campaign.file import ContinuationSettings, offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
@@ -31,15 +38,15 @@ from fitting.campaign.measured import NO_FILE, MeasuredExperiment, Phases
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES, ParameterTable
 from fitting.campaign.places import places_of_series
-from fitting.campaign.setup import Drive, Setup
+from fitting.campaign.setup import Setup
 from fitting.campaign.stated import DriftPriors, bind_sigmas
-from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.fmu.variables import READABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.units import checked_accuracy, convert, same_kind
+from fitting.text.units import checked_accuracy
 from fitting.text.written import Written, as_written, written_values
 
 
@@ -411,7 +418,9 @@ def _bound_series(
     if len(sweeps) > 1:
         raise BadInput(f"{top}{len(sweeps)} sweeps, wanted a series for each of them")
     factor, unit = _unit([m for m in mine if isinstance(m, Tones | Sweep)], output, top)
-    drive = _drive(given.drive, binder, f"{top}setup: drive")
+    drive = given.drive
+    if drive.kind != "none":
+        drive, _ = bind_drive(drive, binder, f"{top}setup: drive")
     written = written_values(given.start_values, f"{top}setup: start_values")
     setup = replace(
         given,
@@ -485,37 +494,7 @@ def _unit(given: Sequence[Tones | Sweep], output: VariableLike, top: str) -> tup
     scaled = any(isinstance(m, Sweep) and m.scale != "none" for m in given)
     if output.unit is None or free or scaled:
         return 1.0, unit
-    where = f"{top}{kind}: amplitude_unit"
-    try:
-        return convert(1.0, unit, output.unit, where=where), output.unit
-    except BadInput as error:
-        raise BadInput(
-            f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
-        ) from error
-
-
-def _drive(drive: Drive, binder: Binder, where: str) -> Drive:
-    """The drive, if the FMU can be driven so, with the unit of its frequencies."""
-    if drive.kind == "none":
-        return drive
-    if drive.input is not None:
-        binder.real(drive.input, where, ("input",), "driven")
-        return drive
-    for name in drive.amplitude_names:
-        binder.real(name, where, SETTABLE, "set")
-    names = drive.frequency_names
-    declared = [binder.real(name, where, SETTABLE, "set").unit for name in names]
-    units = [unit or drive.tone_unit for unit in declared]
-    if len(set(units)) > 1:
-        raise BadInput(f"{where}: the FMU has the frequencies in different units: {units}")
-    if drive.frequency_unit not in ("", units[0]):
-        raise BadInput(
-            f"{where}: frequency_unit is {drive.frequency_unit!r}, but the FMU has "
-            f"'{names[0]}' in {units[0]!r}; wanted that, or nothing"
-        )
-    if not same_kind(units[0], "Hz"):
-        raise BadInput(f"{where}: the unit of '{names[0]}' is {units[0]!r}, wanted a frequency")
-    return replace(drive, frequency_unit=units[0])
+    return factor_to_output(unit, output, f"{top}{kind}: amplitude_unit"), output.unit
 
 
 def _alternatives(

@@ -13,7 +13,7 @@ from functools import partial
 
 from fitting.campaign.binder import Binder
 from fitting.campaign.bound import Assumption, BoundCampaign
-from fitting.campaign.bound_laws import bound_laws
+from fitting.campaign.conflicts import bound_laws
 from fitting.campaign.file import WrittenAssumption
 from fitting.campaign.laws import Law, Laws
 from fitting.campaign.places import Places

@@ -15,8 +15,7 @@ from fitting.campaign.asked_parameters import bind_parameters, of_experiments
 from fitting.campaign.assumptions import with_assumptions
 from fitting.campaign.binder import Binder, bind_annotation
 from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
-from fitting.campaign.bound_laws import with_laws
-from fitting.campaign.conflicts import check_conflicts, check_tones
+from fitting.campaign.conflicts import check_conflicts, check_tones, with_laws
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
 from fitting.campaign.file import SAMPLES_PER_PERIOD, WrittenCampaign, WrittenDrive
@@ -37,7 +36,7 @@ from fitting.campaign.stated import DriftPriors, bind_sigmas, drift_priors, with
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, Complaints, gathered
-from fitting.text.units import base_unit, convert
+from fitting.text.units import base_unit, convert, same_kind
 from fitting.text.written import Written
 
 #: Each combination of alternatives is a fit of its own.
@@ -79,7 +78,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         output = binder.real(file.observe.output, where, READABLE, "observed")
         campaign = _in_unit_of_output(campaign, output, binder)
     with said:
-        drive = bind_drive(file.drive, binder, f"{top}: [drive]")
+        drive = _bind_drive(file.drive, binder, f"{top}: [drive]")
     with said:
         drift = bind_drift(campaign, binder)
     with said:
@@ -192,45 +191,57 @@ def completed(
     return with_laws(bound, binder, places)
 
 
-def bind_drive(choice: WrittenDrive | None, binder: Binder, where: str) -> Drive:
-    """How the FMU is driven; not at all where the campaign says nothing of tones.
-
-    Args:
-        choice: the table [drive] as it is written.
-        binder: of the campaign to its FMU.
-        where: what complaints name it by.
-
-    Raises:
-        BadInput: a variable that is not there or cannot be set, tones in different units, a level
-            in another unit or not above zero.
-    """
+def _bind_drive(choice: WrittenDrive | None, binder: Binder, where: str) -> Drive:
+    """How the FMU is driven; not at all where the campaign says nothing of tones."""
     if choice is None:
         return Drive()
-    if choice.kind == "input":
-        target = binder.real(choice.input or "", f"{where} input", ("input",), "driven")
-        units = ["Hz"]
-    else:
-        named = [
-            *((name, f"{where} frequencies") for name in choice.frequencies),
-            *((name, f"{where} amplitudes") for name in choice.amplitudes or ()),
-        ]
-        held = gathered(partial(binder.real, *each, HOLD_TONES, "set") for each in named)
-        target = held[len(choice.frequencies)]
-        units = [tone.unit or "Hz" for tone in held[: len(choice.frequencies)]]
-        if len(set(units)) > 1:
-            raise BadInput(f"{where} frequencies: the FMU has them in different units: {units}")
-    amplitude = binder.number(target, choice.level)
-    if amplitude <= 0.0:
-        raise BadInput(f"{choice.level.where}: found {amplitude:.6g}, wanted a positive amplitude")
-    return Drive(
+    drive = Drive(
         frequency_names=choice.frequencies,
         amplitude_names=choice.amplitudes or (),
         input=choice.input,
-        amplitude=amplitude,
         samples_per_period=choice.samples_per_period or SAMPLES_PER_PERIOD,
-        frequency_unit=units[0],
         highest_order=choice.highest_order,
     )
+    drive, driven = bind_drive(drive, binder, f"{where} {{}}", HOLD_TONES)
+    amplitude = binder.number(driven, choice.level)
+    if amplitude <= 0.0:
+        raise BadInput(f"{choice.level.where}: found {amplitude:.6g}, wanted a positive amplitude")
+    return replace(drive, amplitude=amplitude, frequency_unit=drive.tone_unit)
+
+
+def bind_drive(
+    drive: Drive, binder: Binder, where: str, hold: Sequence[str] = SETTABLE
+) -> tuple[Drive, VariableLike]:
+    """The drive with the unit of its frequencies, and the first variable that has its amplitude.
+
+    Args:
+        drive: with an input or names of tones.
+        binder: of the campaign to its FMU.
+        where: what complaints name its keys by, as "[drive] {}".
+        hold: causalities of variables that hold a tone.
+
+    Raises:
+        BadInput: a variable that is not there or cannot be set, tones in different units.
+    """
+    if drive.input is not None:
+        return drive, binder.real(drive.input, where.format("input"), ("input",), "driven")
+    names, place = drive.frequency_names, where.format("frequencies")
+    named = [
+        *((name, place) for name in names),
+        *((name, where.format("amplitudes")) for name in drive.amplitude_names),
+    ]
+    held = gathered(partial(binder.real, *each, hold, "set") for each in named)
+    units = [tone.unit or drive.tone_unit for tone in held[: len(names)]]
+    if len(set(units)) > 1:
+        raise BadInput(f"{place}: the FMU has the frequencies in different units: {units}")
+    if drive.frequency_unit not in ("", units[0]):
+        raise BadInput(
+            f"{place}: frequency_unit is {drive.frequency_unit!r}, but the FMU has '{names[0]}' "
+            f"in {units[0]!r}; wanted that, or nothing"
+        )
+    if not same_kind(units[0], "Hz"):
+        raise BadInput(f"{place}: the unit of '{names[0]}' is {units[0]!r}, wanted a frequency")
+    return replace(drive, frequency_unit=units[0]), held[len(names)]
 
 
 def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
@@ -238,13 +249,7 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder)
     if campaign.is_scaled or not (campaign.experiments or campaign.sweep):
         return campaign
     found, section = campaign.amplitude_unit, "sweep" if campaign.sweep else "experiments"
-    try:
-        where = f"{campaign.path}: [{section}] amplitude"
-        factor = convert(1.0, found, output.unit, where=where)
-    except BadInput as error:
-        raise BadInput(
-            f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
-        ) from error
+    factor = factor_to_output(found, output, f"{campaign.path}: [{section}] amplitude")
     if output.unit is None:
         binder.note_missing_unit(output)
     if factor == 1.0:
@@ -255,6 +260,25 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder)
         f"'{output.name}'."
     )
     return in_other_unit(campaign, factor, unit)
+
+
+def factor_to_output(unit: str, output: VariableLike, where: str) -> float:
+    """By which amplitudes are multiplied that no scale compares with the output.
+
+    Args:
+        unit: of the amplitudes.
+        output: of the FMU.
+        where: what complaints name the amplitudes by.
+
+    Raises:
+        BadInput: units of different kinds.
+    """
+    try:
+        return convert(1.0, unit, output.unit, where=where)
+    except BadInput as error:
+        raise BadInput(
+            f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
+        ) from error
 
 
 def _bind_noise(campaign: Campaign) -> Noise:

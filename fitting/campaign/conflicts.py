@@ -1,14 +1,17 @@
-"""Conflicts of a bound campaign: variables that are set in two ways, tones that nobody names."""
+"""What a bound campaign must not contradict: settings of variables, tones, laws beside the FMU."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 
+from fitting.campaign.binder import Binder
 from fitting.campaign.bound import BoundCampaign
+from fitting.campaign.laws import Known, Laws
 from fitting.campaign.places import Places
 from fitting.fmu.description import FmuVariable
 from fitting.fmu.tone_names import OtherTone, other_tones
-from fitting.fmu.variables import VariableLike
+from fitting.fmu.variables import SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed, number
@@ -134,4 +137,67 @@ def _sentence(bound: BoundCampaign, tone: OtherTone, amplitude: FmuVariable, pla
         f"but the FMU drives at {tone.frequency} as well, with {tone.amplitude} = {size}; wanted "
         f"{tone.frequency} and {tone.amplitude} named beside, or {tone.amplitude} = 0 in "
         f"{places.of('start')}"
+    )
+
+
+def with_laws(bound: BoundCampaign, binder: Binder, places: Places) -> BoundCampaign:
+    """A campaign whose laws are bound to the FMU: units of all that they name, and finite values.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        binder: of the campaign to its FMU.
+        places: what complaints name its parts by.
+
+    Raises:
+        BadInput: a law of a variable that cannot be set, that names what there is not, whose
+            dimension is not that of the variable, or that has no value somewhere.
+    """
+    laws = bound.setup.laws
+    if not laws.formulas:
+        return bound
+    made = bound_laws(laws, bound, binder, places)
+    setup = replace(bound.setup, laws=made)
+    notes = (*bound.notes, *(law.words for law in made.bound))
+    return replace(bound, setup=setup, notes=notes)
+
+
+def bound_laws(laws: Laws, bound: BoundCampaign, binder: Binder, places: Places) -> Laws:
+    """Laws with the units of all that they name, tried at every place of a campaign.
+
+    Args:
+        laws: as they were written.
+        bound: campaign, bound to its FMU but for them.
+        binder: of the campaign to its FMU.
+        places: what complaints name its parts by.
+
+    Raises:
+        BadInput: as `with_laws` does.
+    """
+    targets = {
+        name: binder.real(name, f"{laws.source} {name}", SETTABLE, "set by a law").unit or ""
+        for name in laws.formulas
+    }
+    made = laws.with_units(targets, _known(laws.names, bound, binder, laws.source))
+    common = {**bound.setup.start_values, **bound.alternatives[0]}
+    made.check(
+        ((place, {**common, **own}) for place, own in settings_by_place(bound, places)),
+        {p.target: p.start for p in bound.parameters if p.moves_model and not p.adds_to},
+    )
+    return made
+
+
+def _known(names: Collection[str], bound: BoundCampaign, binder: Binder, source: str) -> Known:
+    """What names in laws stand for."""
+    variables, controls = binder.variables, dict(binder.control_units)
+    for measurement in bound.measurements.values():
+        for name, unit in measurement.control_units.items():
+            if name not in variables and controls.setdefault(name, unit) != unit:
+                raise BadInput(
+                    f"{source} the control quantity '{name}' is in {unit} and in "
+                    f"{controls[name]}; wanted one unit"
+                )
+    return Known(
+        parameters={p.target: p.unit for p in bound.parameters if p.moves_model},
+        variables={n: variables[n].unit or "1" for n in names if n in variables},
+        controls=controls,
     )
