@@ -47,15 +47,16 @@ def screen(template: str, **records: Any) -> list[str]:
     return [line.replace("\u00a0", " ").rstrip() for line in text.splitlines()]
 
 
-def phrase(template: str, macro: str, *records: Any) -> str:
+def phrase(template: str, macro: str, *records: Any, **named: Any) -> str:
     """What a macro of a template prints, in one line.
 
     Args:
         template: its name without ".txt.j2".
         macro: its name.
         *records: that it prints.
+        **named: further ones.
     """
-    return str(getattr(_template(template).module, macro)(*records)).strip()
+    return str(getattr(_template(template).module, macro)(*records, **named)).strip()
 
 
 def phrases(template: str, macro: str, *records: Any) -> tuple[str, ...]:

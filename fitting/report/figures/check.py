@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fitting.fmu.trial.findings import ROUNDING
 from fitting.fmu.trial.steps import Repeatability
 from fitting.measurements.figure import Figure as Described
-from fitting.report.figures.style import SERIES, new_figure
+from fitting.report.figures.style import SERIES, described, new_figure
 
 #: Outputs that are drawn, those that differ most.
 MOST = len(SERIES)
@@ -24,23 +26,17 @@ def draw_repeats(repeats: Repeatability, model: str) -> Described | None:
     shown = [int(k) for k in np.argsort(-most)[:MOST] if most[k] > 0.0]
     if not shown or not repeats.halves > ROUNDING:
         return None
-    title = "What half the step changes"
+    words = described("repeats", model=model, repeats=repeats)
     steps = f"steps of {repeats.step_s:g} s"
-    figure = new_figure(title, f"{model}, {steps}", synthetic=False, height=3.2)
+    figure = new_figure(words.title, f"{model}, {steps}", synthetic=False, height=3.2)
     axes = figure.subplots()
     for k, colour in zip(shown, SERIES, strict=False):
         values = repeats.differences[:, k]
-        seen = values > 0.0
+        known = values > 0.0
         axes.semilogy(
-            repeats.times_s[seen], values[seen], color=colour, label=repeats.outputs[k], lw=1.0
+            repeats.times_s[known], values[known], color=colour, label=repeats.outputs[k], lw=1.0
         )
     axes.set_xlabel("time (s)")
     axes.set_ylabel("difference (unit of the output)")
     axes.legend(loc="best")
-    caption = (
-        f"Difference of outputs of {model} with every step taken in two, over {repeats.steps} "
-        f"{steps} with all inputs moved from their start."
-    )
-    return Described(
-        name="repeats", title=title, caption=caption, alt=caption, drawn=figure, number=1
-    )
+    return replace(words, drawn=figure, number=1)

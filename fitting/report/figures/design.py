@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -16,6 +17,7 @@ from fitting.report.figures.style import (
     ORANGE,
     RED,
     axes_of,
+    described,
     handles_of,
     ink,
     legend_below,
@@ -47,18 +49,11 @@ def draw_steps(design: Design) -> Described:
     Args:
         design: the proposed next measurement.
     """
-    title = f"Expected error of {design.target} with the proposed measurements"
-    figure = new_figure(title, design.title, synthetic=design.synthetic, height=3.9)
+    words = described("design_steps", design=design)
+    figure = new_figure(words.title, design.title, synthetic=design.synthetic, height=3.9)
     axes = expected_errors(design, ax=figure.subplots())
     legend_below(figure, handles_of(axes), ncols=4)
-    caption = (
-        f"Expected standard deviation of {design.target} with the data so far and after "
-        "each proposed measurement: at the given point, and at points that fit the data as well. "
-        + ("" if design.is_of_traces else "×: drive level; n: spectra averaged.")
-    ).strip()
-    return Described(
-        name="design_steps", number=1, title=title, caption=caption, alt=caption, drawn=figure
-    )
+    return replace(words, drawn=figure, number=1)
 
 
 def draw_kinds(design: Design) -> Described:
@@ -67,22 +62,12 @@ def draw_kinds(design: Design) -> Described:
     Args:
         design: the proposed next measurement.
     """
-    title = f"Candidates: {design.target} after one of them"
+    words = described("design_candidates", design=design)
     height = 1.9 + 0.23 * len(best_kinds(design))
-    figure = new_figure(title, design.title, synthetic=design.synthetic, height=height)
+    figure = new_figure(words.title, design.title, synthetic=design.synthetic, height=height)
     axes = candidates(design, ax=figure.subplots())
     legend_below(figure, handles_of(axes), ncols=3)
-    how = "where and how strongly it is driven"
-    if design.is_of_traces:
-        how = "as which trace and how finely sampled, from the best length to the worst"
-    caption = (
-        f"Candidates by what is observed, {how}. Two measurements may "
-        "be worth much only together: the diamonds show what the best of each kind adds as the "
-        "last measurement."
-    )
-    return Described(
-        name="design_candidates", number=2, title=title, caption=caption, alt=caption, drawn=figure
-    )
+    return replace(words, drawn=figure, number=2)
 
 
 #: Kinds of candidates that a plot has room for, the best of them.

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fitting.measurements.figure import Figure as Described
@@ -14,6 +14,7 @@ from fitting.report.figures.style import (
     BLUE,
     GREY,
     RED,
+    described,
     legend_below,
     new_figure,
     save,
@@ -47,26 +48,16 @@ def draw(found: Ensemble) -> Described:
     Args:
         found: many fits with known truth.
     """
-    title = "Pulls and coverage"
-    values = found.coverage
-    figure: Figure = new_figure(
-        title, found.title, synthetic=found.synthetic, height=1.7 + 0.42 * len(values)
-    )
+    words, values = described("ensemble", most=MOST_PULL), found.coverage
+    height = 1.7 + 0.42 * len(values)
+    figure = new_figure(words.title, found.title, synthetic=found.synthetic, height=height)
     left, right = figure.subplots(1, 2, sharey=True)
     _draw_pulls(left, values)
     _draw_shares(right, values)
     left.set_yticks(range(len(values)), [mathtext(c.name) for c in values])
     left.set_ylim(len(values) - 0.5, -0.5)
     legend_below(figure, _handles(), ncols=3)
-    caption = (
-        "Left: (value − truth)/error of every fit that reports a value, with mean and standard "
-        f"deviation; beyond ±{MOST_PULL:g} at the edge. Right: share of the 68 % and 95 % "
-        "intervals that hold the truth, with the 95 % interval of Clopper and Pearson; the dashed "
-        "lines are what was promised."
-    )
-    return Described(
-        name="ensemble", number=1, title=title, caption=caption, alt=caption, drawn=figure
-    )
+    return replace(words, drawn=figure, number=1)
 
 
 def _draw_pulls(axes: Axes, values: tuple[Coverage, ...]) -> None:

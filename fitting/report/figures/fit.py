@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from matplotlib.axes import Axes
 
@@ -14,6 +15,7 @@ from fitting.report.figures.style import (
     BLUE,
     GREY,
     axes_of,
+    described,
     ink,
     label_experiments,
     log_axis,
@@ -29,7 +31,6 @@ from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import (
-    listed,
     mathtext,
     mean_of,
     number,
@@ -58,13 +59,22 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Described:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
-    title = "Convergence over the regularisation ν"
     groups, outputs = _groups(result), list(result.derived)
-    count = len(groups) + len(outputs) + 1
-    rows = math.ceil(count / min(PER_ROW, count))
-    figure = new_figure(
-        title, data.title, synthetic=data.synthetic, height=0.95 + 2.15 * rows, width=9.4
+    every: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
+    unknown = [name for name, e in every.items() if e.status is Verdict.UNKNOWN]
+    elsewhere = ends_elsewhere(result)
+    words = described(
+        CONVERGENCE,
+        result=result,
+        levels=len(result.history) - 1 - elsewhere,
+        elsewhere=elsewhere,
+        other=any(p.value != p.algorithm2 for p in result.parameters.values()),
+        open=[n for n, e in every.items() if not e.status.has_value and n not in unknown],
+        unknown=unknown,
     )
+    count = len(groups) + len(outputs) + 1
+    height = 0.95 + 2.15 * math.ceil(count / min(PER_ROW, count))
+    figure = new_figure(words.title, data.title, synthetic=data.synthetic, height=height, width=9.4)
     axes = panels(figure, count, PER_ROW)
     for panel, names in zip(axes, groups, strict=False):
         parameter_path(result, *names, ax=panel)
@@ -73,26 +83,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Described:
     for panel, name in zip(axes[len(groups) :], outputs, strict=False):
         output_path(result, name, ax=panel)
     objective_path(result, ax=axes[-1]).legend(loc="best", handlelength=2.2)
-    last = result.history[-1].parameters
-    values = [
-        f"{name} = {number(last[name], 6)} {unit_text(p.unit)}".strip()
-        for name, p in result.parameters.items()
-    ]
-    every: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
-    warning = _warning({name: p.status for name, p in every.items()})
-    levels, end = len(result.history) - 1, ""
-    if ends_elsewhere(result):
-        levels, end = levels - 1, " “end” is the reported end, found elsewhere, at the last ν."
-    if any(p.value != p.algorithm2 for p in result.parameters.values()):
-        end += " The curves are Algorithm 2's; the values of the report are the most likely ones."
-    caption = (
-        "Way of the reported chain over the levels of the regularisation ν, from its start point: "
-        "fitted parameters (those of one unit as corrections to their reference), means of the "
-        "derived outputs over the experiments, misfit and regularisation term. Dashed grey: value "
-        f"at the reference parameters; a start far outside is printed in words.{end}{warning}"
-    )
-    alt = f"Values of Algorithm 2 over {levels} levels of ν, ending at {listed(values)}."
-    return Described(name=CONVERGENCE, title=title, caption=caption, alt=alt, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def _groups(result: Result) -> list[list[str]]:
@@ -127,30 +118,18 @@ def draw_derived(result: Result, data: ShownCampaign) -> Described:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
-    title = "Derived quantities per experiment"
     shown = varying(result) or result.derived
+    each = ". ".join(f"{name}: {_in_words(d)}" for name, d in shown.items())
+    words = described(DERIVED, point=phrase("values", "point", result), words=each)
     columns = min(PER_ROW, len(shown))
-    rows = math.ceil(len(shown) / columns)
-    width = 3.15 * columns if columns > 1 else 5.0
+    height = 0.85 + 2.75 * math.ceil(len(shown) / columns)
+    width = max(3.15 * columns if columns > 1 else 5.0, 6.4)
     figure = new_figure(
-        title,
-        data.title,
-        synthetic=data.synthetic,
-        height=0.85 + 2.75 * rows,
-        width=max(width, 6.4),
+        words.title, data.title, synthetic=data.synthetic, height=height, width=width
     )
-    axes = panels(figure, len(shown), PER_ROW)
-    for panel, name in zip(axes, shown, strict=True):
+    for panel, name in zip(panels(figure, len(shown), PER_ROW), shown, strict=True):
         output_by_experiment(result, name, data.labels, ax=panel)
-    said = [f"{name}: {_in_words(d)}" for name, d in shown.items()]
-    caption = (
-        f"Derived outputs of the FMU at {phrase('values', 'point', result)}, for every experiment "
-        "(marker shapes as in the other figures), with mean (dashed) and spread over the "
-        "experiments (band, one standard deviation). The spread is the drift of the experiments, "
-        f"not the uncertainty of the value. {'. '.join(said)}."
-    )
-    alt = "Values per experiment. " + ". ".join(said) + "."
-    return Described(name=DERIVED, title=title, caption=caption, alt=alt, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def _in_words(derived: FittedEstimate) -> str:
@@ -158,20 +137,6 @@ def _in_words(derived: FittedEstimate) -> str:
         allowed = range_words(*derived.bounds, derived.unit)
         return f"{derived.status} by these data ({allowed} within the bounds of the parameters)"
     return f"{derived.status}{derived.condition}, {phrase('values', 'reported', derived)}"
-
-
-def _warning(verdicts: Mapping[str, Verdict]) -> str:
-    """That curves settle all the same where values are open, or where nothing is known of them."""
-    unknown = [name for name, verdict in verdicts.items() if verdict is Verdict.UNKNOWN]
-    left = [n for n, verdict in verdicts.items() if not verdict.has_value and n not in unknown]
-    said = [
-        f"{listed(names)} {'is' if len(names) == 1 else 'are'} {words}"
-        for names, words in ((left, "not determined by these data"), (unknown, "not known"))
-        if names
-    ]
-    if not said:
-        return ""
-    return f" A curve that settles is no sign that the data determine the value: {'; '.join(said)}."
 
 
 #: A start farther from the levels than this many of their ranges is not drawn.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +23,7 @@ from fitting.report.figures.style import (
     RED,
     Planned,
     axes_of,
+    described,
     handles_of,
     legend_below,
     log_axis,
@@ -107,15 +109,11 @@ def undrawn_sentence(found: Values, figures: Sequence[Described]) -> str:
 def _left_out(found: Values) -> str:
     """Which profiles are not drawn, and why; empty where all are."""
     groups = (
-        (_flat(found), "flat: Δχ² is below 1 at every value that was tried"),
+        (_flat(found), "flat: Δχ² is below 1 at every value of the scan"),
         (list(_bent(found))[MOST_PROFILES:], f"{MOST_PROFILES} profiles are drawn at most"),
-        (
-            [name for name, scan in found.scans.items() if not scan.values],
-            "no profile was scanned",
-        ),
+        ([name for name, scan in found.scans.items() if not scan.values], "no profile was scanned"),
     )
-    said = [f"{listed(names)} ({why})" for names, why in groups if names]
-    return f" Not drawn: {'; '.join(said)}." if said else ""
+    return "; ".join(f"{listed(names)} ({why})" for names, why in groups if names)
 
 
 def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described:
@@ -126,45 +124,30 @@ def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    title = "Profile likelihood: how far each value can go"
     shown = _curved(found)
-    rows = math.ceil(len(shown) / PER_ROW)
-    figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 1.75 * rows)
-    for k, (panel, (name, value)) in enumerate(
-        zip(panels(figure, len(shown), PER_ROW), shown.items(), strict=True)
-    ):
-        profile(value, found.scans[name], ax=panel)
+    words = described(
+        PROFILES,
+        words=[f"{name} {value.status}{value.condition}" for name, value in shown.items()],
+        widened=any(v.simulation > WORTH_SAYING * found.scans[n].sigma for n, v in shown.items()),
+        left=_left_out(found),
+    )
+    height = 1.3 + 1.75 * math.ceil(len(shown) / PER_ROW)
+    figure = new_figure(words.title, campaign, synthetic=synthetic, height=height)
+    axes = panels(figure, len(shown), PER_ROW)
+    for k, (name, value) in enumerate(shown.items()):
+        profile(value, found.scans[name], ax=axes[k])
         if k % PER_ROW:
-            panel.set_ylabel("")
+            axes[k].set_ylabel("")
     handles = [
         Line2D([], [], color=BLUE, marker="o", markersize=3.5, label="profile"),
         Line2D([], [], color=GREY, linestyle="--", label="thresholds 68 % (1) and 95 % (3.84)"),
         *(
-            Line2D([], [], color=colour, linewidth=5.0, alpha=0.35, label=f"95 %: {words}")
-            for colour, words in _colours([value.status for value in shown.values()]).items()
+            Line2D([], [], color=colour, linewidth=5.0, alpha=0.35, label=f"95 %: {statuses}")
+            for colour, statuses in _colours([value.status for value in shown.values()]).items()
         ),
     ]
     legend_below(figure, handles, ncols=3)
-    words = [f"{name} {value.status}{value.condition}" for name, value in shown.items()]
-    caption = (
-        "Least Δχ² that fits of all other parameters reach at each value. Where the curve stays "
-        "below 3.84 the value fits the data at 95 %; a curve that stays there from end to end says "
-        "that the data do not determine the value. The band is the 95 % interval, drawn over the "
-        "range that the box leaves where the data end it nowhere."
-    )
-    if any(v.simulation > WORTH_SAYING * found.scans[n].sigma for n, v in shown.items()):
-        caption += (
-            " It is wider than the curve says: what the simulation may be off by is in it, and not "
-            "in the curve."
-        )
-    caption += _left_out(found)
-    return Described(
-        name=PROFILES,
-        title=title,
-        caption=caption,
-        alt=f"Verdicts: {listed(words)}.",
-        drawn=figure,
-    )
+    return replace(words, drawn=figure)
 
 
 def _drawn(found: Values, values: Mapping[str, FittedEstimate]) -> list[str]:
@@ -187,25 +170,17 @@ def draw_together(found: Values, campaign: str, *, synthetic: bool) -> Described
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    title = "Which parameter values go together"
-    pairs = list(itertools.combinations(_together(found), 2))
-    rows = math.ceil(len(pairs) / PER_ROW)
-    figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
+    names = _together(found)
+    around = [name for name in names if found.parameters[name].is_all_round]
+    words = described(TOGETHER, names=names, around=around)
+    pairs = list(itertools.combinations(names, 2))
+    height = 1.3 + 2.3 * math.ceil(len(pairs) / PER_ROW)
+    figure = new_figure(words.title, campaign, synthetic=synthetic, height=height)
     axes = panels(figure, len(pairs), PER_ROW)
     for panel, (one, other) in zip(axes, pairs, strict=True):
         together(found, one, other, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
-    names = list(_together(found))
-    around = [name for name in names if found.parameters[name].is_all_round]
-    period = f", of {listed(around)} one period is drawn" if around else ""
-    caption = (
-        "Every point of every profile: filled where it fits the data at 95 % (Δχ² ≤ 3.84), pale "
-        f"where it does not; grey lines are ends of the box{period}. Filled points along a line or "
-        "curve are a combination that the data hold while its parts are free; filled points "
-        "everywhere are no knowledge at all."
-    )
-    alt = f"Fits in the planes of {listed(names)}."
-    return Described(name=TOGETHER, title=title, caption=caption, alt=alt, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def _along(found: Values) -> tuple[str, list[str]] | None:
@@ -234,35 +209,26 @@ def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Described:
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    title = "What the least determined parameter leaves open"
     chosen = _along(found)
     if chosen is None:
         raise ValueError("no output to draw over a parameter")
     parameter, outputs = chosen
-    rows = math.ceil(len(outputs) / 2)
-    figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
+    shown = {name: found.derived[name] for name in outputs}
+    # points are missing where an output has no value
+    paths = [scan.path for scan in found.scans.values()]
+    words = described(
+        OUTPUTS,
+        parameter=parameter,
+        words=[f"{name} {e.status}{e.condition}" for name, e in shown.items()],
+        gaps=[n for n in outputs if any(math.isnan(v) for p in paths for v in p.get(n, ()))],
+    )
+    height = 1.3 + 2.3 * math.ceil(len(outputs) / 2)
+    figure = new_figure(words.title, campaign, synthetic=synthetic, height=height)
     axes = panels(figure, len(outputs), 2)
     for panel, name in zip(axes, outputs, strict=True):
         output(found, name, parameter, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
-    shown = {name: found.derived[name] for name in outputs}
-    words = [f"{name} {p.status}{p.condition}" for name, p in shown.items()]
-    caption = (
-        f"Outputs over {parameter} at every point of every profile{_no_value(found, outputs)}. "
-        "The bars at the right edge are the range without data (grey) and the 95 % interval with "
-        "them (blue): where both are alike, the data say nothing of that output. A side that no "
-        "data end is told to the end of the box; points beyond it fit as well."
-    )
-    return Described(
-        name=OUTPUTS, title=title, caption=caption, alt=f"{listed(words)}.", drawn=figure
-    )
-
-
-def _no_value(found: Values, outputs: Sequence[str]) -> str:
-    """Of which outputs points are missing, as they have no value there; mostly empty."""
-    paths = [scan.path for scan in found.scans.values()]
-    gaps = [n for n in outputs if any(math.isnan(v) for path in paths for v in path.get(n, ()))]
-    return f", of {listed(gaps)} where there is a value" if gaps else ""
+    return replace(words, drawn=figure)
 
 
 def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Described:
@@ -273,22 +239,15 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Described:
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    title = "The regularisation ν that the data would choose"
-    figure = new_figure(title, campaign, synthetic=synthetic, height=3.4)
+    words = described(NU, nu=nu)
+    figure = new_figure(words.title, campaign, synthetic=synthetic, height=3.4)
     curve, squares, ways = figure.subplots(1, 3)
     l_curve(nu, ax=curve)
     discrepancy(nu, ax=squares)
     against_prior(nu, ax=ways)
     if handles_of(ways):
         ways.legend(loc="best")
-    caption = (
-        "Left: misfit against distance from the prior, the square marks the corner where there is "
-        "one. Middle: χ²(ν), that of the data where Algorithm 2 stood at every ν. Right: how far "
-        "the data moved the solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
-    )
-    return Described(
-        name=NU, title=title, caption=caption, alt=" ".join(nu.sentences), drawn=figure
-    )
+    return replace(words, drawn=figure)
 
 
 #: Dchi^2 at the ends of the 68 % and 95 % intervals, and the highest that is drawn.

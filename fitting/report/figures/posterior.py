@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from fitting.report.figures.style import (
     ORANGE,
     RED,
     Axes,
+    described,
     legend_below,
     new_figure,
     plain_ticks,
@@ -25,7 +27,7 @@ from fitting.report.figures.style import (
     style,
 )
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import Scaling, listed, mathtext, scaling_for
+from fitting.text.notation import Scaling, mathtext, scaling_for
 
 #: Values that are drawn at most: more panels than these tell nothing any more.
 MOST = 7
@@ -58,10 +60,10 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
         scaling_for(c.tolist(), found.values[n].unit) for n, c in zip(shown, columns, strict=True)
     ]
     count = len(shown)
-    title = "Draws from the posterior"
-    figure = new_figure(
-        title, found.title, synthetic=found.synthetic, height=1.2 + max(1.6, 6.4 / count) * count
-    )
+    rest = [name for name in found.values if name not in shown]
+    words = described("corner", posterior=found, rest=rest)
+    height = 1.2 + max(1.6, 6.4 / count) * count
+    figure = new_figure(words.title, found.title, synthetic=found.synthetic, height=height)
     grid = figure.subplots(count, count, squeeze=False)
     for i in range(count):
         for k in range(count):
@@ -80,10 +82,7 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
             axes.set_ylabel(scalings[i].label(mathtext(shown[i])) if k == 0 < i else "")
             axes.tick_params(labelbottom=i == count - 1, labelleft=k == 0 < i)
     legend_below(figure, _handles(found), ncols=4)
-    caption = _caption(found, shown)
-    return Described(
-        name="corner", number=1, title=title, caption=caption, alt=caption, drawn=figure
-    )
+    return replace(words, drawn=figure, number=1)
 
 
 def _places(found: PosteriorSummary) -> list[tuple[str, dict[str, float]]]:
@@ -107,19 +106,6 @@ def _handles(found: PosteriorSummary) -> list[Line2D]:
     if any(v.truth == v.truth for v in found.values.values()):
         made.append(Line2D([], [], ls="none", marker="P", color=GREEN, label="truth"))
     return made
-
-
-def _caption(found: PosteriorSummary, shown: list[str]) -> str:
-    told = (
-        "On the diagonal how often each value was drawn, the 95 % interval grey; below it each two "
-        "values against each other."
-    )
-    rest = [name for name in found.values if name not in shown]
-    if rest:
-        told += f" Not drawn: {listed(rest)}, which draws.csv holds."
-    if found.status != "converged":
-        told += " The draws have not converged: what is seen here is not yet the posterior."
-    return told
 
 
 #: Least and most bins of each axis; between them a quarter of the root of the draws.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from fitting.report.figures.style import (
     SERIES_MARKERS,
     SIMULATED,
     axes_of,
+    described,
     ink,
     log_axis,
     new_figure,
@@ -67,30 +69,25 @@ def draw_trace(result: DriveResponse, model: str, units: Sequence[str]) -> Descr
         model: name of the model.
         units: of the outputs, in their order.
     """
-    outputs = _oscillating(result)
-    beats = result.beating is not None
-    title = "Beating under a two-tone drive" if beats else "Steady response to the drive"
-    figure = new_figure(
-        title, _subtitle(result, model), synthetic=False, height=2.6 * len(outputs) + 0.6
+    outputs, beats = _oscillating(result), result.beating is not None
+    words = described(
+        "trace",
+        outputs=outputs,
+        model=model,
+        tones=_tones_text(result),
+        beats=beats,
+        words=f"{settling_in_words(result.plan)}. {remainder_in_words(result.remainder)}.",
     )
-    grid = figure.subplots(
-        len(outputs),
-        2 if beats else 1,
-        squeeze=False,
-        width_ratios=(2.0, 1.0) if beats else None,
-    )
+    height = 2.6 * len(outputs) + 0.6
+    figure = new_figure(words.title, _subtitle(result, model), synthetic=False, height=height)
+    ratios = (2.0, 1.0) if beats else None
+    grid = figure.subplots(len(outputs), 1 + beats, squeeze=False, width_ratios=ratios)
     unit_of = dict(zip(result.drive.outputs, units, strict=True))
     for row, name in enumerate(outputs):
         if beats:
             beating(result, name, unit=unit_of[name], ax=grid[row, 0])
         periods(result, name, unit=unit_of[name], ax=grid[row, -1])
-    caption = (
-        f"{', '.join(outputs)} of {model}, driven at {_tones_text(result)}; "
-        + ("left the envelope, right " if beats else "")
-        + "some periods of the oscillation itself. "
-        + f"{settling_in_words(result.plan)}. {remainder_in_words(result.remainder)}."
-    )
-    return Described(name="trace", title=title, caption=caption, alt=caption, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def draw_spectrum(
@@ -107,10 +104,10 @@ def draw_spectrum(
         mixed: amplitudes at combinations of the tones, by name.
     """
     outputs = _oscillating(result)
-    title = "Amplitude spectrum of the response"
-    figure = new_figure(
-        title, _subtitle(result, model), synthetic=False, height=2.8 * len(outputs) + 0.6
-    )
+    constants, spectrum = list(result.constants), spectrum_in_words(result.spectrum)
+    words = described("spectrum", outputs=outputs, model=model, constants=constants, words=spectrum)
+    height = 2.8 * len(outputs) + 0.6
+    figure = new_figure(words.title, _subtitle(result, model), synthetic=False, height=height)
     grid = figure.subplots(len(outputs), 1, squeeze=False, sharex=True)
     unit_of = dict(zip(result.drive.outputs, units, strict=True))
     for axes, name in zip(grid[:, 0], outputs, strict=True):
@@ -121,10 +118,7 @@ def draw_spectrum(
             axes.set_ylim(low, high * (high / low) ** 0.4)  # room for the longer legend
         axes.legend(loc="upper right", ncols=2 if shown else 1)
         axes.set_xlabel(axes.get_xlabel() if axes is grid[-1, 0] else "")
-    caption = f"{title} of {model} ({', '.join(outputs)}); {spectrum_in_words(result.spectrum)}."
-    if result.constants:
-        caption += f" Constant and not drawn: {', '.join(result.constants)}."
-    return Described(name="spectrum", title=title, caption=caption, alt=caption, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def _oscillating(result: DriveResponse) -> list[str]:
@@ -162,21 +156,12 @@ def draw_frf(result: SweepResponse, model: str, unit: str) -> Described:
         model: name of the model.
         unit: of the values.
     """
-    sweep = result.sweep
-    title = f"Amplitude of {sweep.output} under a moved tone"
-    figure = new_figure(title, model, synthetic=False, height=3.4)
+    both = settling_in_words(result.plan), difference_in_words(result)
+    sentences = " ".join(f"{text[0].upper()}{text[1:]}." for text in both)
+    words = described("sweep", result=result, model=model, words=sentences)
+    figure = new_figure(words.title, model, synthetic=False, height=3.4)
     swept_tone(result, unit=unit, ax=figure.subplots()).legend(loc="upper left")
-    said = settling_in_words(result.plan), difference_in_words(result)
-    caption = (
-        f"{title}, {model}: {len(sweep.frequencies_hz)} points, phase and state carried on from "
-        "point to point. " + " ".join(f"{text[0].upper()}{text[1:]}." for text in said)
-    )
-    caption += "".join(
-        f" The {jump.direction}ward sweep jumps between {number(jump.low_hz, 10)} and "
-        f"{number(jump.high_hz, 10)} Hz."
-        for jump in result.jumps
-    )
-    return Described(name="sweep", title=title, caption=caption, alt=caption, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 #: Lines at combinations of the tones, by name.

@@ -30,6 +30,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from fitting.measurements.figure import Figure as Described
 from fitting.report.figures.data import figure_csv
+from fitting.report.screen import phrase
 from fitting.text.files import write_whole
 from fitting.text.notation import on_log_axis
 
@@ -282,6 +283,18 @@ def style(paper_width: float = 0.0) -> Iterator[None]:
             yield
         finally:
             _paper_width.reset(before)
+
+
+def described(name: str, **records: Any) -> Described:
+    """A figure that is not drawn yet: its title, its caption, and what is read to the blind.
+
+    Args:
+        name: of a macro of `templates/figures.txt.j2`.
+        records: its arguments.
+    """
+    text = re.sub(r"[ \n]+", " ", phrase("figures", name, **records))
+    title, caption, *alt = (part.strip() for part in text.split("¦"))
+    return Described(name=name, title=title, caption=caption, alt=alt[0] if alt else caption)
 
 
 def new_figure(

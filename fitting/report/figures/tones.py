@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from fitting.report.figures.style import (
     GREY,
     PALE,
     axes_of,
+    described,
     experiment_handles,
     handles_of,
     ink,
@@ -30,7 +32,7 @@ from fitting.report.figures.style import (
     short,
 )
 from fitting.report.shown import ShownCampaign, ShownTones
-from fitting.result.result import Compared, Deviations, Peak
+from fitting.result.result import Compared, Peak
 from fitting.text.notation import listed, mathtext, number, prefixed, scaling_for, signed
 
 DRIVE, OVER_FREQUENCY, IMPROVEMENT = "drive", "deviation_over_frequency", "improvement"
@@ -48,9 +50,10 @@ def draw_drive(result: Compared, data: ShownCampaign) -> Described:
         data: what is shown of the campaign.
     """
     shown = data.tones[:MOST_DRIVES]
-    title = "Drive over time"
+    beats = [_beat_words(experiment) for experiment in shown]
+    words = described(DRIVE, shown=shown, total=len(data.tones), periods=CARRIERS, beats=beats)
     height = 1.6 + max(2.2, 0.72 * len(shown))
-    figure = new_figure(title, data.title, synthetic=data.synthetic, height=height)
+    figure = new_figure(words.title, data.title, synthetic=data.synthetic, height=height)
     grid = figure.add_gridspec(len(shown), 2, width_ratios=(2.1, 1.0))
     first: Axes | None = None
     for i, experiment in enumerate(shown):
@@ -58,7 +61,7 @@ def draw_drive(result: Compared, data: ShownCampaign) -> Described:
         first = first or axes
         drive_envelope(experiment, span_s=beats_s(shown), ax=axes)
         label = short(experiment.label, LONGEST_LABEL)
-        axes.set_title(f"{label}: {_beat_words(experiment)}", loc="left", fontsize=8, pad=3)
+        axes.set_title(f"{label}: {beats[i]}", loc="left", fontsize=8, pad=3)
         axes.set_ylabel("")
         if i < len(shown) - 1:
             axes.set_xlabel("")
@@ -68,18 +71,7 @@ def draw_drive(result: Compared, data: ShownCampaign) -> Described:
     close.set_ylabel("")
     label = short(shown[0].label, LONGEST_LABEL)
     close.set_title(f"close-up of {label}", loc="left", fontsize=8)
-    rest = len(data.tones) - len(shown)
-    left_out = f" The first {len(shown)} of {len(data.tones)} are shown." if rest else ""
-    caption = (
-        "Drive of each experiment. Left: envelope of its oscillation, filled because the carrier "
-        f"is far too fast to be seen; right: the first {CARRIERS:g} periods of {shown[0].label}. "
-        "Tones of equal amplitude beat with their frequency difference: whole beats must fit into "
-        "the observation window. Phases are drawn as zero at t = 0." + left_out
-    )
-    alt = (
-        "Envelopes of the drive: " + "; ".join(f"{e.label}: {_beat_words(e)}" for e in shown) + "."
-    )
-    return Described(name=DRIVE, title=title, caption=caption, alt=alt, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def _beat_words(experiment: ShownTones) -> str:
@@ -104,24 +96,12 @@ def draw_over_frequency(result: Compared, data: ShownCampaign) -> Described:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
-    title = "Deviation over drive frequency"
-    figure = new_figure(title, data.title, synthetic=data.synthetic, height=4.7)
+    shaded = list(drift_among([p.frequency_hz for p in result.peaks], data.drift_hz))
+    words = described(OVER_FREQUENCY, result=result, shaded=shaded)
+    figure = new_figure(words.title, data.title, synthetic=data.synthetic, height=4.7)
     axes = deviations(result, drift_hz=data.drift_hz, ax=figure.subplots())
     legend_below(figure, [*handles_of(axes), *experiment_handles(data.labels)], ncols=4)
-    shaded = drift_among([p.frequency_hz for p in result.peaks], data.drift_hz)
-    drift = ""
-    if shaded:
-        drift = f" Shaded: range of {listed(shaded)} during the series."
-    caption = (
-        "Relative deviation of simulated from measured amplitude at every drive frequency, with "
-        "the start parameters (open) and the fitted ones (filled); dashed: means "
-        f"{_from_to(result.deviations)}. The marker shape tells the experiment.{drift}"
-    )
-    alt = (
-        f"Relative deviations at {len(result.peaks)} drive frequencies before and after the fit; "
-        f"means {_from_to(result.deviations)}."
-    )
-    return Described(name=OVER_FREQUENCY, title=title, caption=caption, alt=alt, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def draw_improvement(result: Compared, data: ShownCampaign) -> Described:
@@ -131,23 +111,13 @@ def draw_improvement(result: Compared, data: ShownCampaign) -> Described:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
-    title = "Improvement: deviation after the fit, in % of the one before"
-    figure = new_figure(title, data.title, synthetic=data.synthetic, height=4.3)
+    shares, overall = improvement_percent(result), mean_improvement_percent(result)
+    worse = sum(1 for share in shares if math.isfinite(share) and share > 100.0)
+    words = described(IMPROVEMENT, count=len(shares), worse=worse, overall=overall)
+    figure = new_figure(words.title, data.title, synthetic=data.synthetic, height=4.3)
     axes = improvement(result, ax=figure.subplots())
     legend_below(figure, [*handles_of(axes), *experiment_handles(data.labels)], ncols=4)
-    shares, overall = improvement_percent(result), mean_improvement_percent(result)
-    worse = sum(1 for s in shares if math.isfinite(s) and s > 100.0)
-    caption = (
-        "Deviation with the fitted parameters in percent of the deviation with the start "
-        "parameters, for every tone: below 100 % the fit brought the peak closer. Of "
-        f"{len(shares)} peaks {worse} {'lies' if worse == 1 else 'lie'} above it. The ratio of the "
-        f"mean deviations is {number(overall, 3)} %."
-    )
-    alt = (
-        f"Ratio of final to initial deviation for {len(shares)} peaks; ratio of the means "
-        f"{number(overall, 3)} percent; {worse} above 100 percent."
-    )
-    return Described(name=IMPROVEMENT, title=title, caption=caption, alt=alt, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def draw_per_experiment(result: Compared, data: ShownCampaign) -> Described:
@@ -160,26 +130,22 @@ def draw_per_experiment(result: Compared, data: ShownCampaign) -> Described:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
-    title = "Deviation per experiment"
-    figure = new_figure(title, data.title, synthetic=data.synthetic, height=5.8)
+    sigmas = residuals_in_sigmas(result)
+    words = described(
+        PER_EXPERIMENT,
+        result=result,
+        count=len(sigmas),
+        beyond=len(notable(sigmas)),
+        notable=NOTABLE_SIGMA,
+        worst=_worst_words(result, sigmas),
+    )
+    figure = new_figure(words.title, data.title, synthetic=data.synthetic, height=5.8)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     deviations_by_experiment(result, ax=upper)
     residuals(result, ax=lower)
     upper.tick_params(labelbottom=False)
     legend_below(figure, [*handles_of(upper), *handles_of(lower)], ncols=3)
-    sigmas = residuals_in_sigmas(result)
-    beyond, worst = notable(sigmas), _worst_words(result, sigmas)
-    caption = (
-        "Deviation of every peak, tones in the order of the experiments file (left to right within "
-        "an experiment): before the fit (open) and after it (filled), error bars one "
-        "standard deviation of the measured peak. Below: what is left after the fit in units of "
-        f"that standard deviation; band ±2. {worst}"
-    )
-    alt = (
-        f"Deviations by experiment, means {_from_to(result.deviations)}; {len(beyond)} of "
-        f"{len(sigmas)} residuals beyond {NOTABLE_SIGMA:g} standard deviations. {worst}"
-    )
-    return Described(name=PER_EXPERIMENT, title=title, caption=caption, alt=alt, drawn=figure)
+    return replace(words, drawn=figure)
 
 
 def _worst_words(result: Compared, residuals: list[float]) -> str:
@@ -192,11 +158,6 @@ def _worst_words(result: Compared, residuals: list[float]) -> str:
     factor, unit = prefixed(peak.frequency_hz, "Hz")
     where = f"{peak.frequency_hz / factor:.9g} {unit} of {peak.experiment}"
     return f"The largest residual is {value} σ, at {where}."
-
-
-def _from_to(deviations: Deviations) -> str:
-    before, after = deviations.initial.mean, deviations.final.mean
-    return f"{number(before, 3)} before, {number(after, 3)} after"
 
 
 #: Means this far apart are drawn on a logarithmic axis, or the lesser could not be seen.

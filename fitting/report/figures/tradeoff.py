@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from fitting.report.figures.style import (
     ORANGE,
     SERIES,
     SERIES_MARKERS,
+    described,
     legend_below,
     log_axis,
     new_figure,
@@ -69,17 +71,13 @@ def draw(study: Study) -> Described:
         study: errors and costs of every setting.
     """
     shown = [q for q in QUANTITIES if study.of(q)]
-    title = "Accuracy against cost"
-    figure = new_figure(
-        title,
-        f"{study.title}: {study.description}",
-        synthetic=study.synthetic,
-        height=3.1 + 2.1 * (len(shown) - 1),
-    )
+    words = described("tradeoff", study=study)
+    what = f"{study.title}: {study.description}"
+    height = 3.1 + 2.1 * (len(shown) - 1)
+    figure = new_figure(words.title, what, synthetic=study.synthetic, height=height)
     # the amplitudes carry the plan's marks and most of the settings: twice the height
-    grid = figure.subplots(
-        len(shown), 1, squeeze=False, height_ratios=[2.0] + [1.2] * (len(shown) - 1)
-    )
+    ratios = [2.0] + [1.2] * (len(shown) - 1)
+    grid = figure.subplots(len(shown), 1, squeeze=False, height_ratios=ratios)
     solvers = list(dict.fromkeys(m.setting.solver for m in _sorted(study.measurements)))
     for row, quantity in enumerate(shown):
         axes = grid[row, 0]
@@ -87,23 +85,7 @@ def draw(study: Study) -> Described:
         axes.set_title(HEADINGS[quantity], loc="left")
     grid[-1, 0].set_xlabel(f"cost: {study.cost_kind} time (s)")
     legend_below(figure, _handles(study, solvers), ncols=4)
-    caption = (
-        "Largest relative error of every setting over its cost; the line is the Pareto front: "
-        "settings that none beats in both. "
-        + "Open markers: windows that are not whole periods (flat-top or none). "
-        + "Stars: what the plan chose for the accuracy written beside it. "
-        + "Errors below the dashed line are the reference's own."
-    )
-    if any(m.extrapolated for m in study.measurements):
-        caption += " Pale markers: not run, cost extrapolated from a shorter run."
-    return Described(
-        name=f"tradeoff_{study.scene}",
-        number=1,
-        title=title,
-        caption=caption,
-        alt=caption,
-        drawn=figure,
-    )
+    return replace(words, name=f"tradeoff_{study.scene}", drawn=figure, number=1)
 
 
 def _sorted(found: Sequence[Measurement]) -> list[Measurement]:
