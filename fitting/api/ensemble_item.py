@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from fitting.measurements.kinds import read_campaign
 from fitting.result.ensemble import FAILED, EnsembleRow, EnsembleValue
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.estimate import Estimate
 from fitting.text.files import write_all
 from fitting.text.scratch import Scratch
 from fitting.text.toml import read_toml
@@ -200,20 +201,10 @@ def _values(found: Valued, truth: Mapping[str, Any], only: Any) -> tuple[Ensembl
 
 
 def _value(v: Value, true: float) -> EnsembleValue:
-    low68, high68 = v.interval(0.68)
-    low95, high95 = v.interval(0.95)
-    return EnsembleValue(
-        name=v.name,
-        unit=v.unit,
-        verdict=v.status,
-        value=float(v.value),
-        std=float(v.std),
-        low68=float(low68),
-        high68=float(high68),
-        low95=float(low95),
-        high95=float(high95),
-        truth=nearest(v.name, true, 0.5 * (low95 + high95)),
-    )
+    low, high = v.interval(0.95)
+    shared = {each.name: getattr(v, each.name) for each in fields(Estimate)}
+    shared |= {"ci68": v.interval(0.68), "ci95": (low, high)}
+    return EnsembleValue(**shared, truth=nearest(v.name, true, 0.5 * (low + high)))
 
 
 def _failed(item: Item, error: Exception, folder: str) -> EnsembleRow:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -13,30 +13,19 @@ from fitting.fit.alternative import Outcome
 from fitting.fit.objective import Objective, j_reg
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
-from fitting.fit.solver.continuation import Chain, equal_j
+from fitting.fit.solver.continuation import Chain, Level, equal_j
 from fitting.text.arrays import FloatArray, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
-class HistoryRow:
+class HistoryRow(Level):
     """One nu of Algorithm 2 from the campaign's start; level -1 is that start, before any solve.
 
     A level beyond the schedule is the reported end, where another chain than this has it.
     """
 
-    level: int
-    nu: float
     parameters: Mapping[str, float]
     derived: Mapping[str, float]
-    j_fit: float
-    j_reg: float
-    change: float
-    optimality: float
-    status: str
-    message: str
-    iterations: int
-    evaluations: int
-    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,24 +129,8 @@ def history_rows(solution: Solution, published: Chain) -> tuple[HistoryRow, ...]
                 )
             )
             continue
-        step = steps[k - 1]
-        rows.append(
-            HistoryRow(
-                level=step.level,
-                nu=step.nu,
-                parameters=shown,
-                derived=means,
-                j_fit=step.j_fit,
-                j_reg=step.j_reg,
-                change=step.change,
-                optimality=step.optimality,
-                status=step.status,
-                message=step.message,
-                iterations=step.iterations,
-                evaluations=step.evaluations,
-                seconds=step.seconds,
-            )
-        )
+        level = {each.name: getattr(steps[k - 1], each.name) for each in fields(Level)}
+        rows.append(HistoryRow(parameters=shown, derived=means, **level))
     return tuple(rows)
 
 

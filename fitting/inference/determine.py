@@ -90,31 +90,41 @@ FOR_MISFIT, FOR_A_LOOK = 0.1, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class InferenceOptions:
-    """What is asked of the inference: units of outputs, seed, simulation runs at most, bootstrap.
+class Limits:
+    """How much is spent on what data determine, and who is told.
 
-    `budget` None is the usual one. `others` are search vectors to begin at besides; `alternatives`
+    `budget` is of simulation runs, None the usual one; `bootstrap` synthetic data sets are fitted
+    anew; `progress` is told how far it is, the stages those of `fitting.inference.stages`.
+    """
+
+    budget: int | None = None
+    bootstrap: int = 0
+    progress: Callable[[Spent], None] = lambda spent: None
+
+
+@dataclass(frozen=True, kw_only=True)
+class InferenceOptions(Limits):
+    """What is asked of the inference: units of outputs, seed, limits.
+
+    `others` are search vectors to begin at besides; `alternatives`
     points of other models that fit as well; `twins` are the model's exact symmetries, looked for if
     None. Without `data` the measurements are taken to be what the model says at the solution.
-    `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one. `only`
+    Synthetic data sets are fitted anew through `executor` if there is one. `only`
     names the values that are profiled (all, if empty); other minima are looked for from `starts`
     seeded points. `beyond`: whether fits beyond the box are looked for. `structure` is that of the
     residuals of curves, by which their noise was taken wider. `closer` is another form of a line
     that leaves far less of a sweep than the model, `scale_off` the factor by which the scale of
     peaks may be off for the top of its sweep. `models` are the alternatives among which exact twins
-    beyond the box are looked for. `progress` is told how far it is, the stages those of
-    `fitting.inference.stages`.
+    beyond the box are looked for.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
     seed: int = 1
-    budget: int | None = None
     others: Sequence[FloatArray] = ()
     minima: Sequence[FloatArray] = ()
     twins: Sequence[Twin] | None = None
     alternatives: tuple[Equivalent, ...] = ()
     data: bool = True
-    bootstrap: int = 0
     executor: Executor | None = None
     only: tuple[str, ...] = ()
     starts: int = OTHER_STARTS
@@ -124,7 +134,6 @@ class InferenceOptions:
     closer: Adequacy | None = None
     scale_off: float = math.nan
     models: tuple[Model, ...] = ()
-    progress: Callable[[Spent], None] = lambda spent: None
 
 
 def determine(

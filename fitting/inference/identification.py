@@ -9,13 +9,13 @@ import numpy as np
 
 from fitting.campaign.parameters import own_count, references, search_bounds, starts, to_search
 from fitting.fit.likelihood.descent import FEW_OWN, most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, Spent, likelihood_with
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.alternatives import equal_fit
-from fitting.inference.determine import InferenceOptions, determine
+from fitting.inference.determine import InferenceOptions, Limits, determine
 from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.findings import residual_findings
 from fitting.inference.likelihood.knowledge import Determined
@@ -26,21 +26,18 @@ from fitting.text.errors import BadInput
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentificationOptions:
+class IdentificationOptions(Limits):
     """What is asked: values to set out from, expected data instead of measured ones, limits.
 
     Without `values` (by parameter, of a fit of one `alternative`) the search sets out from the
     campaign's start and reference values. With `expected` the data are taken to be what the model
-    says there, with the campaign's noise. `progress` is told how far it is.
+    says there, with the campaign's noise.
     """
 
     values: Mapping[str, float] | None = None
     alternative: Mapping[str, Scalar] | None = None
     expected: bool = False
-    bootstrap: int = 0
     seed: int = 1
-    budget: int | None = None
-    progress: Callable[[Spent], None] = lambda spent: None
 
 
 def identify(

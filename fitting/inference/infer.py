@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from fitting.campaign.parameters import outside_box, search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.descent import let_out, most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, Spent, likelihood_with
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
@@ -27,7 +27,7 @@ from fitting.inference.combinations import combination_findings
 from fitting.inference.conditions import condition_findings
 from fitting.inference.consistency import consistency, contradictions, without_values
 from fitting.inference.contradictions import contradicted
-from fitting.inference.determine import InferenceOptions, determine
+from fitting.inference.determine import InferenceOptions, Limits, determine
 from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
 from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.estimates import (
@@ -85,23 +85,18 @@ class Inference(Inferred):
 
 
 @dataclass(frozen=True, kw_only=True)
-class InferenceRequest:
+class InferenceRequest(Limits):
     """How much is asked of the data.
 
     `units` are those of the derived outputs; without `profiles` intervals are those of the
-    linearised problem; `only` names the values whose profiles are walked (all, if empty); `budget`
-    is of simulation runs; `bootstrap` synthetic data sets are fitted anew; `sweeps` what those
-    of this fit show, where it was found before; `progress` is told how far the profiles
-    are.
+    linearised problem; `only` names the values whose profiles are walked (all, if empty); `sweeps`
+    what those of this fit show, where it was found before.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
     profiles: bool = True
-    budget: int | None = None
-    bootstrap: int = 0
     only: tuple[str, ...] = ()
     sweeps: SweepFindings | None = None
-    progress: Callable[[Spent], None] = lambda spent: None
 
 
 def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:

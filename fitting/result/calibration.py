@@ -4,35 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.parameter_set import SetValue
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_text
-from fitting.text.error_bars import EVEN, ErrorBars
 from fitting.text.errors import BadInput
-from fitting.text.estimate import FittedEstimate, Verdict
+from fitting.text.estimate import ParameterEstimate, Verdict
 from fitting.text.units import convert
 
 
 @dataclass(frozen=True, kw_only=True)
-class Handed:
-    """One fitted parameter: its value, error and 95 % interval in ``unit``, that of the FMU.
+class Handed(ParameterEstimate):
+    """One fitted parameter in the unit of the FMU.
 
-    ``left`` is the reason why it is not handed on; empty: it is. ``bars`` are its errors on both
-    sides.
+    ``left`` is the reason why it is not handed on; empty: it is.
     """
 
-    name: str
-    value: float
-    unit: str
-    std: float
-    ci95: tuple[float, float]
-    verdict: Verdict
     left: str = ""
-    bars: ErrorBars = EVEN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +90,9 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
     )
 
 
-def _handed(name: str, found: FittedEstimate, description: FmuDescription, wanted: bool) -> Handed:
+def _handed(
+    name: str, found: ParameterEstimate, description: FmuDescription, wanted: bool
+) -> Handed:
     variable = description.variables.get(name)
     unit = found.unit
     if variable is None:
@@ -110,22 +103,14 @@ def _handed(name: str, found: FittedEstimate, description: FmuDescription, wante
         left = "" if wanted or found.status is Verdict.DETERMINED else str(found.status)
         unit = variable.unit or unit
     factor = convert(1.0, found.unit, unit, where=name) if unit != found.unit else 1.0
-    low, high = (factor * end for end in found.ci95)
-    return Handed(
-        name=name,
-        value=factor * found.value,
-        unit=unit,
-        std=factor * found.std,
-        ci95=(low, high),
-        verdict=found.status,
-        left=left,
-        bars=found.bars.scaled(factor) if found.is_most_likely else EVEN,
-    )
+    there = found.in_unit(unit, factor)
+    shared = {each.name: getattr(there, each.name) for each in fields(ParameterEstimate)}
+    return Handed(**shared, left=left)
 
 
 def _notes(p: Handed) -> dict[str, str]:
     numbers = {"std": p.std, "ci95_low": p.ci95[0], "ci95_high": p.ci95[1]}
-    return {"verdict": str(p.verdict)} | {
+    return {"verdict": str(p.status)} | {
         name: repr(value) for name, value in numbers.items() if not math.isnan(value)
     }
 
@@ -139,5 +124,5 @@ def calibration_csv(found: Calibration) -> str:
     rows = [["name", "unit", "value", "std", "ci95_low", "ci95_high", "verdict", "left"]]
     for p in found.parameters:
         numbers = ("" if math.isnan(v) else repr(v) for v in (p.value, p.std, *p.ci95))
-        rows.append([p.name, p.unit, *numbers, p.verdict, p.left])
+        rows.append([p.name, p.unit, *numbers, p.status, p.left])
     return csv_text(rows)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from scipy.special import betaincinv
 
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Verdict
 
 #: Part of the binomial intervals that is left out.
 ALPHA = 0.05
@@ -21,22 +21,13 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnsembleValue:
-    """One value of one fit, all numbers in ``unit``; ``truth`` is nan where nobody knows it.
+class EnsembleValue(Estimate):
+    """One value of one fit; ``truth`` is nan where nobody knows it.
 
     ``value`` and ``std`` are nan where the data leave it open; ends of an interval that the data do
     not cut are those of the box.
     """
 
-    name: str
-    unit: str
-    verdict: Verdict
-    value: float
-    std: float
-    low68: float
-    high68: float
-    low95: float
-    high95: float
     truth: float
 
     @property
@@ -48,8 +39,23 @@ class EnsembleValue:
     def is_judged(self) -> bool:
         """Whether an interval was promised, and the truth is known."""
         unjudged = (Verdict.WITHDRAWN, Verdict.UNKNOWN)
-        known = math.isfinite(self.truth) and not math.isnan(self.low95 + self.high95)
-        return known and self.verdict not in unjudged
+        known = math.isfinite(self.truth) and not math.isnan(self.ci95[0] + self.ci95[1])
+        return known and self.status not in unjudged
+
+    def numbers(self) -> dict[str, str | float]:
+        """All there is as a flat row."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "verdict": str(self.status),
+            "value": self.value,
+            "std": self.std,
+            "low68": self.ci68[0],
+            "high68": self.ci68[1],
+            "low95": self.ci95[0],
+            "high95": self.ci95[1],
+            "truth": self.truth,
+        }
 
     def holds(self, level: float) -> bool:
         """Whether the interval of that level holds the truth.
@@ -57,7 +63,7 @@ class EnsembleValue:
         Args:
             level: 0.68 or 0.95.
         """
-        low, high = (self.low95, self.high95) if level == 0.95 else (self.low68, self.high68)
+        low, high = self.ci95 if level == 0.95 else self.ci68
         return low <= self.truth <= high
 
 
@@ -175,7 +181,7 @@ class Ensemble:
     def to_dict(self) -> list[dict[str, str | float]]:
         """A flat row per item and value, as ``pandas.DataFrame`` takes them."""
         return [
-            {"item": row.index, "label": row.label, "status": row.status, **vars(value)}
+            {"item": row.index, "label": row.label, "status": row.status, **value.numbers()}
             for row in self.rows
             for value in row.values
         ]
@@ -188,7 +194,7 @@ def _coverage(values: Sequence[EnsembleValue]) -> Coverage:
         name=values[0].name,
         unit=values[0].unit,
         judged=len(judged),
-        determined=sum(value.verdict == Verdict.DETERMINED for value in judged),
+        determined=sum(value.status == Verdict.DETERMINED for value in judged),
         withheld=len(values) - len(judged),
         held68=Share(sum(value.holds(0.68) for value in judged), len(judged)),
         held95=Share(sum(value.holds(0.95) for value in judged), len(judged)),

@@ -8,7 +8,7 @@ towards another valley. Then both are said.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from fitting.text.notation import joint_prefix, quantity, span, uneven_quantity
 
@@ -53,14 +53,6 @@ class ErrorBars:
         factor, prefixed = joint_prefix(value, std if self.is_even else min(sides), unit)
         low, high = (end / factor for end in interval95)
         return f"{shown} ({span(low, high, prefixed)}\u00a0at\u00a095\u00a0%)"
-
-    def scaled(self, factor: float) -> ErrorBars:
-        """The same in another unit.
-
-        Args:
-            factor: that leads to it, positive.
-        """
-        return replace(self, below=factor * self.below, above=factor * self.above)
 
 
 #: Of a value without a profile: its error is linearised, and ± is all that it tells.

@@ -24,6 +24,8 @@ NOWHERE: Interval = (math.nan, math.nan)
 ALL_ROUND = 1.0 - 1e-9
 #: Share of the distance between two bounds by which a value at one of them may lie beyond it.
 SLACK = 1e-6
+#: Ends of an interval.
+SIDES = ("low", "high")
 #: Names of 0.2.0, which work with a warning until 0.4, and those of now.
 RENAMED = {
     "identifiable": "status",
@@ -41,6 +43,7 @@ RENAMED = {
     "stopped_at": "likely",
     "profile": "scan",
     "delta": "delta_chi2",
+    **{f"{side}{level}": f"ci{level} {side}" for level in (68, 95) for side in SIDES},
     "box_end": "bound_passed",
 }
 #: What a value is of.
@@ -101,12 +104,13 @@ class OldNames:
     if not TYPE_CHECKING:  # a type checker knows the names of now alone
 
         def __getattr__(self, name: str) -> Any:
-            now = RENAMED.get(name, "")
+            now, _, side = RENAMED.get(name, "").partition(" ")
             if not hasattr(type(self), now) and now not in vars(self):
                 raise AttributeError(f"'{type(self).__name__}' has no '{name}'")
             text = f"'{name}' of a value is '{now}' now; the old name goes with 0.4"
             warnings.warn(text, DeprecationWarning, stacklevel=2)
-            return getattr(self, now)
+            found = getattr(self, now)
+            return found[SIDES.index(side)] if side else found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,6 +248,31 @@ class FittedEstimate(Estimate):
     def bound_passed(self) -> float:
         """The bound of a parameter beyond which its most likely value lies; NaN: within both."""
         return math.nan
+
+    def in_unit(self, unit: str, factor: float) -> Self:
+        """The value in another unit.
+
+        Args:
+            unit: the other one.
+            factor: that leads to it, positive.
+        """
+        low68, high68 = (factor * end for end in self.ci68)
+        low95, high95 = (factor * end for end in self.ci95)
+        return replace(
+            self,
+            unit=unit,
+            value=factor * self.value,
+            std=factor * self.std,
+            ci68=(low68, high68),
+            ci95=(low95, high95),
+            most_likely=factor * self.most_likely,
+            algorithm2=factor * self.algorithm2,
+            simulation=factor * self.simulation,
+            reference=factor * self.reference,
+            lower=factor * self.lower,
+            upper=factor * self.upper,
+            period=None if self.period is None else factor * self.period,
+        )
 
     def text(self) -> str:
         """The value for people; never with a small error where the data do not give one."""

@@ -62,7 +62,7 @@ def test_every_laboratory_is_fitted_as_by_hand(
     assert set(found) == set(fit.values)
     for name, value in fit.values.items():
         assert (found[name].value, found[name].std) == (value.value, value.std)
-        assert (found[name].low95, found[name].high95) == value.interval(0.95)
+        assert found[name].ci95 == value.interval(0.95)
     assert found["d1"].truth == 420e3
     assert found["Q_plus"].truth == pytest.approx(5e9 / 420e3)
 

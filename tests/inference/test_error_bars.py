@@ -170,9 +170,9 @@ def test_a_value_that_is_handed_on_takes_its_sides_into_the_unit_of_the_fmu() ->
         value=0.094,
         unit="kHz",
         std=0.01085,
-        ci95=(0.075, 0.119),
-        verdict=Verdict.DETERMINED,
-        bars=replace(UNEVEN, tells95=True).scaled(1e-3),
+        ci68=(0.094 - 0.0089, 0.094 + 0.0128),
+        ci95=(0.094 - 0.0174, 0.094 + 0.0251),
+        status=Verdict.DETERMINED,
     )
     found = Calibration(parameters=(handed,), campaign_values={}, settings={}, open_settings={})
     [line] = calibration_lines(found)

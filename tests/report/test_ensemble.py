@@ -46,13 +46,11 @@ def value(estimate: float, verdict: Verdict = Verdict.DETERMINED) -> EnsembleVal
     return EnsembleValue(
         name="d1",
         unit="Hz",
-        verdict=verdict,
+        status=verdict,
         value=math.nan if verdict is Verdict.ABOVE else estimate,
         std=math.nan if verdict is Verdict.ABOVE else 2.0,
-        low68=estimate - 2.0,
-        high68=estimate + 2.0,
-        low95=estimate - 4.0,
-        high95=estimate + 4.0,
+        ci68=(estimate - 2.0, estimate + 2.0),
+        ci95=(estimate - 4.0, estimate + 4.0),
         truth=10.0,
     )
 

@@ -65,21 +65,15 @@ class Schedule(Continuation):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContinuationStep:
-    """One solved level of one start: where it ended, at what misfit, and how well.
+class Level:
+    """One solved level: at what nu, at what misfit it ended, and how well.
 
-    What a search found is lowered at the last nu, as one level more than the schedule has; a level
-    beyond that goes along a bent valley, where straight steps crept, and is told with the last.
-    `x` search vector, `parameters` the same in their units; `change` the paper's E; `optimality`
-    the decrease of J that a linearised step still promises; counts and seconds of this level.
+    `change` is the paper's E, `optimality` the decrease of J that a linearised step still promises;
+    iterations, evaluations and seconds are of this level alone.
     """
 
-    alternative: int
-    start: int
     level: int
     nu: float
-    x: tuple[float, ...]
-    parameters: tuple[float, ...]
     j_fit: float
     j_reg: float
     change: float
@@ -88,9 +82,24 @@ class ContinuationStep:
     message: str
     iterations: int
     evaluations: int
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContinuationStep(Level):
+    """One solved level of one start of one alternative, and where it ended.
+
+    What a search found is lowered at the last nu, as one level more than the schedule has; a level
+    beyond that goes along a bent valley, where straight steps crept, and is told with the last.
+    `x` search vector, `parameters` the same in their units.
+    """
+
+    alternative: int
+    start: int
+    x: tuple[float, ...]
+    parameters: tuple[float, ...]
     jacobians: int
     runs: int
-    seconds: float
 
     @property
     def j(self) -> float:

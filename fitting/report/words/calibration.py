@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from fitting.result.calibration import Calibration, Handed
+from fitting.text.error_bars import EVEN
 from fitting.text.estimate import Verdict
 from fitting.text.notation import listed, number, settings_words, span
 
@@ -15,8 +16,8 @@ def calibration_lines(found: Calibration) -> list[str]:
     Args:
         found: what is handed on.
     """
-    sure = [p for p in found.handed if p.verdict is Verdict.DETERMINED]
-    asked = [p for p in found.handed if p.verdict is not Verdict.DETERMINED]
+    sure = [p for p in found.handed if p.status is Verdict.DETERMINED]
+    asked = [p for p in found.handed if p.status is not Verdict.DETERMINED]
     left = [p for p in found.parameters if p.left]
     lines = [
         f"handed on: {_listed(sure)}"
@@ -45,10 +46,11 @@ def _listed(parameters: list[Handed]) -> str:
 
 def _known(p: Handed) -> str:
     """A value with its error; where the data leave it open, the range and the verdict."""
-    if p.verdict is Verdict.DETERMINED:
-        return f"= {p.bars.words(p.value, p.std, p.unit, p.ci95)}"
+    if p.status is Verdict.DETERMINED:
+        bars = p.bars if p.is_most_likely else EVEN  # errors are the likelihood's
+        return f"= {bars.words(p.value, p.std, p.unit, p.ci95)}"
     low, high = p.ci95
-    reason = p.left or str(p.verdict)
+    reason = p.left or str(p.status)
     if math.isnan(low) or math.isnan(high):
         return f"({reason})"
     value = "" if p.left else f"= {number(p.value, 9)}, "
