@@ -117,7 +117,7 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
         """Start at rest or on a periodic orbit."""
         super().begin(t)
         if self.value("branch") == UPPER and not self.value("periodic_start"):
-            self.warn("branch = 1 says nothing of a start at rest; set periodic_start to true")
+            self.warn("branch = 1 does not apply to a start at rest; set periodic_start to true")
 
     def moving_outputs(self) -> Sequence[float]:
         """Return displacements and the shift by the cubic terms; what averaging costs comes later.

@@ -118,4 +118,6 @@ def _fmu(result: Result, source: Path | None, fmu: str | Path | None) -> Path:
     if source is not None and (source.parent / "fmu" / name).is_file():
         return source.parent / "fmu" / name
     where = "" if source is None else f"{source}: "
-    raise BadInput(f"{where}the FMU that was fitted, {name}, is not beside it: wanted --fmu")
+    raise BadInput(
+        f"{where}the FMU that was fitted, {name}, is not in the folder of the result: wanted --fmu"
+    )

@@ -480,7 +480,8 @@ class Fmu:
             if other.amplitude in values:
                 raise BadInput(
                     f"start_values '{other.amplitude}': found {values[other.amplitude]!r}, with "
-                    f"which {other.frequency} would drive beside {tone}; wanted 0 in a sweep of "
+                    f"which {other.frequency} would drive together with {tone}; wanted 0 in a "
+                    f"sweep of "
                     "one tone"
                 )
         return {**values, **{other.amplitude: 0.0 for other in others}}

@@ -128,7 +128,7 @@ def drafted(
     answers = _answers(told or {}, ask)
     unknown = [key for key in answers.told if key not in KEYS]
     if unknown:
-        raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
+        raise BadInput(f"init: found key {unknown[0]!r}, wanted any of {', '.join(KEYS)}")
     [interface] = answers.told.get("interface", (None,))
     with results_folder(Path(out), "init", FILES):
         demodulated = _demodulated(paths, columns or Columns(), fmu)
@@ -185,11 +185,11 @@ def _answers(told: Mapping[str, str | Sequence[str]], ask: Ask | None) -> Answer
 
 
 def _refuse_parts(paths: Sequence[Path], columns: Columns) -> None:
-    """Complain of a part of a recording that no campaign can tell."""
+    """Complain of a part of a recording that no campaign can choose."""
     for key in columns.selection.parts:
         raise BadInput(
-            f"--{key.replace('_', '-')}: a campaign of recordings cannot tell it; wanted what is "
-            f"meant of {paths[0]} in a file of its own"
+            f"--{key.replace('_', '-')}: a campaign of recordings does not choose it; "
+            f"wanted that part of {paths[0]} in a file of its own"
         )
 
 

@@ -106,7 +106,7 @@ def line(
             )
         trace = read_trace_of(Path(source), columns or Columns())
     elif values is None:
-        raise BadInput("line: found frequencies alone, wanted values beside them, or a file")
+        raise BadInput("line: found frequencies alone, wanted values with them, or a file")
     else:
         trace = trace_of(source, values, unit)
     found = line_of(trace.within(*within_hz), wiring)

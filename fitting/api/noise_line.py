@@ -82,9 +82,7 @@ def noise_line(
             )
         record = read_noise_of(Path(source), columns or Columns())
     elif density is None:
-        raise BadInput(
-            "noise_line: found frequencies alone, wanted densities beside them, or a file"
-        )
+        raise BadInput("noise_line: found frequencies alone, wanted densities with them, or a file")
     else:
         record = noise_record_of(source, density, unit)
     found = noise_line_of(record.within(*within_hz))

@@ -617,7 +617,8 @@ class _Job:
             yield "Noise is taken for Gaussian; the fit counts what is far off less than that."
         if self.problem.unknown_noise:
             yield (
-                "Noise that nobody stated has one size, which is integrated out with the prior 1/σ."
+                "Noise that was not stated has one size, which is integrated out with the prior "
+                "1/σ."
             )
         if self.structure is not None and self.structure.widening > TOLD:
             found, wider = listed(self.structure.found), number(self.structure.widening, 3)
@@ -640,7 +641,7 @@ def _of_periods(parameters: Sequence[Parameter], begins: FloatArray) -> Iterator
         if p.period is not None:
             unit = f" {unit_text(p.unit)}" if p.unit else ""
             yield (
-                f"{p.name} has a period: draws, minima and what stands beside them are told in the "
+                f"{p.name} has a period: draws, minima and intervals are given in the "
                 f"one from {number(begin, 4)} to {number(begin + p.period, 4)}{unit}."
             )
 
@@ -649,8 +650,8 @@ def _of_fit(knowledge: Knowledge) -> Iterator[str]:
     """What the fit said that bears on draws."""
     if not knowledge.adequacy.gives_values:
         yield (
-            f"{knowledge.adequacy.why_not.capitalize()}: draws say what its parameters would be if "
-            "it did."
+            f"{knowledge.adequacy.why_not.capitalize()}: draws hold for its parameters only if "
+            "it does."
         )
     if knowledge.inflation > 1.0:
         yield (

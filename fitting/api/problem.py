@@ -199,7 +199,7 @@ class Problem:
 
             S(p) -> S(p0) + (S(p) - S(p0))/factor^2
 
-        Residuals that hang together do: errors about p0 are wider by the factor.
+        Residuals that are correlated do: errors about p0 are wider by the factor.
 
         Args:
             factor: At least 1.
@@ -451,7 +451,7 @@ class Problem:
         if free < len(self.record.parameters) + 1:
             raise BadInput(
                 f"problem: the noise of {missing} of {self._is_known.size} rows is not known, and "
-                "these are too few to tell it; wanted sigmas_v, or noise with a relative or "
+                "these are too few to estimate it; wanted sigmas_v, or noise with a relative or "
                 "absolute part"
             )
         return float(free)

@@ -87,7 +87,7 @@ def ringdown(
             raise BadInput("ringdown: found a file and values, wanted times and values, or a file")
         record = read_decay_of(Path(source), columns or Columns())
     elif values is None:
-        raise BadInput("ringdown: found times alone, wanted values beside them, or a file")
+        raise BadInput("ringdown: found times alone, wanted values with them, or a file")
     else:
         record = decay_record_of(source, values, unit)
     if demodulated_at_hz is not None:

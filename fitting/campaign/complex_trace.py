@@ -267,14 +267,14 @@ def _check_phase(found: MeasuredComplex, phase_rad: FloatArray, unit: str) -> No
         jumps = float(np.max(np.abs(np.diff(phase_rad)))) > np.pi * (1.0 + 1e-9)
         if jumps or _fits_better(found, np.deg2rad(phase_rad)):
             raise BadInput(
-                f"{found.source}: phases up to {largest:.4g} are said to be in {unit}; wanted "
+                f"{found.source}: phases up to {largest:.4g} are declared to be in {unit}; wanted "
                 "radians within 2 pi or unwrapped ones, or the unit deg"
             )
     degrees = np.rad2deg(phase_rad)
     smallest = float(np.max(np.abs(degrees)))
     if not said_radians and smallest <= 2.0 * np.pi and _fits_better(found, degrees):
         raise BadInput(
-            f"{found.source}: phases up to {smallest:.4g} are said to be in {unit}; wanted "
+            f"{found.source}: phases up to {smallest:.4g} are declared to be in {unit}; wanted "
             "degrees, or the unit rad"
         )
 
@@ -328,7 +328,7 @@ def check_delay(found: MeasuredComplex, delay_s: float | None, where: str) -> No
     turns = (free.delay_s - delay_s) * float(np.ptp(found.u_hz))
     if abs(turns) < 1.0 or free.misfit > PLAIN_LINE or free.misfit * MUCH_BETTER > told.misfit:
         return
-    told_text = f"{_seconds(delay_s)} were told" if delay_s else "no delay was told"
+    told_text = f"{_seconds(delay_s)} were stated" if delay_s else "no delay was stated"
     is_cable = abs(free.delay_s) * float(np.ptp(found.u_hz)) >= LEAST_CABLE
     cable_s = free.delay_s
     if cable_s < 0.0:  # frequencies an equal step apart tell a delay up to one over the step

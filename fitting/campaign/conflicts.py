@@ -135,7 +135,7 @@ def _sentence(bound: BoundCampaign, tone: OtherTone, amplitude: FmuVariable, pla
     return (
         f"{places.top}{places.of('drive')} names {listed(bound.setup.drive.frequency_names)}, "
         f"but the FMU drives at {tone.frequency} as well, with {tone.amplitude} = {size}; wanted "
-        f"{tone.frequency} and {tone.amplitude} named beside, or {tone.amplitude} = 0 in "
+        f"{tone.frequency} and {tone.amplitude} named as well, or {tone.amplitude} = 0 in "
         f"{places.of('start')}"
     )
 

@@ -213,7 +213,7 @@ class WrittenTrace(Keys):
     amplitude: Annotated[
         Text,
         looked_at(partial(check_amplitude, where="")),
-        Missing('wanted "V peak", "V rms" or "dBm"; files do not tell which they mean'),
+        Missing('wanted "V peak", "V rms" or "dBm"; files do not state which they mean'),
     ]
     """What the file's amplitudes mean: "V peak", "V rms", "dBm" or another detector unit
     likewise, as "m peak"."""
@@ -292,18 +292,20 @@ class WrittenExperiments(WrittenTrace):
 
     def __post_init__(self) -> None:
         if bool(self.x) != bool(self.y):
-            raise Refused(f"wanted beside '{'x' if self.x else 'y'}'", "y" if self.x else "x")
+            raise Refused(
+                f"wanted together with '{'x' if self.x else 'y'}'", "y" if self.x else "x"
+            )
         if (self.spectra is not None) + bool(self.peaks) + bool(self.x) != 1:
             raise Refused("wanted either 'spectra' or 'peaks', or 'x' and 'y'")
         self._check_phases()
         if self.spectra is not None and "{experiment}" not in self.spectra:
             raise Refused(f"'{self.spectra}' wanted with '{{experiment}}' in it", "spectra")
         if self.peak_sigmas and self.spectra is not None:
-            raise Refused("wanted only beside 'peaks'", "peak_sigmas")
+            raise Refused("wanted only together with 'peaks'", "peak_sigmas")
         super().__post_init__()
         if self.x and self.format.amplitude.kind in ("dBm", "dB"):
             raise Refused(
-                f"{self.format.amplitude.kind} tells a magnitude, X and Y are parts of one; wanted "
+                f"{self.format.amplitude.kind} is a magnitude, X and Y are parts of one; wanted "
                 '"V peak" or "V rms", or peaks and phases',
                 "amplitude",
             )
@@ -320,7 +322,7 @@ class WrittenExperiments(WrittenTrace):
                 key = "phases" if self.phases else "y" if self.x else "peak_sigmas"
                 raise Refused(f"'{name}' is named twice, wanted a column for each", key)
         if self.phases and not self.peaks:
-            raise Refused("wanted only beside 'peaks'", "phases")
+            raise Refused("wanted only together with 'peaks'", "phases")
         if self.phases and len(self.phases) != len(self.peaks):
             raise Refused(
                 f"{how_many(len(self.phases), 'column')}, wanted {len(self.peaks)}", "phases"
@@ -330,7 +332,7 @@ class WrittenExperiments(WrittenTrace):
         if not self.is_complex:
             for key in ("unknown", "restarted", "conjugate"):
                 if getattr(self, key):
-                    raise Refused("has a meaning beside 'phases', or 'x' and 'y', only", key)
+                    raise Refused("has a meaning together with 'phases', or 'x' and 'y', only", key)
         if self.restarted and self.unknown == "none":
             raise Refused('has no meaning with unknown = "none"', "restarted")
 
@@ -455,7 +457,7 @@ class WrittenDrift(Keys):
             )
         for key in ("before_time", "after_time"):
             if getattr(self, key) is not None and not self.time:
-                raise Refused("wanted only beside time = a column", key)
+                raise Refused("wanted only together with time = a column", key)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -506,9 +508,9 @@ class WrittenAssumption(Keys):
         if self.quantity is None and not self.start:
             raise Refused("wanted a 'quantity' with its 'value' or 'law', or 'start'")
         if self.quantity is not None and self.start:
-            raise Refused("stands beside 'quantity'; wanted one of them", "start")
+            raise Refused("is given together with 'quantity'; wanted one of them", "start")
         if (self.value is not None) + (self.law is not None) != (self.quantity is not None):
-            raise Refused("wanted either 'value' or 'law' beside 'quantity'")
+            raise Refused("wanted either 'value' or 'law' together with 'quantity'")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -686,7 +688,7 @@ class WrittenDesign(Keys):
 
     def __post_init__(self) -> None:
         if self.sweeps is not None and self.traces is not None:
-            raise Refused("stands beside 'sweeps'; wanted one of them", "traces")
+            raise Refused("is given together with 'sweeps'; wanted one of them", "traces")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -129,7 +129,7 @@ class Law:
         if self.unit or not self.formula.dimension(self.units):
             return said
         return (
-            f"{said} The FMU declares no unit for '{self.target}', so that nobody can check "
+            f"{said} The FMU declares no unit for '{self.target}', so that it cannot be checked "
             f"whether {self.formula.unit_words(self.units)} is right; its value is taken in SI "
             "base units."
         )

@@ -221,8 +221,8 @@ class _Roles:
         for channel in self._free():
             other = _other_part(channel, self._free())
             if other is not None:
-                self._give(channel, "re", why="its name says the real part")
-                self._give(other, "im", why="its name says the imaginary part")
+                self._give(channel, "re", why="its name means the real part")
+                self._give(other, "im", why="its name means the imaginary part")
                 return
 
     def _sizes(self) -> None:
@@ -261,7 +261,7 @@ class _Roles:
         if not _rises(first):
             self.remarks.append("the file names no columns, and the first one does not rise")
             return
-        self._give(first, "frequency", why="it is the first one and rises; no unit is told")
+        self._give(first, "frequency", why="it is the first one and rises; no unit is stated")
         complexes = [c for c in rest if c.is_complex]
         if complexes:
             self._give(complexes[0], "complex", why="its values are complex")

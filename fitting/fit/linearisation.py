@@ -246,7 +246,7 @@ def linearise(
         noise: covariance V of the m rows, positive definite, as it is stated.
         prior: standard deviations in x without data, shape (n,).
         weighed: covariance by which the rows count in place of V, where some weigh less than their
-            noise (a sweep whose residuals hang together: `fitting.signal.residual_tests`).
+            noise (a sweep whose residuals are correlated: `fitting.signal.residual_tests`).
         solved: number s of unknowns that the rows are solved for inside.
     """
     m, n = matrix.shape

@@ -8,7 +8,7 @@ column.
 
 What a simulation may be off by is no noise: it has no distribution, and is the same in every
 repetition. A plan promises that amplitudes are within a share e of themselves, however these errors
-hang together; rows then are off by B d with all |d_j| <= 1, a column of B for every amplitude,
+are correlated; rows then are off by B d with all |d_j| <= 1, a column of B for every amplitude,
 
     e (1 + r) for its own row, as above, and one for chi where that is taken from a simulated sweep
 

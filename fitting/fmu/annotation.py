@@ -64,7 +64,8 @@ def _reduction(part: ElementTree.Element, description: FmuDescription) -> Reduct
         counted = float(cost)
     except ValueError:
         raise BadInput(
-            f"{description.path}: its annotation for {TOOL} says cost = {cost!r} of the reduction "
+            f"{description.path}: its annotation for {TOOL} declares cost = {cost!r} of the "
+            f"reduction "
             f"{name!r}, wanted a number"
         ) from None
     return Reduction(name, _settings(part, description), bound=part.get("bound"), cost=counted)

@@ -334,8 +334,9 @@ def misfit_advice(adequacy: Adequacy) -> str:
             "value is reported; wanted another model, or the data without that part."
         )
     return (
-        f"At the best parameters that were found χ² is {times} what the noise explains, and there "
-        "are too few data to tell larger noise from a wrong model. No value is reported; wanted "
+        f"At the best parameters that were found χ² is {times} what the noise explains, and the "
+        "data are too few to distinguish larger noise from a wrong model. No value is reported; "
+        "wanted "
         "more data, another model, or the noise that the data have."
     )
 

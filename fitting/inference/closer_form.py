@@ -8,7 +8,7 @@ leaves, S1, bounds the noise,
 
 with S of the fitted model, k0 its unknowns, and w the widening for what hangs together in the
 residuals of that form; F has k - k0, one at least, and (m - k)/w^2 degrees of freedom. Errors that
-are widened for residuals that hang together hold the truth where these are small beside the line;
+are widened for residuals that are correlated hold the truth where these are small beside the line;
 where another form leaves a fifth of them (rms) they are no small ones. A model of several lines
 leaves less than a form of fewer, and nothing is said of it. What the simulation may be off by
 counts as left by every form.

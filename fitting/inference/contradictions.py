@@ -39,7 +39,7 @@ def contradicted(joint: JointResult | None, units: Mapping[str, str]) -> dict[st
         differ = any(_apart(one, other) for one, other in itertools.combinations(told.values(), 2))
         if not differ and len(told) == len(parts):
             continue
-        each = (f"{series} alone says {_words(e, unit)}" for series, e in told.items())
+        each = (f"{series} alone determines {_words(e, unit)}" for series, e in told.items())
         told_words = f"{listed(each)}: " if told else ""
         said[name] = told_words + (
             "these contradict each other"

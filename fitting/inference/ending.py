@@ -25,7 +25,7 @@ CONTRADICTED = "converged, but the campaigns contradict each other"
 TOO_SMALL = 1.0 - 1e-4
 #: Where nothing was tested, and why: no row has a noise of its own, or there are too few rows.
 UNTESTED = "nothing tested it"
-UNSTATED = "nobody stated the noise, which is taken from what the model leaves"
+UNSTATED = "the noise was not stated and is taken from the residuals"
 LIKE_NOISE = "; that looks like noise"
 TOO_FEW = "as many values are fitted as there are data, so that nothing tests the model"
 

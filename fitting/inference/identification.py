@@ -101,7 +101,7 @@ def identify(
         return replace(found, findings=findings)
     left_out = (
         f"The {own} values of single experiments have no profile: so many would take most of the "
-        f"time, and profiles are walked of {FEW_OWN} at most."
+        f"time, and profiles are scanned of {FEW_OWN} at most."
     )
     knowledge = replace(knowledge, sentences=(*knowledge.sentences, left_out))
     return replace(found, findings=findings, knowledge=knowledge)

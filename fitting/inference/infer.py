@@ -340,7 +340,7 @@ def _settled(fit: Fit, read: _Reading) -> Fit:
 def _let_out(fit: Fit, read: _Reading) -> Fit:
     """The fit, its curves weighed by what they leave where the data want them beyond the box.
 
-    Residuals that hang together because the box holds a value are no noise: errors that were wider
+    Residuals that are correlated because the box holds a value are no noise: errors that were wider
     for them stood beside "describes the data", with the advice to look for a background.
     """
     solution = fit.solution

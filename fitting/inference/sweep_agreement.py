@@ -305,7 +305,7 @@ class _Both:
         return np.asarray(point.scaled[self.place] / self.sweep.maximum_v, dtype=float)
 
     def _scatter(self, end: _End, freedom: int) -> float:
-        """Scatter of the sweep's points about their own minimum, wider where they hang together."""
+        """Scatter of the sweep's points about their own minimum, wider if correlated."""
         scatter = self.scatter * math.sqrt(end.chi_square / freedom)
         if self.sweep.known:
             scatter = max(scatter, float(np.median(self.sweep.sigmas_v)) / self.sweep.maximum_v)

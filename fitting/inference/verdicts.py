@@ -284,7 +284,7 @@ def _of_the_data(optimum: Optimum, branches: Branches, ends: tuple[str, str]) ->
     """The same; a crossing to which priors of what drifts lead, and no data, is theirs.
 
     Priors that hold what differs between experiments are stated for lack of anything better, of
-    offsets that may hang together: what they alone exclude is not known of the sample.
+    offsets that may are correlated: what they alone exclude is not known of the sample.
     """
     parameters = optimum.likelihood.parameters
     least = drift_square(parameters, optimum.expansion.x)

@@ -152,7 +152,7 @@ class CoupledModes:
         count = math.ceil(STEPS * max(fastest / self.pump.frequency_hz, 1.0))
         if count > MOST_STEPS:
             raise ValueError(
-                f"a pump at {self.pump.frequency_hz} Hz is too slow to tell whether the motion "
+                f"a pump at {self.pump.frequency_hz} Hz is too slow to decide whether the motion "
                 f"grows: wanted above {STEPS * fastest / MOST_STEPS:.6g} Hz"
             )
         nothing, unit = np.zeros((n, n)), fastest * np.eye(n)

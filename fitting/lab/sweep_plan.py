@@ -305,7 +305,7 @@ class SweepPlan:
             if swept.scale == "shared" and not swept.restarted:
                 raise BadInput(
                     f'{self.path}: scale = "shared": the virtual laboratory begins every sweep '
-                    'with another phase, wanted scale = "own", or restarted = true beside it'
+                    'with another phase, wanted scale = "own", or restarted = true with it'
                 )
             return
         if swept.drive is not None or swept.lines is not None:

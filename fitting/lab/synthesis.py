@@ -201,7 +201,7 @@ def _written(made: Synthetic, out: Path | None) -> Synthetic:
 
 def _refuse_instrument_of(plan: Path | None, instrument: Instrument | None) -> None:
     if instrument is not None and plan is not None:
-        raise BadInput("instrument: a plan says how it is read, in its [design]; wanted none")
+        raise BadInput("instrument: a plan states how it is read, in its [design]; wanted none")
 
 
 def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path | None) -> None:

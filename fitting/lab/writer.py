@@ -162,7 +162,7 @@ def _linear(tables: Tables, series: Series) -> None:
     if bench.curvature_hz:  # whoever has seen it bend does not interpolate
         between = {name: inline(tables["drift"][name]) for name in DRIFTING}
         drift = {"model": "offsets", "prior": BENT, **between}
-        put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
+        put(tables, "drift", drift, "one offset per drive pair besides the linear drift")
     damping = tables["parameters"][1 + bench.observed]
     width = round(fit.width.value, 3)
     put(damping, "start", width, f"width of the sweep, +- {fit.width.std:.2g} Hz")

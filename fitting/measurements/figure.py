@@ -30,7 +30,7 @@ class Role(Enum):
 
 
 class Form(Enum):
-    """How a layer's values hang together."""
+    """How a layer's values are correlated."""
 
     POINTS = "points"
     CURVE = "curve"

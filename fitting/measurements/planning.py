@@ -102,7 +102,8 @@ def _settling(series: Series) -> tuple[float, Decision]:
     width = series.line_width_hz
     if width is None:
         raise BadInput(
-            f"{series.setup.source}: [observe] says neither steady_start = true nor a line_width; "
+            f"{series.setup.source}: [observe] states neither steady_start = true nor a "
+            f"line_width; "
             "wanted one of them, or a sweep, to know how long the FMU takes to settle"
         )
     left = TRANSIENT * series.setup.accuracy

@@ -445,7 +445,7 @@ class Sweep(Measurement):
             unit=self.unit,
         )
         role = "is fitted point by point" if self.fitted else "sets the scale χ only"
-        beside = {OFFSET: " beside a constant", SLOPE: " beside a constant with a slope"}
+        beside = {OFFSET: " with a constant background", SLOPE: " with a sloped background"}
         role += f"{beside[self.added]}, which is solved for" if self.solved_inside else ""
         if resonance is None:
             line = f"One damped mode could not be fitted to it: {found}"

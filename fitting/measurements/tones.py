@@ -380,7 +380,8 @@ def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
     sentence = (
         f"Standard deviations of the peaks: {', '.join(said)}, in quadrature."
         if said
-        else "Standard deviations of the peaks are not known: their residuals tell them."
+        else "Standard deviations of the peaks are not known: they are estimated from the "
+        "residuals."
     )
     return np.concatenate(sigmas), sentence
 

@@ -198,7 +198,7 @@ def _overlapping(two: TwoLines) -> str:
     """Where two lines are and how wide, in words, as far as the points tell."""
     values = zip((*two.frequency_hz, *two.width_hz), two.std_hz, two.width_hz * 2, strict=True)
     if any(std > TOLD_SHARE * width for _, std, width in values):
-        return "Where each of them is the points do not tell."
+        return "The points do not determine where each of them is."
     low, up, *widths = (
         with_error(value, std, "Hz")
         for value, std in zip((*two.frequency_hz, *two.width_hz), two.std_hz, strict=True)

@@ -38,7 +38,7 @@ class ControlMap:
         counts = [rows.size for rows in self.rows]
         least, most = min(counts), max(counts)
         points = f"{least}" if least == most else f"{least} to {most}"
-        over = listed(f"{c.name} ({c.unit or 'no unit told'})" for c in self.controls)
+        over = listed(f"{c.name} ({c.unit or 'no unit stated'})" for c in self.controls)
         return f"{len(counts)} spectra over {over}, {points} frequencies each"
 
     def way(self, *, phases: bool, drafted: bool) -> str:
@@ -52,7 +52,7 @@ class ControlMap:
         draft = ", and fmu-fit init drafts it for two modes that meet, --fmu CoupledModes2"
         return (
             f"[{TABLES[phases]}] of a campaign fits all of them together, by laws of what follows "
-            f"{names}: {PAGE} tells how{draft * drafted}"
+            f"{names}: {PAGE} describes it{draft * drafted}"
         )
 
 

@@ -78,7 +78,7 @@ def decay_roles_of(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
     complaints = phase_complaints(roles)
     if time.unit is None:
         complaints.append(
-            f"{path}: tells no unit of its times, column '{time.name}'; wanted it by --unit-time, "
+            f"{path}: states no unit of its times, column '{time.name}'; wanted it by --unit-time, "
             "as s or ms"
         )
     if complaints:
@@ -156,7 +156,7 @@ def _reference(recording: Recording, columns: Columns) -> tuple[float, tuple[Fin
                 "one frequency at which the record was demodulated"
             )
         if channel.unit is None:
-            raise BadInput(f"{where}: tells no unit; wanted it by --unit-frequency, as Hz or MHz")
+            raise BadInput(f"{where}: states no unit; wanted it by --unit-frequency, as Hz or MHz")
         at_hz = float(hertz_of(values[:1], channel.unit, where=where)[0])
         return at_hz, (note(Kind.demodulated_at, channel.name, frequency_hz=at_hz),)
     return math.nan, ()

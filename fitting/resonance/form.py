@@ -149,10 +149,10 @@ def fit_amplitudes(
         found = fit_resonance(frequency_hz, amplitude, background=background, source=source)
     if name in (FANO, TAIL) and not found.amplitude.std < found.amplitude.value:
         raise BadInput(
-            f"{source}: the points do not tell how high its line is beside {WORDS_BESIDE[name]}"
+            f"{source}: the points do not determine how high its line is above {WORDS_BESIDE[name]}"
         )
     if name in (FLOOR, RICE) and found.background.real < 0.0:
-        raise BadInput(f"{source}: the noise beside its line would have a negative power")
+        raise BadInput(f"{source}: the noise next to its line would have a negative power")
     return _of_amplitudes(name, found, amplitude, likely_squares)
 
 

@@ -1,6 +1,6 @@
 """Which of the forms fitted to a trace is taken: Akaike's criterion, and what is doubtful.
 
-Forms are compared by the criterion for small samples, with points that hang together counted as the
+Forms are compared by the criterion for small samples, with correlated points counted as the
 independent ones that they are worth,
 
     c = N/v ln(sum r^2/N) + 2 k + 2 k (k + 1)/(N/v - k - 1)

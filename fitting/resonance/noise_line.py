@@ -175,7 +175,7 @@ def noise_line_of(record: NoiseRecord) -> NoiseLine:
     if not np.isfinite(lines.frequency_std_hz[first] * lines.width_std_hz[first]):
         raise BadInput(
             f"{record.source}: shows a line whose width does not show in its points; wanted more "
-            "of them in it, or a longer stretch beside it"
+            "of them in it, or a longer range around it"
         )
     return _result(record, lines, first)
 

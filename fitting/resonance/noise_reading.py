@@ -90,7 +90,7 @@ def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
     told = told_density(roles)
     if told is None:
         raise BadInput(
-            f"{path}: neither unit nor name says that it is a noise spectrum; wanted its unit, as "
+            f"{path}: neither unit nor name shows that it is a noise spectrum; wanted its unit, as "
             '--unit-amplitude "V**2/Hz"'
         )
     density = told.density

@@ -98,7 +98,9 @@ class Columns:
             raise BadInput(f"{given}: names a column alone, wanted {wanted}, too")
         if self.real and (self.amplitude or self.phase):
             other = "amplitude" if self.amplitude else "phase"
-            raise BadInput(f"{other}: is named beside real and imaginary, wanted one or the other")
+            raise BadInput(
+                f"{other}: is named together with real and imaginary, wanted one or the other"
+            )
         return self
 
 
@@ -162,7 +164,7 @@ def roles_of(path: Path, columns: Columns) -> Roles:
     if frequency.unit is None:
         over_time = f'; of a recording over time --time "{frequency.name}" --unit-time s'
         complaints.append(
-            f"{path}: tells no unit of its frequencies, column '{frequency.name}'; wanted it "
+            f"{path}: states no unit of its frequencies, column '{frequency.name}'; wanted it "
             f"by --unit-frequency, as Hz or MHz{over_time * (not recording.headed)}"
         )
     complaints += phase_complaints(found)
@@ -325,7 +327,8 @@ def phase_complaints(found: ValueRoles) -> list[str]:
     if found.phase is None or found.phase.unit is not None:
         return []
     return [
-        f"{found.recording.path}: tells no unit of its phases, column '{found.phase.name}'; wanted "
+        f"{found.recording.path}: states no unit of its phases, column '{found.phase.name}'; "
+        f"wanted "
         "it by --unit-phase, deg or rad"
     ]
 
@@ -505,7 +508,7 @@ def value_names(roles: ValueRoles, sizes: str = AMPLITUDE) -> dict[str, Channel 
 def _columns_words(names: Mapping[str, Channel | None]) -> str:
     """Columns with their units, for complaints, as "time 't' (s) and amplitude 'R' (V)"."""
     return listed(
-        f"{what} '{c.name}' ({c.unit or 'no unit told'})"
+        f"{what} '{c.name}' ({c.unit or 'no unit stated'})"
         for what, c in names.items()
         if c is not None
     )

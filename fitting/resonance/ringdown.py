@@ -215,7 +215,7 @@ def _fits(record: DecayRecord, one: FittedDecay, names: Sequence[str]) -> list[F
 
 
 def _criteria(forms: Sequence[FittedDecay]) -> list[float]:
-    """Akaike's criterion of every form, samples that hang together counted as they are worth."""
+    """Akaike's criterion of every form, samples that are correlated counted as they are worth."""
     rows = forms[0].rows
     closest = min(forms, key=lambda form: form.squares)
     count = 1.0 / closest.structure.widening**2
@@ -244,7 +244,7 @@ def _too_short(record: DecayRecord, width: Estimate) -> BadInput:
     what = f"does not fall within its {span_s} s"
     if width.std < width.value:
         size = quantity(width.value, width.std, "Hz")
-        what = f"falls too little within its {span_s} s to tell how fast: its width is {size}"
+        what = f"falls too little within its {span_s} s to determine how fast: its width is {size}"
     return BadInput(f"{record.source}: {what}; wanted a longer record of a free decay")
 
 

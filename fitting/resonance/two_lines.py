@@ -173,7 +173,7 @@ _Lines = Iterable[tuple[float, float, complex]]
 
 
 def _of_complex(f: FloatArray, y: ComplexArray) -> tuple[float, _Lines] | None:
-    """Sum of squares and (frequency, width, height) of two lines beside a constant."""
+    """Sum of squares and (frequency, width, height) of two lines with a constant background."""
     found = lines_together(f, y, 2, 3)
     if len(found.modes) < 2:
         return None

@@ -61,7 +61,7 @@ def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Am
     words = text.split()
     if words == ["dBm"]:
         if impedance_ohm is None:
-            raise BadInput(f'{where}: "dBm" is a power: wanted impedance = "50 ohm" beside it')
+            raise BadInput(f'{where}: "dBm" is a power: wanted impedance = "50 ohm" with it')
         return Amplitude("dBm", "V", impedance_ohm)
     if words == ["dB"]:
         return Amplitude("dB", "1")

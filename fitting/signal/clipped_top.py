@@ -64,7 +64,7 @@ def clipped_parts(frequency_hz: FloatArray, values: ComplexArray) -> tuple[BoolA
 
     A lock-in amplifier that overflows cuts each part by itself, at either sign: a point is lost as
     a whole with one of its parts. The size is looked at where neither part is cut off, as of a file
-    of amplitude and phase. Points go, too, where a mode beside a constant that the others follow
+    of amplitude and phase. Points go, too, where a mode and a constant that the others follow
     comes within three standard deviations of the limit. The limit is the largest one, 0 where
     nothing is cut off.
 

@@ -142,7 +142,7 @@ def window_on(
     if mixtures_hz:
         raise BadInput(
             f"drive frequencies {hertz(*tones)}: their mixtures in a nonlinear response cannot be "
-            f"told apart by samples at whole steps of {grid.step_s:g} s"
+            f"distinguished by samples at whole steps of {grid.step_s:g} s"
         )
     return _window(grid, _fitted(grid, tones, settle_s, least + 4), samples_per_period)
 
@@ -208,8 +208,8 @@ def _fitted(grid: Grid, tones: tuple[float, ...], settle_s: float, samples: int)
     k = int(np.argmin(conditions))
     if conditions[k] > LARGEST_CONDITION:
         raise BadInput(
-            f"drive frequencies {tones} Hz: no sampling at whole steps of {grid.step_s:g} s tells "
-            f"them apart (condition {conditions[k]:.3g})"
+            f"drive frequencies {tones} Hz: no sampling at whole steps of {grid.step_s:g} s "
+            f"distinguishes them (condition {conditions[k]:.3g})"
         )
     return Window(
         tones_hz=tones,

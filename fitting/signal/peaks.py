@@ -549,7 +549,9 @@ def fit_beside_second(
     curve = height * (fit.residuals + shares)
     found = as_resonance(frequency_hz, fit, curve, (*first, height), source)
     if not found.amplitude.std < found.amplitude.value:
-        raise BadInput(f"{source}: the points do not tell how high its line is beside a second one")
+        raise BadInput(
+            f"{source}: the points do not determine how high its line is above a second one"
+        )
     found = _with_added(found, background, fit.values[7:], frequency_hz, height)
     share = complex(*fit.values[3:5]) / float(fit.values[2])
     if not (other.converged and _squares(other) - _squares(fit) < ALLOWED * fit.variance):

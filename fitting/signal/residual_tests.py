@@ -1,6 +1,6 @@
 """Whether the residuals of a fit are noise of one size, and how many independent points they are.
 
-A wrong model leaves residuals that hang together. A standard error that counts every point as news
+A wrong model leaves residuals that are correlated. A standard error that counts every point as news
 is then too small, by the square root of points over independent points. Noise that grows with the
 amplitude leaves the largest residuals where the model is steepest: a standard error that takes all
 points for equally good is then too small, too.
@@ -37,7 +37,7 @@ MOST_EXPLAINED = 1e-7
 #: Of a map, noise of one size is drawn so often for what it does to errors by chance; the seed.
 DRAWS, SEED = 400, 20
 #: What residuals do that are not noise of one size, as all sentences say it.
-TOGETHER, UNEQUAL = "hang together", "are of unequal size"
+TOGETHER, UNEQUAL = "are correlated", "are of unequal size"
 #: Widening of the errors from which it is told: what would be printed as one is not.
 TOLD = 1.05
 
@@ -49,7 +49,7 @@ class Structure:
     `p_value` of the test against white noise, `sizes_p` of that against one size; `order` of the
     autoregressive model (0 where it is white); `points` independent points they are worth, (0, m];
     `widening` >= 1, the factor on standard errors that took all points for independent and equal,
-    `together` >= 1, what it would be for points that are equal and only hang together; `excess`
+    `together` >= 1, what it would be for points that are equal and only are correlated; `excess`
     >= 1, the part of both by which correlated residuals exceed the noise that is stated.
     """
 
@@ -137,7 +137,7 @@ def residual_structure(
     if that is more. The largest of several eigenvalues of squares as they are is above one for
     noise of one size, too: of a map, whose few high points tell all, lambda/sum e^2 is compared
     with 400 draws of it. Where one draw in a hundred has as much, sizes change no errors; else
-    widening^2 is their ratio, the median of the draws below, unless residuals hang together. (Of
+    widening^2 is their ratio, the median of the draws below, unless residuals are correlated. (Of
     single curves the draws would hide what does harm: 40 points with 1 % of each as noise.) Errors
     are never made smaller, and points never fewer than n + 1.
 
@@ -296,7 +296,7 @@ def _unequal(
 def _whitened(
     residuals: FloatArray, slopes: _Slopes, p_value: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Autoregression of residuals that hang together, what it leaves, and whether of one size."""
+    """Autoregression of residuals that are correlated, what it leaves, and whether of one size."""
     if p_value >= STRUCTURED:
         return np.zeros(0), residuals, one_size_p(residuals, slopes.asked, slopes.leverage)
     coefficients, news = innovations(residuals)

@@ -11,7 +11,7 @@ DIFFERENCES, WEIGHT = 4, float(np.sqrt(70.0))
 #: Curves with fewer points say nothing of their noise by themselves.
 LEAST_FOR_NOISE = 50
 #: Degrees of freedom that an estimate has of each point beyond the differences: neighbouring ones
-#: hang together, and their median tells less than their squares would.
+#: are correlated, and their median tells less than their squares would.
 FREEDOM = 0.2
 #: Median of |x| of a normal distribution of unit variance.
 MEDIAN_OF_NORMAL = 0.6744897501960817

@@ -76,7 +76,7 @@ def fit_single_readings(
     found = _Readings(frequency_hz, amplitude / guess[2], guess[0], guess[1])
     start = found.begun()
     if not math.exp(start[3]) > SMALLEST_RESIDUAL:
-        raise BadInput(f"{source}: its points have no noise by which to tell single readings")
+        raise BadInput(f"{source}: its points have no noise by which to detect single readings")
     x, converged = found.likeliest(start)
     curve = guess[2] * rician_mean(found.line(x), math.exp(x[3]))
     fit = found.as_squares(x, converged=converged)

@@ -103,7 +103,8 @@ def fit_tones(tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
     if fit.condition > WORST_CONDITION:
         raise BadInput(
             f"{tones_in_words(tones_hz)}: {times_s.size} samples over {float(np.ptp(times_s))!r} s "
-            f"do not tell them apart (condition number {fit.condition:.3g}), wanted a longer window"
+            f"do not distinguish them (condition number {fit.condition:.3g}), wanted a longer "
+            f"window"
         )
     return fit(values)
 

@@ -202,7 +202,7 @@ def plan_window(
     if samples is None and mixtures_hz:
         raise BadInput(
             f"drive frequencies {hertz(*tones)}: their mixtures in a nonlinear response cannot be "
-            f"told apart; wanted frequencies with a common period up to {longest_s:g} s"
+            f"distinguished; wanted frequencies with a common period up to {longest_s:g} s"
         )
     if samples is None:
         return _incoherent(tones, settle_s, least + 4, samples_per_period)
@@ -234,7 +234,7 @@ def _incoherent(
     best, best_step = _best_step(tones, samples, span)
     if best > LARGEST_CONDITION:
         raise BadInput(
-            f"drive frequencies {tones} Hz: no sampling tells them apart (condition {best:.3g}); "
+            f"drive frequencies {tones} Hz: no sampling distinguishes them (condition {best:.3g}); "
             "wanted frequencies with a common period"
         )
     held = math.ceil(best_step * max(tones) * samples_per_period) if samples_per_period else 0

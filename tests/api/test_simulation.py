@@ -147,7 +147,7 @@ def test_what_cannot_be_driven_is_refused(fmu: ff.Fmu, mass: ff.Fmu) -> None:
         (lambda: fmu.simulate(outputs="q3"), "outputs 'q3': "),
         (lambda: fmu.simulate({"d1": "3 Hzz"}), "start_values 'd1': found '3 Hzz'"),
         (lambda: mass.simulate(), "u1 and u2"),
-        (lambda: fmu.sweep(f_hz, {"A2": 1.0}), "u2 would drive beside u1"),
+        (lambda: fmu.sweep(f_hz, {"A2": 1.0}), "u2 would drive together with u1"),
         (lambda: fmu.sweep(f_hz, {"u1": 1.0}), "'u1': "),
         (lambda: fmu.sweep(f_hz, accuracy=ff.Accuracy(window_s=1.0)), "window_s: "),
         (lambda: fmu.sweep(f_hz, directions="both"), "up, down"),

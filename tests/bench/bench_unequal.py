@@ -3,7 +3,7 @@
     python -m tests.bench.bench_unequal [SWEEPS]
 
 Every row is SWEEPS sweeps (300) of one line with another seed each: how many were found to have
-residuals that hang together or are of unequal size, the factor on the errors, and how many of
+residuals that are correlated or are of unequal size, the factor on the errors, and how many of
 100 intervals hold the truth: frequency, width and amplitude, as they are printed and as they would
 be without the factor.
 """

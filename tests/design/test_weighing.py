@@ -262,7 +262,7 @@ def test_a_sweep_alone_asks_for_points_of_a_sweep(workers: FmuWorkers) -> None:
     design = propose(bound, weigh(bound, workers, limits, goal), limits, goal, "Hz", {})
     assert bound.sweep is not None
     line = fit_resonance(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-    # the line's own is Student's: its noise is told by residuals that hang together
+    # the line's own is Student's: its noise is told by residuals that are correlated
     gaussian = line.width.std / t.ppf(norm.cdf(1.0), line.dof)
     assert design.before.at == pytest.approx(gaussian / line.structure.widening, rel=0.05)
     assert {p.output for p in design.proposals} == {"q1_hybrid"}

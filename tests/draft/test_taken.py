@@ -103,7 +103,7 @@ def test_two_lines_that_decay_do_not_tell_their_coupling(tmp_path: Path) -> None
 
 
 def _fit(y: ComplexArray, seen: float, start: list[float]) -> tuple[float, float]:
-    """Least squares of the closed form beside a constant, with a gain; and g2 there."""
+    """Least squares of the closed form with a constant background, with a gain; and g2 there."""
     size = np.array([1.0, 1.0, 1.0, 1.0, 10.0, 0.1])
 
     def left(x: FloatArray) -> FloatArray:

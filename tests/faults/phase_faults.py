@@ -89,7 +89,7 @@ def phase_faults() -> Iterator[Fault]:
         ),
         "a cable that nobody told": (
             scenes.polar_columns(cable),
-            ("a cable of 50.", "no delay was told", 'delay = "fit"'),
+            ("a cable of 50.", "no delay was stated", 'delay = "fit"'),
         ),
         "constant": ({**polar, p: [0.5] * 49}, ("the phase is 0.5 rad at all 49 points", "wanted")),
         "missing": (without(polar, p), ("no column 'phase'", "wanted")),
@@ -128,7 +128,7 @@ def wiring_faults() -> Iterator[Fault]:
         "a delay in hertz": ({"delay": "3 Hz"}, ("delay", "'Hz'", "wanted 's'")),
         "a delay of another length": (
             {"delay": "50 ms"},
-            (COMPLEX, "as without a cable", "50 ms were told", 'or "none"'),
+            (COMPLEX, "as without a cable", "50 ms were stated", 'or "none"'),
         ),
         "a delay that is infinite": ({"delay": "1e400 s"}, ("delay", "finite")),
         "sigma of hertz": ({"sigma": "1 Hz"}, ("sigma", "'Hz'", "wanted 'V'")),
@@ -202,7 +202,7 @@ def tone_key_faults() -> Iterator[Fault]:
             {"unknown": "none", "restarted": ["b"]},
             ("restarted", 'unknown = "none"'),
         ),
-        "X beside peaks": ({"x": ["peak"]}, ("wanted beside 'x'",)),
+        "X beside peaks": ({"x": ["peak"]}, ("wanted together with 'x'",)),
     }
     for name, (told, says) in keys.items():
         made = scenes.tones(said("experiments", told))

@@ -37,7 +37,7 @@ PARAMETERS = (
 
 
 def measured(noise: float, seed: int = 3) -> ComplexArray:
-    """One mode through a gain, beside a constant; noise as a share of the largest value."""
+    """One mode with a gain and a constant background; noise as a share of the largest value."""
     exact = GAIN * mode(SEEN, ETA, WIDTH) + GROUND
     return with_noise(exact, noise * float(np.max(np.abs(exact))), seed)
 
@@ -112,7 +112,7 @@ def test_a_value_beyond_its_box_is_told_as_such_with_what_is_left_there(
 
 
 def test_the_measured_cantilever_is_that_of_least_squares(tmp_path: Path) -> None:
-    """256 points, amplitude and phase; residuals that hang together widen the errors."""
+    """256 points, amplitude and phase; residuals that are correlated widen the errors."""
     campaign = ff.read_campaign(DATA / "afm_sensor" / "phases.toml")
     fit = ff.fit(ff.Problem.of(campaign))
     trace = read_trace(DATA / "afm_sensor" / "afm_sensor_sweep.dat", "afm")

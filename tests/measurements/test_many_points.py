@@ -47,7 +47,7 @@ def test_a_long_sweep_takes_nine_runs_and_gives_the_truth(
 
 
 def test_a_long_complex_sweep_does_so_too(swift: ff.Fmu) -> None:
-    """Two of them under two drives, which share a batch, behind a gain and beside a constant."""
+    """Two of them under two drives, which share a batch, with a gain and a constant background."""
     setup = Setup(DRIVE, "q1_hybrid", start_values=START, steady_start=True)
     curves = [
         ComplexCurve(

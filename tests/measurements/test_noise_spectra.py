@@ -222,7 +222,7 @@ def test_a_box_that_holds_a_width_widens_no_errors(fmu: ff.Fmu) -> None:
         found = ff.fit(problem, method=QUICK, starts=1)
         errors.append(found["eta_plus"].std)
         assert found["d1"].value == pytest.approx(width, rel=0.1)
-        assert "hang together" not in found.message
+        assert "are correlated" not in found.message
     assert errors[1] == pytest.approx(errors[0], rel=0.4)
 
 
@@ -232,7 +232,7 @@ def test_langevin_s_intervals_hold_the_truth(fmu: ff.Fmu, averages: int) -> None
     found = [one(fmu, averages, seed) for seed in range(4)]
     squares = [each[name][0] ** 2 for each in found for name in each]
     assert len(squares) == 12
-    # a dozen, of which width and temperature hang together: the wide bounds of eight
+    # a dozen, of which width and temperature are correlated: the wide bounds of eight
     assert chi2.ppf(1e-4, 8) * 12 / 8 < sum(squares) < chi2.ppf(1.0 - 1e-4, 8) * 12 / 8
 
 

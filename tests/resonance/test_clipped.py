@@ -40,7 +40,7 @@ def pulls(line: Line) -> list[float]:
     ("limit", "beside"), [pytest.param(0.9, 0.0, marks=pytest.mark.nightly), (1.0, 0.2)]
 )
 def test_a_clipped_line_is_the_one_that_was_cut(limit: float, beside: float, count: int) -> None:
-    """Blindly the width was 2.6 of its standard errors off, beside a constant 7.6."""
+    """Blindly the width was 2.6 of its standard errors off, with a constant background 7.6."""
     seeds = np.arange(1, count + 1) % 24  # among the first six two miss by little
     lines = [line_of(trace_of(F, sweep(int(k), limit, beside), "V")) for k in seeds]
     off = np.array([pulls(line) for line in lines])

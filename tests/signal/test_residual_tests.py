@@ -1,4 +1,4 @@
-"""Residuals that hang together, and lines on a background: against noise of known making."""
+"""Residuals that are correlated, and lines on a background: against noise of known making."""
 
 from __future__ import annotations
 

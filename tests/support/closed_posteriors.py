@@ -63,7 +63,7 @@ def parameter(
     )
 
 
-#: Of the linear problem: nearly the same columns, so that its values hang together.
+#: Of the linear problem: nearly the same columns, so that its values are correlated.
 MATRIX = np.array([[1.0, 2.0, 0.5], [1.0, 2.2, 0.4], [2.0, 1.0, 1.0], [1.0, 1.0, 3.0]])
 MEASURED, SIGMAS = np.array([9.1, 9.4, 9.2, 16.8]), np.array([0.1, 0.2, 0.1, 0.3])
 

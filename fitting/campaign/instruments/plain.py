@@ -56,14 +56,13 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
 def _no_table(path: Path, text: str, header_row: int | None) -> BadInput:
     if header_row is not None:
         return BadInput(
-            f"{path}: holds no table of numbers below row {header_row}, which is said to have the "
+            f"{path}: holds no table of numbers below row {header_row}, which is declared to "
+            f"hold the "
             "names of columns"
         )
     first = _kept(text)[0].strip()
     if is_number(first, decimal_comma=True):
-        return BadInput(
-            f"{path}: holds one column of numbers; wanted a column of frequencies beside it"
-        )
+        return BadInput(f"{path}: holds one column of numbers; wanted a column of frequencies, too")
     return BadInput(
         f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line and "
         "rows of numbers, a frequency in each"

@@ -79,7 +79,7 @@ class Recording:
             return found
         if found.unit not in (None, asked.unit):
             raise BadInput(
-                f"{self.path}: column '{found.name}' is in {found.unit}; the campaign says "
+                f"{self.path}: column '{found.name}' is in {found.unit}; the campaign states "
                 f"{asked.unit}"
             )
         return replace(found, unit=asked.unit)

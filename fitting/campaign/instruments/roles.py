@@ -107,7 +107,7 @@ def frequency_of(recording: Recording, wanted: str) -> Channel:
     if not recording.headed and len(recording.channels) > 1:
         first, second = (c.name for c in recording.channels[:2])
         raise BadInput(
-            f"{recording.path}: does not tell which column is the frequency; wanted the names of "
+            f"{recording.path}: does not name the column of frequencies; wanted the names of "
             f'columns in the campaign, as columns = {{ frequency = "{first} (Hz)", amplitude = '
             f'"{second} (V)" }}; there is: {", ".join(c.name for c in recording.channels)}'
         )

@@ -75,14 +75,15 @@ def _read_nanonis(path: Path, _: Selection) -> Recording:
     table = parse_table(path, lines[begin + 1 :])
     head = [text.split("\t") for _, text in lines[:begin]]
     notes = {cells[0]: cells[1].strip() for cells in head if len(cells) > 1 and cells[1].strip()}
-    made = of_table(table, f"Nanonis, {notes.get('Experiment', 'experiment not told')}", notes)
+    made = of_table(table, f"Nanonis, {notes.get('Experiment', 'experiment not stated')}", notes)
     if made.find("Frequency") is not None or usual(made, TIME) is not None:
         return made
     names = [c.name for c in table.columns]
     if not any(name.lower().startswith("center freq") for name in names):
         there = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
+        experiment = notes.get("Experiment", "not stated")
         raise BadInput(
-            f"{path}: is a Nanonis file of the experiment '{notes.get('Experiment', 'not told')}', "
+            f"{path}: is a Nanonis file of the experiment '{experiment}', "
             "not a sweep of the frequency; wanted columns 'Frequency', or 'Center Frequency' and "
             f"'Frequency Shift', or 'Time' of a recording, there is: {there}"
         )
@@ -256,7 +257,7 @@ def _read_zurich(path: Path, selection: Selection) -> Recording:
         )
         return of_table(part, _LABONE_WORDS)
     if "chunk" not in names:
-        raise BadInput(f"{path}: no column 'chunk'; wanted one beside 'fieldname'")
+        raise BadInput(f"{path}: no column 'chunk'; wanted one next to 'fieldname'")
     at_chunk, at_field = names.index("chunk"), names.index("fieldname")
     body = [(n, split_line(text, ";" if ";" in text else ",")) for n, text in lines if text.strip()]
     body = body[1:]
@@ -345,7 +346,7 @@ def _read_lecroy(path: Path, selection: Selection) -> Recording:
     model = cells[0][0].removeprefix(_LECROY).strip()
     taken = f", trace = {selection.trace} taken" if segments > 1 else ""
     words = f"LeCroy oscilloscope {model}, {how_many(segments, 'segment')}{taken}, "
-    return of_table(table, words + "V taken as the unit, which the file does not tell")
+    return of_table(table, words + "V taken as the unit, which the file does not state")
 
 
 #: Lines among which the head of Siglent's columns stands, and a channel's unit in its settings.

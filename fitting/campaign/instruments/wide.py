@@ -123,7 +123,8 @@ def wide_table(path: Path, text: str) -> WideTable | None:
 def _undecided(grid: _Grid) -> BadInput:
     return BadInput(
         f"{grid.path}: is a matrix of amplitudes, {len(grid.rows)} rows below a head of "
-        f"{len(grid.heads)} values, and does not tell which are frequencies; wanted its first cell "
+        f"{len(grid.heads)} values, and does not state which are frequencies; wanted its first "
+        f"cell "
         "to name the first column: 'frequency (Hz)', or the control, as 'V (V)', where the head "
         "has the frequencies"
     )
@@ -150,7 +151,7 @@ def _long(grid: _Grid, frequency: _Axis, control: _Axis, *, by_column: bool) -> 
         decimal_comma=grid.decimal_comma,
     )
     place = "column" if by_column else "row"
-    silent = "" if control.unit else ", whose unit is not told"
+    silent = "" if control.unit else ", whose unit is not stated"
     words = f"a table with a {place} of amplitudes for each of {len(control.values)} values of "
     return WideTable(table=table, words=f"{words}'{name}'{silent}", heads=grid.heads)
 

@@ -83,8 +83,8 @@ def _of_repeats(repeats: Repeatability, description: FmuDescription) -> list[str
         said.append(
             f"outputs move only every {own.step_s:g} s, its own step, as it declares"
             if declared
-            else f"outputs move only about every {repeats.own_step_s:.3g} s, its own step, of "
-            "which its description tells nothing"
+            else f"outputs move only about every {repeats.own_step_s:.3g} s, its own step, "
+            "which its description does not declare"
         )
     return said
 

@@ -192,7 +192,11 @@ class FmuInstance:
             wanted: time that was wanted, s.
             why: as the FMU gave it.
         """
-        at = f"at t = {reached!r} s" if math.isfinite(reached) else "at a time it does not tell"
+        at = (
+            f"at t = {reached!r} s"
+            if math.isfinite(reached)
+            else "at a time that it does not report"
+        )
         return CallFailed(self.with_log(f"stopped early {at}, wanted {wanted!r} s ({why})"))
 
     def _function(self, name: str) -> Callable[..., Any]:

@@ -318,7 +318,7 @@ def _equivalent_words(
     none = [name for name, value in derived.items() if not math.isfinite(value)]
     said = f"{shown} fits as well"
     if none:
-        said += f", but {', '.join(none)} has no value there: what is said holds where it has one"
+        said += f", but {', '.join(none)} has no value there: findings hold where it has one"
     return said
 
 
@@ -364,13 +364,13 @@ def sentences(
         for other in others
     ]
     for end, why, more in (
-        ("cost", "were cut for their cost", ": a larger --budget would tell"),
+        ("cost", "were cut for their cost", ": a larger --budget would decide"),
         ("lost", "lost their way", ""),
     ):
         names = [n for n, p in values.items() if end in p.closed_by and p.status not in TOLD]
         if names:
             said.append(
-                f"The profiles of {', '.join(names)} {why}; their intervals go to the ends of the "
-                f"box there, and nothing is said of what the data determine{more}."
+                f"The profiles of {', '.join(names)} {why}; their intervals extend to the "
+                f"bounds there, and what the data determine is not known{more}."
             )
     return tuple(said)

@@ -49,8 +49,8 @@ CLAIMS = (
 )
 #: Of a search beyond the box that was cut.
 CUT = (
-    "Whether anything beyond the box fits as well and says otherwise is not known: that search was "
-    "cut for its cost, and a larger --budget would tell."
+    "Whether other values beyond the bounds fit as well is not known: that search was "
+    "cut for its cost, and a larger --budget would decide."
 )
 
 
@@ -295,7 +295,7 @@ def _told(
         f"{name} = {as_known(values[name], profiles[name].scan.sigma, profiles[name].value.unit)}"
         for name in names
     )
-    return f"with {there}: what the fit says of {', '.join(names)} rests on the box."
+    return f"with {there}: the values of {', '.join(names)} rest on the box."
 
 
 def _exchanged(
@@ -339,7 +339,8 @@ def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
             by_limits.setdefault(held, []).append(name)
     return tuple(
         f"No data end {listed(names)} where {listed(held)} {'is' if len(held) == 1 else 'are'} as "
-        f"far as a profile may take {'it' if len(held) == 1 else 'them'}: a wider box may say more."
+        f"far as a profile may take {'it' if len(held) == 1 else 'them'}: wider bounds may "
+        f"change this interval."
         for held, names in by_limits.items()
     )
 

@@ -47,7 +47,7 @@ def with_offsets(tables: Tables) -> None:
     """
     ends = {name: inline(tables["drift"][name]) for name in DRIFTING}
     drift = {"time": "time", "model": "offsets", "prior": "30 Hz", **ends}
-    put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
+    put(tables, "drift", drift, "one offset per drive pair besides the linear drift")
     tables["continuation"]["misfit"] = "squares"
 
 

@@ -67,7 +67,7 @@ class ComplexCurve(MeasuredComplex, Record, Curve):
         if self.delay_s is None and self._hides_delay:
             raise BadInput(
                 f"{self.source}: the sweep spans {hertz(float(np.ptp(self.u_hz)))}, its line is "
-                f"{hertz(abs(self.line.width_hz))} wide: a delay is not resolved beside the phase "
+                f"{hertz(abs(self.line.width_hz))} wide: a delay is not resolved from the phase "
                 f"of the line itself; wanted {WIDTHS_FOR_DELAY:g} line widths, or the delay"
             )
 

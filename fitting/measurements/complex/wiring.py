@@ -8,7 +8,7 @@
 
 a, b, b', s and c are complex and enter linearly, as a, b, b', a s and a c: they are solved inside
 every evaluation (`fitting.measurements.complex.gain`). The delay tau is a parameter of the fit. A
-complex gain beside a constant background makes a Fano line. Values count phases as
+complex gain with a constant background background makes a Fano line. Values count phases as
 Re[S exp(i 2 pi u t)].
 
 Source: S. Probst, F. Song, P. Bushev, A. Ustinov, M. Weides, Rev. Sci. Instrum. 86 (2015) 024706.

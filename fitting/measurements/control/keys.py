@@ -38,7 +38,7 @@ class ControlKeys(Keys):
         for name in self.controls:
             if name.lower() in points:
                 raise Refused(
-                    f"'{name}' is what a spectrum is measured over or tells; wanted columns of "
+                    f"'{name}' is the axis of a spectrum or a measured quantity; wanted columns of "
                     "what was changed from spectrum to spectrum",
                     "controls",
                 )

@@ -67,7 +67,7 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
     the spectrum's own file; or a column of amplitudes for each value of one control, its head as
     "V=1.2 V", or a row for each, with the frequencies in the head."""
     amplitude: Annotated[
-        Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not tell which they mean')
+        Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not state which they mean')
     ]
     """What the amplitudes mean: "V peak", "V rms", "dBm", "dB" (to a reference that nobody knows),
     or another detector unit likewise, as "m peak"."""
@@ -104,7 +104,7 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
         self.check_controls(*vars(self.columns).values())
         if self.scale == "none" and self.amplitude == "dB":
             raise Refused(
-                'wanted "each" or "shared": dB have a reference that nobody knows', "scale"
+                'wanted "each" or "shared": dB have a reference that is not known', "scale"
             )
 
     def read(self) -> ReadControlSweep:

@@ -79,7 +79,7 @@ class DemodulatedTable(StatedTable):
     def __post_init__(self) -> None:
         named = self.columns
         if named.amplitude and (named.X or named.Y):
-            raise Refused("stands beside X or Y; wanted one of them", "columns.amplitude")
+            raise Refused("is given together with X or Y; wanted one of them", "columns.amplitude")
         if self.modes < 1:
             raise Refused(f"found {self.modes}, wanted 1 or more", "modes")
 
@@ -106,7 +106,7 @@ class DemodulatedTable(StatedTable):
         values, unit = self._amplitudes(table) if amplitudes else self._phasors(table)
         if names.phase:
             if not amplitudes:
-                raise BadInput(f"{self.file}: a column of phases stands beside X and Y")
+                raise BadInput(f"{self.file}: a column of phases is given together with X and Y")
             values = values * np.exp(1j * self._phases(table))
         return DemodulatedRecord(
             time_s,

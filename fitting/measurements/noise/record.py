@@ -24,7 +24,7 @@ TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
 WINDOWS = ("none", *TAPERS)
 #: Points of a spectrum, at least.
 LEAST_POINTS = 8
-#: Averages from which on the residuals are asked whether neighbours hang together: of fewer, rows
+#: Averages from which on the residuals are asked whether neighbours are correlated: of fewer, rows
 #: of a right model have a mean.
 SEEN = 10.0
 #: Length of a window by which its power spectrum is taken, and how many points that reaches.
@@ -61,7 +61,7 @@ class NoiseRecord(Record, Curve):
             temperature is told.
         floor: Whether a white floor is solved for.
         window: Of the periodograms, whose length is one over the spacing of the frequencies: it
-            widens the lines, and every second point is used, as neighbours hang together by it.
+            widens the lines, and every second point is used, as neighbours are correlated by it.
         settings: Start values of the FMU by variable, in the FMU's units.
         label: Name of the spectrum, for values of its own; wanted where there are several.
         output: The FMU's output that is seen; empty: the setup's.
@@ -164,7 +164,7 @@ class NoiseRecord(Record, Curve):
         if self.window != "none" and np.ptp(steps) > EVEN * float(np.median(steps)):
             raise BadInput(
                 f"{self.source}: frequencies are {np.min(steps):.4g} to {np.max(steps):.4g} Hz "
-                "apart; wanted even ones beside a window"
+                "apart; wanted even ones together with a window"
             )
         if self.mass_kg and self.spring_constant:
             raise BadInput(f"{self.source}: mass and spring constant; wanted one of them")
@@ -205,7 +205,7 @@ class NoiseRecord(Record, Curve):
 
     @property
     def is_curve(self) -> bool:
-        """Whether its residuals may be asked how neighbours hang together."""
+        """Whether its residuals may be asked how neighbours are correlated."""
         return self.count >= SEEN
 
     def widened(self, shape: FloatArray) -> FloatArray:

@@ -70,7 +70,7 @@ class NoiseSpectrum(NoiseRecord, OfSetup):
             temperature is told.
         floor: Whether a white floor is solved for.
         window: Of the periodograms, whose length is one over the spacing of the frequencies: it
-            widens the lines, and every second point is used, as neighbours hang together by it.
+            widens the lines, and every second point is used, as neighbours are correlated by it.
         settings: Start values of the FMU by variable, in the FMU's units.
         label: Name of the spectrum, for values of its own; wanted where there are several.
         output: The FMU's output that is seen; empty: the setup's.
@@ -116,7 +116,7 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
 
     @property
     def is_curve(self) -> bool:
-        """Its residuals tell how neighbours hang together, where enough was averaged."""
+        """Its residuals tell how neighbours are correlated, where enough was averaged."""
         return all(each.is_curve for each in self.spectra)
 
     def predict(

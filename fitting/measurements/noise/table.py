@@ -103,7 +103,7 @@ class NoiseSpectrumTable(RecordTable):
             if getattr(self, key) is not None and self.force != THERMAL:
                 raise Refused('has a meaning with force = "thermal" only', key)
         if self.mass is not None and self.spring_constant is not None:
-            raise Refused("stands beside mass; wanted one of them", "spring_constant")
+            raise Refused("is given together with mass; wanted one of them", "spring_constant")
 
     def record(self, label: str) -> NoiseRecord:
         """The columns of the file, in SI units.
@@ -169,7 +169,7 @@ class NoiseSpectrumTable(RecordTable):
             )
         if found.is_relative and self.temperature is not None:
             raise BadInput(
-                f"{where}: its numbers are relative ones; wanted a unit, as V2/Hz, beside a "
+                f"{where}: its numbers are relative ones; wanted a unit, as V2/Hz, with a "
                 "temperature"
             )
         return found
@@ -199,7 +199,7 @@ class NoiseSpectrumTable(RecordTable):
         if self.temperature is not None:
             raise BadInput(
                 f"{setup.source}: [[{self.TABLE}]] temperature: the FMU's drive is an "
-                "acceleration; wanted mass or spring_constant beside it"
+                "acceleration; wanted mass or spring_constant with it"
             )
         return False
 

@@ -155,12 +155,14 @@ class TraceTable(StatedTable):
 
     def __post_init__(self) -> None:
         if self.signal is not None and self.input is None:
-            raise Refused("wanted beside 'input', the FMU input that is driven", "signal")
+            raise Refused("wanted together with 'input', the FMU input that is driven", "signal")
         if self.signal is not None and (self.columns.input or self.interpolation):
             key = "columns" if self.columns.input else "interpolation"
-            raise Refused("has no meaning for the input beside 'signal'", key)
+            raise Refused("has no meaning for the input together with 'signal'", key)
         if self.further_inputs and self.input is None:
-            raise Refused("wanted beside 'input', the first one that is driven", "further_inputs")
+            raise Refused(
+                "wanted together with 'input', the first one that is driven", "further_inputs"
+            )
         if self.further_inputs and self.start == UNKNOWN:
             raise Refused('has no meaning with start = "unknown"', "further_inputs")
         if self.states is not None and self.start != UNKNOWN:
@@ -313,7 +315,7 @@ def _on_clock(
     """Times, and values of a column in the unit of its input."""
     if not column.unit:
         binder.note(
-            f"{column.where} tells no unit: its numbers are taken in that of '{driver.name}', "
+            f"{column.where} states no unit: its numbers are taken in that of '{driver.name}', "
             f"{driver.unit or '1'}."
         )
     elif driver.unit is None:
