@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     Pair = tuple[complex, complex]
     Matrix = tuple[complex, complex, complex, complex]
+    Gain = tuple[float, float, float, float]
 
 #: Eigenvectors are taken as coordinates while the determinant of the normed pair is larger.
 INDEPENDENT = 0.1
@@ -36,7 +37,7 @@ class Plane(NamedTuple):
     """
 
     solvent: Matrix
-    gain: tuple[float, float, float, float]
+    gain: Gain
     rates: Pair
     cross: Pair
     mix: Pair
@@ -53,30 +54,23 @@ class Plane(NamedTuple):
         return scale * (y1 - v12 * y2), scale * (y2 - v21 * y1)
 
 
-class Modes(NamedTuple):
-    """What a plane has whatever the drive, ``rates`` as they are without a frame, over 2 pi."""
-
-    solvent: Matrix
-    gain: tuple[float, float, float, float]
-    rates: tuple[Precise, Precise]
-    cross: Pair
-    mix: Pair
-
-
 def plane(p: Parameters, centre: float) -> Plane:
     """Return the plane seen from a frame at ``centre`` Hz; raise ModelError if overdamped."""
-    modes = _modes(
+    solvent, gain, rates, cross, mix = _modes(
         p._replace(u1=0.0, u2=0.0, A1=0.0, A2=0.0, phase1=0.0, phase2=0.0, g1=0.0, g2=0.0)
     )
     with in_precise_arithmetic():
         frame = Precise(0.0, centre)
-        first, second = (TWO_PI * complex(rate - frame) for rate in modes.rates)
-    return Plane(modes.solvent, modes.gain, (first, second), modes.cross, modes.mix)
+        first, second = (TWO_PI * complex(rate - frame) for rate in rates)
+    return Plane(solvent, gain, (first, second), cross, mix)
 
 
 @lru_cache(maxsize=16)
-def _modes(p: Parameters) -> Modes:
-    """Return the modes of the linear system, kept for runs that differ in their drive alone."""
+def _modes(p: Parameters) -> tuple[Matrix, Gain, tuple[Precise, Precise], Pair, Pair]:
+    """Return the fields of a plane without a frame, its rates over 2 pi and precise.
+
+    They are kept for runs that differ in their drive alone.
+    """
     with in_precise_arithmetic():
         pencil = _pencil(p)
         s11, s12, s21, s22 = _solvent(p, pencil)
@@ -96,7 +90,7 @@ def _modes(p: Parameters) -> Modes:
             TWO_PI * complex(s22),
         )
         scaled = TWO_PI * complex(cross[0]), TWO_PI * complex(cross[1])
-        return Modes(solvent, _gain(solvent), rates, scaled, mix)
+        return solvent, _gain(solvent), rates, scaled, mix
 
 
 def inverse(a: complex, b: complex, c: complex, d: complex) -> Matrix:
@@ -105,7 +99,7 @@ def inverse(a: complex, b: complex, c: complex, d: complex) -> Matrix:
     return d / determinant, -b / determinant, -c / determinant, a / determinant
 
 
-def _gain(solvent: Matrix) -> tuple[float, float, float, float]:
+def _gain(solvent: Matrix) -> Gain:
     h11, h12, h21, h22 = inverse(*(2.0 * s.imag for s in solvent))
     return h11.real, h12.real, h21.real, h22.real
 

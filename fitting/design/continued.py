@@ -24,7 +24,7 @@ import numpy as np
 from fitting.campaign import BoundCampaign
 from fitting.campaign.kind import BoundMeasurement
 from fitting.campaign.parameters import Parameter
-from fitting.measurements.complex.sweep import DELAY, ComplexSweep, Wired
+from fitting.measurements.complex.sweep import DELAY, ComplexSweep
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.measurement import Measurement, Prediction
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
@@ -249,8 +249,6 @@ def _of_quadratures(sweeps: ComplexSweep) -> Continued:
 
 def _quadrature_rows(sweeps: ComplexSweep, seen: Prediction, responses: Responses) -> SweepRows:
     """Rows of complex sweeps; all derivatives are complex ones until the last line."""
-    if not isinstance(seen, Wired):
-        raise TypeError(f"complex sweeps are predicted by {seen!r}")
     u, curve = responses.frequency_hz, sweeps.records[-1]
     middle_hz = 0.5 * float(u[0] + u[-1])
     name = sweeps.delay_name(curve)
@@ -280,7 +278,7 @@ def _quadrature_rows(sweeps: ComplexSweep, seen: Prediction, responses: Response
     )
 
 
-def _coefficients(sweeps: ComplexSweep, seen: Wired, u_hz: FloatArray) -> ComplexArray:
+def _coefficients(sweeps: ComplexSweep, seen: Prediction, u_hz: FloatArray) -> ComplexArray:
     """Gain and background (k,) for a sweep over u, those of the one whose gain is the median.
 
     A slope belongs to the middle and the span of its sweep: it is written for those of the new one.

@@ -36,11 +36,11 @@ from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import Values
+from fitting.measurements.measurement import Prediction, Values
 from fitting.measurements.traces.grid import LEAST_SAMPLES, ROUNDED
 from fitting.measurements.traces.record import TraceRecord
 from fitting.measurements.traces.time_record import TimeRecord
-from fitting.measurements.traces.together import SolvedTraces, TracesTogether
+from fitting.measurements.traces.together import TracesTogether
 from fitting.measurements.traces.waveform import Recorded
 from fitting.simulate.batch import Batch, Workers, answered
 from fitting.text.arrays import FloatArray, IntArray
@@ -336,13 +336,13 @@ class RecordingsToSimulate:
             label=f"next {wanted.trace} at {wanted.spacing_s!r} s",
         )
 
-    def _so_far(self, record: TimeRecord, place: Place) -> SolvedTraces:
+    def _so_far(self, record: TimeRecord, place: Place) -> Prediction:
         """A trace so far as the model has it at a place."""
         p = to_model(self.series.bound.parameters, place.x)
         kind, model = self.so_far.kind.of_records((record,)), self.series.model(place.alternative)
         return _prediction(kind, model, np.array([p]), self.series.workers)[0]
 
-    def _predicted(self, record: TimeRecord, place: Place, table: FloatArray) -> list[SolvedTraces]:
+    def _predicted(self, record: TimeRecord, place: Place, table: FloatArray) -> list[Prediction]:
         kind = self.so_far.kind.of_records((record,))
         model = self._model(record, place)
         return _prediction(kind, model, table, self.series.workers)
@@ -360,7 +360,7 @@ class RecordingsToSimulate:
     def _expected(
         self,
         old: TimeRecord,
-        shown: SolvedTraces,
+        shown: Prediction,
         record: TimeRecord,
         place: Place,
     ) -> Values:
@@ -421,11 +421,10 @@ def _of_one_spacing(choices: Sequence[DriveChoice]) -> Iterator[list[DriveChoice
 
 def _prediction(
     kind: TracesTogether[Any], model: DrivenModel, table: FloatArray, workers: Workers
-) -> list[SolvedTraces]:
+) -> list[Prediction]:
     """A measurement at parameter vectors (k, n)."""
     batch = Batch()
-    found = answered(kind.predict(model, table, batch), batch, workers)
-    return [one for one in found if isinstance(one, SolvedTraces)]
+    return answered(kind.predict(model, table, batch), batch, workers)
 
 
 def _stacked(values: Values) -> FloatArray:
@@ -434,14 +433,14 @@ def _stacked(values: Values) -> FloatArray:
     return np.asarray(both if np.iscomplexobj(values) else values.real, dtype=float)
 
 
-def _design(found: SolvedTraces) -> FloatArray:
+def _design(found: Prediction) -> FloatArray:
     """Columns of what is solved inside one recording that say anything, of length one."""
-    [design] = found.designs
+    design = found.solved[0].design
     sizes = np.linalg.norm(design, axis=0)
     return np.asarray(design[:, sizes > 0.0] / sizes[sizes > 0.0])
 
 
-def _left(node: SolvedTraces, values: Values, count: int) -> FloatArray:
+def _left(node: Prediction, values: Values, count: int) -> FloatArray:
     """Rows of the first samples of a recording, what is solved inside taken out of them."""
     rows, size = _stacked((node.values - values)[:count]), len(values)
     design = _design(node)

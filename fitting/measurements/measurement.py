@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
+from fitting.measurements.complex.gain import Solved
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.plan import Plan
@@ -33,7 +34,7 @@ from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import BoolArray, FloatArray, Scalar
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 #: Unknowns of a response beside what is solved inside: those of one mode, and of another one.
@@ -50,11 +51,15 @@ class Prediction:
     """What the model answers to one measurement, in the model's own unit.
 
     `values` (n,) at the places that were measured, real or complex; empty where the fit does not
-    need them. `maximum` is that of a simulated sweep, where the scale is taken from it.
+    need them. `maximum` is that of a simulated sweep, where the scale is taken from it. Of records
+    in which something is solved inside, each has its part `solved`; of complex sweeps, each its
+    response H (n,), `responses`.
     """
 
     values: Values
     maximum: Maximum | None = None
+    solved: tuple[Solved, ...] = ()
+    responses: tuple[ComplexArray, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -258,7 +258,7 @@ def _campaign(folder: Path, fmu: Path, y: ComplexArray, table: str = "") -> Path
         ('sigma = "1 Hz"', r"sigma"),
         ('sigma = "0 V"', r"sigma: found 0"),
         ('file_name = "a"', r"unknown key 'file_name'"),
-        ('output = "q9"', r"\[complex_sweep\] output: .*'q9'"),
+        ('output = "q9"', r"\[\[complex_sweep\]\] output: .*'q9'"),
     ],
 )
 def test_a_table_that_cannot_be_meant_is_refused(

@@ -22,22 +22,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from fitting.text.arrays import ComplexArray
 
 
 @dataclass(frozen=True)
 class Solved:
-    """A segment as solved: its columns ``design`` (n, k) and their ``coefficients`` (k,)."""
+    """What was solved inside one record: columns ``design`` (n, k), their ``coefficients`` (k,)."""
 
-    design: ComplexArray
-    coefficients: ComplexArray
+    design: npt.NDArray[Any]
+    coefficients: npt.NDArray[Any]
 
     @property
-    def values(self) -> ComplexArray:
-        """What is seen, (n,)."""
+    def values(self) -> npt.NDArray[Any]:
+        """What is observed, (n,)."""
         return np.asarray(self.design @ self.coefficients)
 
 

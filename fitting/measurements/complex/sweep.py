@@ -44,14 +44,6 @@ DELAY = "delay"
 DELAY_REACH = 2.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Wired(Prediction):
-    """Complex sweeps as predicted: `responses` H of each, and what was solved."""
-
-    responses: tuple[ComplexArray, ...] = ()
-    solved: tuple[Solved, ...] = ()
-
-
 @checked
 @dataclass(frozen=True, eq=False)
 class ComplexSweep(SweepsTogether[ComplexCurve]):
@@ -187,7 +179,7 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         ]
         return np.stack(columns, axis=1)
 
-    def wired(self, responses: Sequence[ComplexArray], delays_s: Sequence[float]) -> Wired:
+    def wired(self, responses: Sequence[ComplexArray], delays_s: Sequence[float]) -> Prediction:
         """What is seen of responses, with the gains and backgrounds that suit the data best.
 
         Args:
@@ -206,13 +198,13 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         for gain in self._gains:
             solved |= gain.solve(designs, measured, weights)
         each = tuple(solved[k] for k in range(len(self.records)))
-        return Wired(
+        return Prediction(
             np.concatenate([s.values for s in each]), responses=tuple(responses), solved=each
         )
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by real and imaginary parts of gains and backgrounds."""
-        solved = dict(enumerate(_wired(prediction).solved))
+        solved = dict(enumerate(prediction.solved))
         rows = [
             [
                 c.rows_of(column.get(k, np.zeros(c.y.size, dtype=complex)))
@@ -235,10 +227,9 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
 
     def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
         """Coupling and internal quality of every notch or reflection that one mode makes."""
-        wired = _wired(prediction)
         spreads = [float(np.mean(sigma[mine])) for mine in self.slices]
         found: dict[str, Estimated] = {}
-        each = zip(self.records, wired.responses, wired.solved, spreads, strict=True)
+        each = zip(self.records, prediction.responses, prediction.solved, spreads, strict=True)
         for curve, response, solved, spread in each:
             tag = f"[{curve.label}]" if curve.label else ""
             values = dip_qualities(curve, response, solved, curve.largest * spread)
@@ -281,9 +272,3 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
     ) -> Figure:
         """X and Y of a sweep with the model, and residuals of both."""
         return complex_figure(record, before, after, self.series)
-
-
-def _wired(prediction: Prediction) -> Wired:
-    if not isinstance(prediction, Wired):
-        raise TypeError(f"a complex sweep is predicted by {prediction!r}")
-    return prediction

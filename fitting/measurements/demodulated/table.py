@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Annotated, ClassVar
 
 import numpy as np
 
-from fitting.campaign import Setup
-from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.demodulated.traces import DemodulatedTraces
-from fitting.measurements.record_table import StatedTable
 from fitting.measurements.traces.grid import spacing_s
-from fitting.measurements.traces.time_record import BEGINS, FIRST
+from fitting.measurements.traces.time_table import TimeTable
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.keys import Count, FileName, Keys, Missing, OneOf, Refused, Switch, Text, Value
+from fitting.text.keys import Count, FileName, Keys, Missing, Refused, Switch, Text, Value
 from fitting.text.units import convert
 from fitting.text.written import in_unit, sigma_in
 
@@ -44,7 +39,7 @@ class WrittenDemodulatedColumns(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemodulatedTable(StatedTable):
+class DemodulatedTable(TimeTable):
     """A free decay of one output of the FMU, demodulated at a frequency.
 
     A lock-in amplifier records it, or a spectrum analyser with a span of zero. Several of these
@@ -53,7 +48,6 @@ class DemodulatedTable(StatedTable):
 
     TABLE: ClassVar[str] = "demodulated_trace"
     TOGETHER = DemodulatedTraces
-    TRANSIENT: ClassVar[bool] = True
 
     file: Annotated[FileName, Missing("wanted a table of times and X and Y, or of amplitudes")]
     """Columns time and X and Y, or amplitude, each with its unit."""
@@ -65,16 +59,9 @@ class DemodulatedTable(StatedTable):
     """Names of columns, where they are not the usual ones."""
     modes: Count = 1
     """How many modes are seen: those nearest to the frequency."""
-    offset: Switch = False
-    """(X and Y) whether a constant is solved for, as of a reference that leaks."""
     floor: Switch = True
     """(amplitudes) whether they do not fall below their noise: sigma, or what their scatter tells,
     or where they drown in it what is solved for."""
-    sigma: Value | None = None
-    """Standard deviation of X and of Y, as "1 mV"; without it the residuals tell it."""
-    begin: Annotated[Text, OneOf(BEGINS)] = FIRST
-    """"first": the decay begins with the first sample; "found": where it is found to; samples
-    before are not used."""
 
     def __post_init__(self) -> None:
         named = self.columns
@@ -122,12 +109,6 @@ class DemodulatedTable(StatedTable):
             unit=unit,
             source=str(self.file),
         )
-
-    def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
-        """What examines each name and value by itself, the input as well."""
-        yield from super().checks(binder, setup)
-        where = f"{setup.source}: [[{self.TABLE}]] input"
-        yield partial(binder.real, self.input, where, ("input",), "driven")
 
     def _phasors(self, table: Recording) -> tuple[ComplexArray, str]:
         x, y = table.column(self.columns.X or "X"), table.column(self.columns.Y or "Y")

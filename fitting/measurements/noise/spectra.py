@@ -18,6 +18,7 @@ from scipy.constants import Boltzmann
 from scipy.linalg import block_diag
 
 from fitting.campaign import Setup
+from fitting.measurements.complex.gain import Solved
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
@@ -38,14 +39,6 @@ from fitting.text.errors import BadInput
 
 #: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
 FAR, AS_WELL = 3.0, 0.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolvedSpectra(Prediction):
-    """Spectra as predicted: shapes N (n,) of each, and levels (a, b)."""
-
-    shapes: tuple[FloatArray, ...] = ()
-    levels: tuple[FloatArray, ...] = ()
 
 
 @checked
@@ -129,7 +122,7 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
             self.solved([responses[k] / size for responses in found]) for k in range(len(table))
         ]
 
-    def solved(self, responses: Sequence[ComplexArray]) -> SolvedSpectra:
+    def solved(self, responses: Sequence[ComplexArray]) -> Prediction:
         """Spectra that responses make, with the best levels and floors.
 
         Args:
@@ -141,14 +134,17 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
             best_levels(shape, each.y, each.known_level, floor=each.floor)
             for each, shape in zip(self.spectra, shapes, strict=True)
         )
-        values = [a * shape + b for shape, (a, b) in zip(shapes, levels, strict=True)]
-        return SolvedSpectra(np.concatenate(values), shapes=shapes, levels=levels)
+        values, solved = [], []
+        for shape, (a, b) in zip(shapes, levels, strict=True):
+            values.append(a * shape + b)
+            solved.append(Solved(np.stack([shape, np.ones_like(shape)], axis=1), np.array([a, b])))
+        return Prediction(np.concatenate(values), solved=tuple(solved))
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by levels and floors."""
-        found = _found(prediction)
         blocks = []
-        for each, shape, (a, b) in zip(self.spectra, found.shapes, found.levels, strict=True):
+        for each, solved in zip(self.spectra, prediction.solved, strict=True):
+            shape, (a, b) = solved.design[:, 0], solved.coefficients
             slope = np.sqrt(each.count) / (a * shape + b)  # of a row near S = P
             columns = [] if each.is_absolute else [shape * slope]
             columns += [slope] if each.floor else []
@@ -157,14 +153,14 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
 
     def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
         """Temperature, or the read-out in volts per metre, of every thermal spectrum."""
-        solved = _found(prediction)
         columns, begin = self.solved_columns(prediction) / sigma[:, None], 0
         found: dict[str, Estimated] = {}
         # levels and floors have units of their own: of one size, so that none counts for nothing
         sizes = np.linalg.norm(columns, axis=0)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
         inverse = np.linalg.pinv((columns / sizes).T @ (columns / sizes)) / np.outer(sizes, sizes)
-        for each, (a, _) in zip(self.spectra, solved.levels, strict=True):
+        for each, solved in zip(self.spectra, prediction.solved, strict=True):
+            a = float(solved.coefficients[0])
             at, begin = begin, begin + each.solved_inside
             if each.force != THERMAL or each.is_absolute or not a > 0.0:
                 continue
@@ -192,9 +188,3 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
     ) -> Figure:
         """A spectrum with the model, the band of its likelihood, and the signed deviances."""
         return noise_figure(record, before.real, after.real, self.series)
-
-
-def _found(prediction: Prediction) -> SolvedSpectra:
-    if not isinstance(prediction, SolvedSpectra):
-        raise TypeError(f"a noise spectrum is predicted by {prediction!r}")
-    return prediction

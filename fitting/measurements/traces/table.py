@@ -14,7 +14,7 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.record import Record
-from fitting.measurements.record_table import ReadRecords, StatedTable, labels_of
+from fitting.measurements.record_table import ReadRecords, labels_of
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     FIT,
@@ -25,7 +25,8 @@ from fitting.measurements.traces.record import (
     UNKNOWN,
     TraceRecord,
 )
-from fitting.measurements.traces.time_record import BEGINS, FIRST, FOUND
+from fitting.measurements.traces.time_record import FIRST, FOUND
+from fitting.measurements.traces.time_table import TimeTable
 from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
 from fitting.text.arrays import FloatArray
@@ -37,7 +38,6 @@ from fitting.text.keys import (
     Missing,
     OneOf,
     Refused,
-    Switch,
     Text,
     Texts,
     Usually,
@@ -114,7 +114,7 @@ def _in(written: Written | None, unit: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TraceTable(StatedTable):
+class TraceTable(TimeTable):
     """A time series of one output of the FMU, under a recorded or declared input, or none.
 
     Several of these tables are fitted together.
@@ -122,14 +122,11 @@ class TraceTable(StatedTable):
 
     TABLE: ClassVar[str] = "trace"
     TOGETHER = Traces
-    TRANSIENT: ClassVar[bool] = True
 
     file: Annotated[FileName, Missing("wanted a table of times and values, each with its unit")]
     """Columns time, output and, where it was recorded, input, each with its unit."""
     columns: WrittenTraceColumns = field(default_factory=WrittenTraceColumns)
     """Names of columns, where they are not the usual ones."""
-    input: Text | None = None
-    """The FMU input that is driven; without it none is."""
     further_inputs: Texts = ()
     """Further FMU inputs that are driven, each by the column of its name, as ["Ti2"]."""
     signal: WrittenSignal | None = None
@@ -138,10 +135,6 @@ class TraceTable(StatedTable):
     """Of a recorded input: "linear" between the samples, or "held" from each to the next."""
     gain: Annotated[Text, OneOf(GAINS)] = ONE
     """Of the read-out: "one", the output is recorded as it is; "fit": it is solved for."""
-    offset: Switch = False
-    """Whether an offset of the read-out is solved for."""
-    sigma: Value | None = None
-    """Standard deviation of the output's samples, as "1 mV"; without it the residuals tell it."""
     lead: Value | None = None
     """Time before the first sample at which the FMU starts, under the first value of the input."""
     start: Annotated[Text, OneOf(STARTS)] = REST
@@ -149,9 +142,6 @@ class TraceTable(StatedTable):
     FMU."""
     states: Annotated[Count | None, Usually(ONE_MODE)] = None
     """(unknown start) how many states decay, two for each mode."""
-    begin: Annotated[Text, OneOf(BEGINS)] = FIRST
-    """(unknown start) "first": the trace begins with its first sample; "found": where the free
-    decay begins, after the drive was switched off or a blow; samples before are not used."""
 
     def __post_init__(self) -> None:
         if self.signal is not None and self.input is None:
@@ -221,8 +211,6 @@ class TraceTable(StatedTable):
         """What examines each name and value by itself, those of inputs as well."""
         yield from super().checks(binder, setup)
         where = f"{setup.source}: [[{self.TABLE}]]"
-        if self.input is not None:
-            yield partial(binder.real, self.input, f"{where} input", ("input",), "driven")
         for name in self.further_inputs:
             yield partial(binder.real, name, f"{where} further_inputs", ("input",), "driven")
 

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import block_diag
 
+from fitting.measurements.complex.gain import Solved
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Predicting, Prediction
 from fitting.measurements.plan import Plan
@@ -20,13 +21,6 @@ from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import ComplexArray, FloatArray
 
 R = TypeVar("R", bound=TimeRecord)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolvedTraces(Prediction):
-    """Traces as predicted: `designs` (n, k) of what was solved inside each, of its rows."""
-
-    designs: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +111,8 @@ class TracesTogether(Together[R]):
         for each, free in zip(asked, decays, strict=True):
             trios = zip(self.traces, each, free, strict=True)
             values, designs = zip(*(self.read(*trio, batch) for trio in trios), strict=True)
-            found.append(SolvedTraces(np.concatenate(values), designs=designs))
+            solved = tuple(Solved(design, np.empty(0)) for design in designs)
+            found.append(Prediction(np.concatenate(values), solved=solved))
         return found
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
@@ -126,9 +121,7 @@ class TracesTogether(Together[R]):
 
     def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
         """A stretch for each trace."""
-        if not isinstance(prediction, SolvedTraces):
-            raise TypeError(f"a trace is predicted by {prediction!r}")
-        return prediction.designs
+        return [solved.design for solved in prediction.solved]
 
     def decays(
         self,
