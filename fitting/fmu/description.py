@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from fitting.fmu.archive import member_names
+from fitting.fmu.loadable import Loadable
 from fitting.fmu.own_steps import OwnSteps
 from fitting.text.arrays import Scalar
 from fitting.text.choices import INTERFACES
@@ -99,28 +100,22 @@ INTEGRATOR_TOLERANCE = FmuVariable(
 
 
 @dataclass(frozen=True, kw_only=True)
-class FmuDescription:
+class FmuDescription(Loadable):
     """What an FMU file says of itself; ``variables`` by name in the order of the file.
 
-    ``own_steps`` are the steps that it was made for. ``exchange`` are the numbers of states and
-    event indicators where it is run by model exchange: its equations are then integrated here.
-    ``offers`` are the interfaces that it has, of INTERFACES.
+    ``own_steps`` are the steps that it was made for, ``offers`` the interfaces that it has, of
+    INTERFACES.
     """
 
     path: Path
     model_name: str
-    guid: str
     sha256: str
-    fmi_version: str
-    model_identifier: str
     generation_tool: str
     description: str
     platforms: tuple[str, ...]
-    one_instance_per_process: bool
     needs_execution_tool: bool
     variables: Mapping[str, FmuVariable] = field(repr=False)
     own_steps: OwnSteps = field(default_factory=OwnSteps)
-    exchange: tuple[int, int] | None = None
     offers: tuple[str, ...] = INTERFACES[:1]
     #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
     file: Path = field(init=False, repr=False, compare=False)

@@ -9,7 +9,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from multiprocessing import connection
 from pathlib import Path
 from threading import RLock
@@ -20,6 +20,7 @@ from fitting.engine.turns import pass_on
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.isolation import Isolation
+from fitting.fmu.loadable import Loadable
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
 from fitting.fmu.worker.answers import NotAnAnswer
@@ -331,15 +332,8 @@ class FmuWorkers:
         if self._open.scratch is None:
             self._open.scratch = _unpack(self.description)
         home, d = self._open.scratch.path, self.description
-        folder = str(home / "fmu")
-        fmu = UnpackedFmu(
-            fmi_version=d.fmi_version,
-            guid=d.guid,
-            model_identifier=d.model_identifier,
-            folder=folder,
-            one_instance_per_process=d.one_instance_per_process,
-            exchange=d.exchange,
-        )
+        told = {field.name: getattr(d, field.name) for field in fields(Loadable)}
+        fmu = UnpackedFmu(folder=str(home / "fmu"), **told)
         try:
             worker = WorkerProcess(
                 Task(

@@ -7,6 +7,7 @@ drawing library: a layer has a role, not a look.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -181,3 +182,59 @@ class Figure:
     def panels(self) -> tuple[Panel, ...]:
         """All panels, row by row."""
         return tuple(panel for row in self.rows for panel in row)
+
+
+def compared(
+    axes: tuple[Axis, Axis],
+    at: FloatArray,
+    measured: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    sigma: FloatArray | None = None,
+) -> Panel:
+    """Measured points with the model before and after a fit as curves.
+
+    Args:
+        axes: x and y.
+        at: places along x, (n,).
+        measured: values there, (n,).
+        before: of the model at the start parameters, (n,).
+        after: at the fitted ones.
+        sigma: standard deviations of the measured values, (n,); None: not known.
+    """
+    errors = np.empty(0) if sigma is None else sigma
+    return Panel(
+        x=axes[0],
+        y=axes[1],
+        layers=(
+            Layer(Role.MEASURED, Form.POINTS, at, measured, label="measured", sigma=errors),
+            Layer(Role.START, Form.CURVE, at, before, label="model, start parameters"),
+            Layer(Role.SIMULATED, Form.CURVE, at, after, label="model, fitted parameters"),
+        ),
+    )
+
+
+def residual_points(
+    axes: tuple[Axis, Axis], at: FloatArray, parts: Sequence[tuple[str, FloatArray]]
+) -> Panel:
+    """Residuals as points about zero: one part, or those of two quadratures.
+
+    Args:
+        axes: x and y.
+        at: places along x, (n,).
+        parts: label and residuals (n,) of each.
+    """
+    return Panel(
+        x=axes[0],
+        y=axes[1],
+        layers=tuple(
+            Layer(role, Form.POINTS, at, part, label=label)
+            for role, (label, part) in zip((Role.SIMULATED, Role.OTHER), parts, strict=False)
+        ),
+        level=0.0,
+        height=0.5,
+    )
+
+
+#: Residuals of a record over its largest value.
+OF_LARGEST = Axis("minus measured", "% of largest")

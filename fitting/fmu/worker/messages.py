@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from fitting.fmu.isolation import Isolation
+from fitting.fmu.loadable import Loadable
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.reuse import Verdict
 from fitting.text.arrays import FloatArray
 
 
-class UnpackedFmu(NamedTuple):
-    """What it takes to load an FMU; ``folder`` is where it is unpacked.
+@dataclass(frozen=True, kw_only=True)
+class UnpackedFmu(Loadable):
+    """An FMU that is unpacked into ``folder``."""
 
-    ``exchange``: numbers of states and event indicators of an FMU of model exchange, None for one
-    of co-simulation.
-    """
-
-    fmi_version: str
-    guid: str
-    model_identifier: str
     folder: str
-    one_instance_per_process: bool
-    exchange: tuple[int, int] | None = None
 
 
 class Task(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import OF_LARGEST, Axis, Figure, compared, residual_points
 from fitting.measurements.measurement import Values
 from fitting.text.notation import number
 
@@ -27,31 +27,20 @@ def complex_figure(
     f = curve.u_hz
     x = Axis("drive frequency f", "Hz")
     unit = "" if curve.unit == "1" else curve.unit
-    sigma = np.full(f.size, curve.sigma) if curve.sigma > 0.0 else np.empty(0)
-    parts = (("X", np.real), ("Y", np.imag))
+    sigma = np.full(f.size, curve.sigma) if curve.sigma > 0.0 else None
     panels = [
-        Panel(
-            x=x,
-            y=Axis(f"quadrature {name}", unit),
-            layers=(
-                Layer(Role.MEASURED, Form.POINTS, f, part(curve.y), label="measured", sigma=sigma),
-                Layer(Role.START, Form.CURVE, f, part(before), label="model, start parameters"),
-                Layer(Role.SIMULATED, Form.CURVE, f, part(after), label="model, fitted parameters"),
-            ),
+        compared(
+            (x, Axis(f"quadrature {name}", unit)),
+            f,
+            part(curve.y),
+            part(before),
+            part(after),
+            sigma,
         )
-        for name, part in parts
+        for name, part in (("X", np.real), ("Y", np.imag))
     ]
     left = 100.0 * (after - curve.y) / curve.largest
-    rest = Panel(
-        x=x,
-        y=Axis("minus measured", "% of largest"),
-        layers=(
-            Layer(Role.SIMULATED, Form.POINTS, f, left.real, label="X"),
-            Layer(Role.OTHER, Form.POINTS, f, left.imag, label="Y"),
-        ),
-        level=0.0,
-        height=0.5,
-    )
+    rest = residual_points((x, OF_LARGEST), f, (("X", left.real), ("Y", left.imag)))
     rms = number(float(np.sqrt(np.mean(np.abs(left) ** 2) / 2.0)), 2)
     name = f"complex_sweep{f'_{curve.label}' if curve.label else ''}".replace("/", "_")
     said = f" {curve.label}" if curve.label else ""

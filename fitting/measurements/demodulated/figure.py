@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fitting.measurements.demodulated.record import DemodulatedRecord
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import OF_LARGEST, Axis, Figure, Panel, compared, residual_points
 from fitting.measurements.measurement import Values
 from fitting.measurements.traces.figure import DRAWN, together
 from fitting.measurements.traces.time_record import FOUND
@@ -35,38 +37,19 @@ def demodulated_figure(
     every = slice(None, None, -(-trace.t.size // DRAWN))
     t = trace.t[every]
 
-    def panel(axis: Axis, shown: tuple[FloatArray, FloatArray, FloatArray]) -> Panel:
-        kinds = (
-            (Role.MEASURED, Form.POINTS, "measured"),
-            (Role.START, Form.CURVE, "model, start parameters"),
-            (Role.SIMULATED, Form.CURVE, "model, fitted parameters"),
-        )
-        layers = tuple(
-            Layer(role, form, t, values[every], label=label)
-            for (role, form, label), values in zip(kinds, shown, strict=True)
-        )
-        return Panel(x=x, y=axis, layers=layers)
+    def panel(axis: Axis, part: Callable[[Values], FloatArray]) -> Panel:
+        shown = (part(values)[every] for values in (trace.y, before, after))
+        return compared((x, axis), t, *shown)
 
     floor = LOWEST * trace.largest
-    sizes = tuple(np.maximum(np.abs(v), floor) for v in (trace.y, before, after))
-    rows = [(panel(Axis("amplitude", unit, log=True), (sizes[0], sizes[1], sizes[2])),)]
+    rows = [(panel(Axis("amplitude", unit, log=True), lambda v: np.maximum(np.abs(v), floor)),)]
     if not trace.is_amplitude:
-        turned = tuple(np.real(v) for v in (trace.y, before, after))
-        rows.append((panel(Axis("quadrature X", unit), (turned[0], turned[1], turned[2])),))
+        rows.append((panel(Axis("quadrature X", unit), np.real),))
     left = trace.rows_of(after - trace.y)
     parts = [left] if trace.is_amplitude else list(np.split(left, 2))
     names = ("",) if trace.is_amplitude else ("X", "Y")
-    roles = (Role.SIMULATED, Role.OTHER)
-    rest = Panel(
-        x=x,
-        y=Axis("minus measured", "% of largest"),
-        layers=tuple(
-            Layer(role, Form.POINTS, t, 100.0 * part[every], label=name)
-            for role, part, name in zip(roles, parts, names, strict=False)
-        ),
-        level=0.0,
-        height=0.5,
-    )
+    shares = [100.0 * part[every] for part in parts]
+    rest = residual_points((x, OF_LARGEST), t, list(zip(names, shares, strict=True)))
     rms = number(100.0 * float(np.sqrt(np.mean(left**2))), 2)
     said = f" {trace.label}" if trace.label else ""
     what = "amplitudes" if trace.is_amplitude else "phasors"

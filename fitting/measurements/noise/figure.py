@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import gammaincinv
 
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import (
+    Axis,
+    Figure,
+    Form,
+    Layer,
+    Role,
+    compared,
+    residual_points,
+)
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
@@ -33,25 +43,14 @@ def noise_figure(
     low, high = gammaincinv(spectrum.count, [tails, 1.0 - tails]) / spectrum.count
     y = Axis("density" if spectrum.unit == "1" else f"density ({spectrum.unit}²/Hz)", log=True)
     band = "95 % of the points, if the model is right"
-    shown = Panel(
-        x=x,
-        y=y,
-        layers=(
-            Layer(Role.MEASURED, Form.POINTS, u, spectrum.y[every], label="measured"),
-            Layer(Role.START, Form.CURVE, u, before[every], label="model, start parameters"),
-            Layer(Role.SIMULATED, Form.CURVE, u, after[every], label="model, fitted parameters"),
-            Layer(Role.OTHER, Form.CURVE, u, low * after[every], label=band),
-            Layer(Role.OTHER, Form.CURVE, u, high * after[every]),
-        ),
+    shown = compared((x, y), u, spectrum.y[every], before[every], after[every])
+    bounds = (
+        Layer(Role.OTHER, Form.CURVE, u, low * after[every], label=band),
+        Layer(Role.OTHER, Form.CURVE, u, high * after[every]),
     )
+    shown = replace(shown, layers=(*shown.layers, *bounds))
     rows = spectrum.residuals(after)
-    rest = Panel(
-        x=x,
-        y=Axis("signed root of deviance"),
-        layers=(Layer(Role.SIMULATED, Form.POINTS, u, rows[every]),),
-        level=0.0,
-        height=0.5,
-    )
+    rest = residual_points((x, Axis("signed root of deviance")), u, [("", rows[every])])
     share = float(np.mean((spectrum.y >= low * after) & (spectrum.y <= high * after)))
     said = f" {spectrum.label}" if spectrum.label else ""
     inside = f"{number(100.0 * share, 3)} % of the points lie within the band"

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import (
+    OF_LARGEST,
+    Axis,
+    Figure,
+    Form,
+    Layer,
+    Panel,
+    Role,
+    compared,
+    residual_points,
+)
 from fitting.measurements.traces.record import REST, TraceRecord
 from fitting.measurements.traces.time_record import FOUND
 from fitting.text.arrays import FloatArray
@@ -31,24 +41,10 @@ def trace_figure(
     unit = "" if trace.unit == "1" else trace.unit
     every = slice(None, None, -(-trace.t.size // DRAWN))
     t, y = trace.t[every], trace.y[every]
-    sigma = np.full(t.size, trace.sigma) if trace.sigma > 0.0 else np.empty(0)
-    shown = Panel(
-        x=x,
-        y=Axis("output", unit),
-        layers=(
-            Layer(Role.MEASURED, Form.POINTS, t, y, label="measured", sigma=sigma),
-            Layer(Role.START, Form.CURVE, t, before[every], label="model, start parameters"),
-            Layer(Role.SIMULATED, Form.CURVE, t, after[every], label="model, fitted parameters"),
-        ),
-    )
+    sigma = np.full(t.size, trace.sigma) if trace.sigma > 0.0 else None
+    shown = compared((x, Axis("output", unit)), t, y, before[every], after[every], sigma)
     left = after - trace.y
-    rest = Panel(
-        x=x,
-        y=Axis("minus measured", "% of largest"),
-        layers=(Layer(Role.SIMULATED, Form.POINTS, t, (100.0 * left / trace.largest)[every]),),
-        level=0.0,
-        height=0.5,
-    )
+    rest = residual_points((x, OF_LARGEST), t, [("", (100.0 * left / trace.largest)[every])])
     rms = number(100.0 * float(np.sqrt(np.mean(left**2))) / trace.largest, 2)
     count = trace.y.size
     which = f"{count} samples" if every.step == 1 else f"One of {every.step} of {count} samples"
