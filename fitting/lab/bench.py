@@ -148,18 +148,31 @@ class Trace:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
-    """The truth about one drive: the sample as it was then, its waves (lines, 2) in V peak.
+class Row:
+    """A drive, the mode that is observed, how many spectra are averaged.
 
-    ``averaged`` spectra are asked of the instrument; ``observed`` is the mode.
+    Raises:
+        ValueError: no such mode, or no spectrum.
     """
 
     label: str
     drive: Drive
     observed: int
+    averaged: int = 1
+
+    def __post_init__(self) -> None:
+        if self.observed not in (0, 1):
+            raise ValueError(f"observed mode {self.observed}, wanted 0 or 1")
+        if self.averaged < 1:
+            raise ValueError(f"{self.label}: {self.averaged} spectra, wanted at least one")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer(Row):
+    """The truth about a row: the sample as it was then, its waves (lines, 2) in V peak."""
+
     sample: Sample
     waves_v: ComplexArray
-    averaged: int = 1
 
     @property
     def lines_v(self) -> ComplexArray:
@@ -173,17 +186,18 @@ class Answer:
             arrays: columns by name, each (n,).
         """
         return Reading(
-            label=self.label, drive=self.drive, observed=self.observed, arrays=dict(arrays)
+            label=self.label,
+            drive=self.drive,
+            observed=self.observed,
+            averaged=self.averaged,
+            arrays=dict(arrays),
         )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
-    """What an instrument hands over of one mode under one drive: arrays by name, as it says."""
+class Reading(Row):
+    """What an instrument hands over of a row: arrays by name, as it says."""
 
-    label: str
-    drive: Drive
-    observed: int
     arrays: Mapping[str, FloatArray]
 
 
@@ -288,43 +302,16 @@ def measure(bench: Bench, seed: int) -> Series:
     rng = np.random.default_rng(seed)
     sweep = bench.sweep(rng)
     count = len(bench.pairs_hz)
-    answers = []
+    asked = []
     for index, pair in enumerate(bench.pairs_hz):
         level = bench.levels[index] if bench.levels else 1.0
         drive = replace(Drive.equal(pair, level), lines=bench.instrument.lines)
-        sample = bench.at(0.5 if count == 1 else index / (count - 1))
         label = f"{'drive' if bench.levels else 'pair'}{index + 1}"
-        answers.append(
-            Answer(
-                label=label,
-                drive=drive,
-                observed=bench.observed,
-                sample=sample,
-                waves_v=bench.gain * sample.amplitudes(drive),
-            )
-        )
-    measured = _read(bench, answers, bench.instrument, seed, rng)
-    return Series(sweep=sweep, **vars(_tracked(measured, (bench.at(0.0), bench.at(1.0)), rng)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One row of a plan: a drive, the mode that is observed, how many spectra are averaged.
-
-    Raises:
-        ValueError: no such mode, or no spectrum.
-    """
-
-    label: str
-    drive: Drive
-    observed: int
-    averaged: int = 1
-
-    def __post_init__(self) -> None:
-        if self.observed not in (0, 1):
-            raise ValueError(f"observed mode {self.observed}, wanted 0 or 1")
-        if self.averaged < 1:
-            raise ValueError(f"{self.label}: {self.averaged} spectra, wanted at least one")
+        sample = bench.at(0.5 if count == 1 else index / (count - 1))
+        asked.append((Row(label=label, drive=drive, observed=bench.observed), sample))
+    ends = (bench.at(0.0), bench.at(1.0))
+    measured = _measured(bench, asked, ends, bench.instrument, seed, rng)
+    return Series(sweep=sweep, **vars(measured))
 
 
 def measure_rows(bench: Bench, rows: Sequence[Row], instrument: Instrument, seed: int) -> Measured:
@@ -345,50 +332,37 @@ def measure_rows(bench: Bench, rows: Sequence[Row], instrument: Instrument, seed
     """
     rng = np.random.default_rng(seed)
     end = bench.at(1.0)
-    answers = []
+    asked = []
     for index, row in enumerate(rows):
         position = 0.5 if len(rows) == 1 else index / (len(rows) - 1)
         sample = end.shifted(4.0 * bench.curvature_hz * position * (1.0 - position))
-        answers.append(
-            Answer(
-                label=row.label,
-                drive=row.drive,
-                observed=row.observed,
-                sample=sample,
-                waves_v=bench.gain * sample.amplitudes(row.drive),
-                averaged=row.averaged,
-            )
-        )
-    measured = _read(bench, answers, instrument, seed, rng)
-    return _tracked(measured, (end, end), rng)
+        asked.append((row, sample))
+    return _measured(bench, asked, (end, end), instrument, seed, rng)
 
 
-def _read(
+def _measured(
     bench: Bench,
-    answers: Sequence[Answer],
+    asked: Sequence[tuple[Row, Sample]],
+    ends: tuple[Sample, Sample],
     instrument: Instrument,
     seed: int,
     rng: np.random.Generator,
 ) -> Measured:
+    """Rows of which each has its sample, with the eigenfrequencies before and after."""
+    answers = tuple(
+        Answer(sample=sample, waves_v=bench.gain * sample.amplitudes(row.drive), **vars(row))
+        for row, sample in asked
+    )
+    readings = instrument.read(bench, answers, rng, seed)
+    error = (bench.noise_scale * bench.eta_error_hz * rng.standard_normal(4)).tolist()
+    before, after = (sample.modes for sample in ends)
     return Measured(
         bench=bench,
         seed=seed,
         gain=bench.gain,
         instrument=instrument,
-        answers=tuple(answers),
-        readings=instrument.read(bench, answers, rng, seed),
-    )
-
-
-def _tracked(
-    measured: Measured, samples: tuple[Sample, Sample], rng: np.random.Generator
-) -> Measured:
-    """With the eigenfrequencies as they are measured before and after."""
-    bench = measured.bench
-    error = (bench.noise_scale * bench.eta_error_hz * rng.standard_normal(4)).tolist()
-    before, after = (sample.modes for sample in samples)
-    return replace(
-        measured,
+        answers=answers,
+        readings=readings,
         eta_before_hz=(before.eta_plus_hz + error[0], before.eta_minus_hz + error[1]),
         eta_after_hz=(after.eta_plus_hz + error[2], after.eta_minus_hz + error[3]),
     )

@@ -8,12 +8,13 @@ B are quantiles of the beta distribution (Clopper and Pearson, Biometrika 26 (19
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from scipy.special import betaincinv
 
 from fitting.text.estimate import Estimate, Verdict
+from fitting.text.records import EndedRecord
 
 #: Part of the binomial intervals that is left out.
 ALPHA = 0.05
@@ -140,20 +141,14 @@ class Coverage:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ensemble:
+class Ensemble(EndedRecord):
     """Many fits: what of, a row for each that has ended, in order.
 
-    ``status`` is "finished" or "interrupted", ``total`` the number of items, ``synthetic`` whether
-    they are virtual laboratories.
+    ``total`` is the number of items, ``synthetic`` whether they are virtual laboratories.
     """
 
-    title: str
-    synthetic: bool
-    status: str
-    message: str
     total: int
     rows: tuple[EnsembleRow, ...]
-    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def failures(self) -> tuple[EnsembleRow, ...]:

@@ -22,6 +22,17 @@ from fitting.text.files import read_whole, write_whole
 Record = TypeVar("Record")
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EndedRecord:
+    """What a command that may be interrupted writes: ``status`` "finished" or "interrupted"."""
+
+    title: str
+    synthetic: bool
+    status: str
+    message: str
+    provenance: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
 def to_plain(value: Any) -> Any:
     """A record, or any nest of records, tuples and mappings, as what JSON can hold.
 

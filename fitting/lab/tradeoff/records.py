@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from fitting.lab.names import QUANTITIES
 from fitting.text.arrays import Scalar
-from fitting.text.records import to_plain
+from fitting.text.records import EndedRecord, to_plain
 
 #: A reference that is none of these: amplitudes over the maximum of the sweep.
 RATIOS = "amplitudes over the maximum"
@@ -124,20 +124,15 @@ class Reference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study:
-    """Everything that a run of the command found; `status` "finished" or "interrupted"."""
+class Study(EndedRecord):
+    """Everything that a run of the command found."""
 
     scene: str
-    title: str
-    synthetic: bool
     description: str
     references: tuple[Reference, ...]
     measurements: tuple[Measurement, ...]
     accuracies: tuple[float, ...]
-    status: str
-    message: str
     notes: tuple[str, ...] = ()
-    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def cost_kind(self) -> str:

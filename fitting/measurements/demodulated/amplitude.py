@@ -9,7 +9,7 @@ all have in common, s the noise of each quadrature, from which amplitudes do not
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -23,18 +23,10 @@ STEPS, SETTLED = 100, 1e-13
 DAMPING, EASED, HELD = 1e-3, 0.1, 10.0
 
 
-@dataclass(frozen=True)
-class SolvedAmplitude:
-    """Amplitudes (n,), and their derivatives (n, m) by what was solved for."""
-
-    values: FloatArray
-    design: FloatArray
-
-
 def solved_amplitude(
     columns: ComplexArray, measured: FloatArray, weights: FloatArray, sigma: float | None
-) -> SolvedAmplitude:
-    """Amplitudes that follow the measured ones best.
+) -> tuple[FloatArray, FloatArray]:
+    """Amplitudes (n,) that follow the measured ones best, and derivatives (n, m) by the unknowns.
 
     Args:
         columns: D, (n, k), complex.
@@ -45,69 +37,60 @@ def solved_amplitude(
     sizes = np.max(np.abs(columns), axis=0)
     unit = columns / np.where(sizes > 0.0, sizes, 1.0)
     factors, power = _guess(unit, measured, sigma)
-    lead = int(np.argmax(np.abs(factors)))
+    count, lead = factors.size, int(np.argmax(np.abs(factors)))
+    free = [k for k in range(count) if k != lead]  # the common phase is that of the largest factor
     turned = factors * np.exp(-1j * np.angle(factors[lead]))
-    problem = _Problem(
-        columns=unit,
-        measured=measured,
-        weights=weights,
-        free=tuple(k for k in range(factors.size) if k != lead),
-        sigma=sigma,
-    )
-    begin = [*turned.real, *turned.imag[list(problem.free)], *([power] if sigma is None else [])]
-    return problem.amplitude(problem.least(np.array(begin)))
 
-
-@dataclass(frozen=True, kw_only=True)
-class _Problem:
-    """What follows measured amplitudes: real parts x of all factors, imaginary ones, s^2."""
-
-    columns: ComplexArray
-    measured: FloatArray
-    weights: FloatArray
-    free: tuple[int, ...]
-    sigma: float | None
-
-    def least(self, x: FloatArray) -> FloatArray:
-        """Where the weighted squares are least, from a guess, by Levenberg's steps; s^2 >= 0."""
-        damping, now = DAMPING, self.amplitude(x)
-        for _ in range(STEPS):
-            left = (now.values - self.measured) / self.weights
-            matrix = now.design / self.weights[:, None]
-            sizes = np.linalg.norm(matrix, axis=0)
-            sizes = np.where(sizes > 0.0, sizes, 1.0)
-            low = np.full(x.size, -np.inf)
-            if self.sigma is None:
-                low[-1] = -x[-1] * sizes[-1]
-            room = (low, np.full(x.size, np.inf))
-            moved = x + damped_step(matrix / sizes, left, damping, room) / sizes
-            if self.sigma is None:
-                moved[-1] = max(moved[-1], 0.0)
-            ahead = self.amplitude(moved)
-            rest = (ahead.values - self.measured) / self.weights
-            small = float(np.max(np.abs(moved - x))) <= SETTLED * float(np.max(np.abs(x)))
-            if float(rest @ rest) <= float(left @ left):
-                x, now, damping = moved, ahead, EASED * damping
-            else:
-                damping *= HELD
-            if small:
-                break
-        return x
-
-    def amplitude(self, x: FloatArray) -> SolvedAmplitude:
-        """Amplitudes, and their derivatives by x."""
-        count, free = self.columns.shape[1], list(self.free)
+    def amplitude(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of real parts x of all factors, imaginary ones, and s^2; with derivatives by x."""
         c = x[:count].astype(complex)
         c[free] += 1j * x[count : count + len(free)]
-        s = float(np.sqrt(x[-1])) if self.sigma is None else self.sigma
-        z = self.columns @ c
+        s = float(np.sqrt(x[-1])) if sigma is None else sigma
+        z = unit @ c
         length = np.abs(z)
         along = np.conj(z) / np.where(length > 0.0, length, 1.0)
-        turned = (along * rician_slope(length, s))[:, None] * self.columns
-        parts = [turned.real, -turned.imag[:, free]]
-        if self.sigma is None:
+        slopes = (along * rician_slope(length, s))[:, None] * unit
+        parts = [slopes.real, -slopes.imag[:, free]]
+        if sigma is None:
             parts.append(rician_rise(length, s)[:, None])
-        return SolvedAmplitude(rician_mean(length, s), np.concatenate(parts, axis=1))
+        return rician_mean(length, s), np.concatenate(parts, axis=1)
+
+    begin = [*turned.real, *turned.imag[free], *([power] if sigma is None else [])]
+    return _least(amplitude, np.array(begin), measured, weights, has_power=sigma is None)
+
+
+def _least(
+    amplitude: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    x: FloatArray,
+    measured: FloatArray,
+    weights: FloatArray,
+    *,
+    has_power: bool,
+) -> tuple[FloatArray, FloatArray]:
+    """Amplitudes of least weighted squares, from a guess x, by Levenberg's steps; s^2 >= 0."""
+    damping, (values, design) = DAMPING, amplitude(x)
+    for _ in range(STEPS):
+        left = (values - measured) / weights
+        matrix = design / weights[:, None]
+        sizes = np.linalg.norm(matrix, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        low = np.full(x.size, -np.inf)
+        if has_power:
+            low[-1] = -x[-1] * sizes[-1]
+        bounds = (low, np.full(x.size, np.inf))
+        moved = x + damped_step(matrix / sizes, left, damping, bounds) / sizes
+        if has_power:
+            moved[-1] = max(moved[-1], 0.0)
+        ahead = amplitude(moved)
+        rest = (ahead[0] - measured) / weights
+        small = float(np.max(np.abs(moved - x))) <= SETTLED * float(np.max(np.abs(x)))
+        if float(rest @ rest) <= float(left @ left):
+            x, (values, design), damping = moved, ahead, EASED * damping
+        else:
+            damping *= HELD
+        if small:
+            break
+    return values, design
 
 
 def _guess(

@@ -121,7 +121,22 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
         """Values (n,) of a trace, with the best factors, and derivatives (rows, k)."""
         if decay is None or runs.further is None:
             raise TypeError(f"a demodulated trace follows from two runs, not from {runs!r}")
-        return solved(trace, decay, batch.samples(runs.further, self.output_of(trace)))
+        # the second response distinguishes what turns forwards
+        sensed = batch.samples(runs.further, self.output_of(trace))
+        columns = rotating_responses(
+            decay, sensed, trace.shifts, trace.reference, trace.y.size, trace.modes
+        )
+        if trace.is_amplitude:
+            size, known = trace.largest, trace.known_noise
+            noise = None if known is None else known / size
+            made, design = solved_amplitude(columns, trace.y.real / size, trace.weights, noise)
+            return (size * made).astype(complex), design / trace.weights[:, None]
+        if trace.offset:
+            columns = np.column_stack([columns, np.ones(trace.y.size)])
+        sizes = np.linalg.norm(columns, axis=0)
+        unit = columns / np.where(sizes > 0.0, sizes, 1.0)
+        values = unit @ lstsq(unit, trace.y)[0]
+        return values, np.stack(line_columns(unit), axis=1) / trace.largest
 
     def figure_of(
         self,
@@ -131,29 +146,3 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
     ) -> Figure:
         """A trace with the model, its residuals, and their autocorrelation."""
         return demodulated_figure(record, before, after, self.series)
-
-
-def solved(
-    trace: DemodulatedRecord, decay: FloatArray, sensed: FloatArray
-) -> tuple[ComplexArray, FloatArray]:
-    """Values (n,) of a trace as the model has it, and derivatives (rows, m) of its rows.
-
-    Args:
-        trace: as measured.
-        decay: response of the FMU to a pulse, as long as its run.
-        sensed: the second response, which tells what turns forwards.
-    """
-    columns = rotating_responses(
-        decay, sensed, trace.shifts, trace.reference, trace.y.size, trace.modes
-    )
-    if trace.is_amplitude:
-        size, known = trace.largest, trace.known_noise
-        noise = None if known is None else known / size
-        made = solved_amplitude(columns, trace.y.real / size, trace.weights, noise)
-        return (size * made.values).astype(complex), made.design / trace.weights[:, None]
-    if trace.offset:
-        columns = np.column_stack([columns, np.ones(trace.y.size)])
-    sizes = np.linalg.norm(columns, axis=0)
-    unit = columns / np.where(sizes > 0.0, sizes, 1.0)
-    values = unit @ lstsq(unit, trace.y)[0]
-    return values, np.stack(line_columns(unit), axis=1) / trace.largest
