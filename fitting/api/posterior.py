@@ -50,7 +50,7 @@ from fitting.inference.posterior.summary import (
     values_of,
 )
 from fitting.lab.true_values import nearest, true_values
-from fitting.report.posterior import draws_csv, posterior_lines, write_report
+from fitting.report.posterior import draws_csv, write_report
 from fitting.result.result import Result
 from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arguments import checked
@@ -167,7 +167,9 @@ class Posterior:
         return found[name]
 
     def __repr__(self) -> str:
-        return "\n".join(posterior_lines(self.summary))
+        from fitting.report.screens import posterior_lines  # only where it is printed
+
+        return "\n".join(posterior_lines(self.summary, verbose=True))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,10 +15,12 @@ EXAMPLE = "fmu-fit calibrate out/string_q1/result.json --out calibrated"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("result", type=Path, metavar="RESULT.json", help="of a reconstruction")
+    parser.add_argument(
+        "result", type=Path, metavar="RESULT.json", help="result of a reconstruction"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the files")
     parser.add_argument(
-        "--fmu", type=Path, help="the FMU that was fitted (fmu/ beside RESULT.json)"
+        "--fmu", type=Path, help="the FMU that was fitted (default: fmu/ next to RESULT.json)"
     )
     also = parser.add_mutually_exclusive_group()
     also.add_argument(
@@ -26,34 +28,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="hand on this parameter although the data do not determine it; may be repeated",
+        help="also write this parameter, which the data do not determine; may be repeated",
     )
     also.add_argument(
-        "--all", action="store_true", help="hand on all parameters: the best fit as a whole"
+        "--all", action="store_true", help="write all parameters: the best fit as a whole"
     )
 
 
 @writes(NAME, *CALIBRATED_FILES)
 def run(args: argparse.Namespace) -> int:
-    """Write the files and tell what is handed on; returns 0.
+    """Write the files and print the values; returns 0.
 
     Raises:
         BadInput: no result, or another FMU than the one that was fitted.
     """
-    from fitting.report.words.calibration import calibration_lines
+    from fitting.report.screens import calibration_lines
     from fitting.result.result import read_result
 
-    also = args.also
-    if args.all:
-        result = read_result(args.result)
-        also = (*result.parameters, *result.alternative)
+    result = read_result(args.result)
+    also = (*result.parameters, *result.alternative) if args.all else args.also
     found = ff.calibrate(args.result, args.out, fmu=args.fmu, also=also)
-    print(*calibration_lines(found.calibration), sep="\n")
-    if found.fmu is None:
-        print(
-            "no FMU is written: start values are compiled into this one, which is none of this "
-            "project. The .ssp has it with the values beside it."
-        )
-    files = (found.fmu, found.ssv, found.ssp, found.table)
-    print(f"written: {', '.join(str(path) for path in files if path is not None)}")
+    files = [p for p in (found.fmu, found.ssv, found.ssp, found.table) if p is not None]
+    lines = calibration_lines(result.title, found.calibration, files, compiled=found.fmu is None)
+    print(*lines, sep="\n")
     return 0

@@ -14,14 +14,16 @@ from fitting.cli.words.drive import add_fmu, add_isolate, add_timeout, fmu_of
 from fitting.cli.words.values import positive_time
 
 NAME = "check"
-DOCUMENT = "what was found"
+DOCUMENT = "the findings"
 EXAMPLE = "fmu-fit check CoupledOscillator --campaign string_q1/campaign.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     add_fmu(parser)
-    parser.add_argument("--campaign", type=Path, metavar="CAMPAIGN.toml", help="also: does it suit")
+    parser.add_argument(
+        "--campaign", type=Path, metavar="CAMPAIGN.toml", help="a campaign that the FMU has to suit"
+    )
     parser.add_argument(
         "--step",
         type=positive_time("--step"),
@@ -42,7 +44,7 @@ def _out(args: argparse.Namespace) -> Path | None:
 
 @writes(NAME, *CHECK_FILES, to=_out)
 def run(args: argparse.Namespace) -> int:
-    """Check and tell; returns 0.
+    """Check and print; returns 0.
 
     Raises:
         BadInput: the FMU cannot be read, or does not suit the campaign, or no page can be written.
@@ -50,21 +52,17 @@ def run(args: argparse.Namespace) -> int:
     """
     from fitting.api.check import write_check
     from fitting.report.documents import check_document
-    from fitting.report.words.check import check_lines, description_lines
+    from fitting.report.screens import check_lines
 
-    with fmu_of(args) as fmu:
-        print(*description_lines(fmu.description), sep="\n")
-        with status_line(NAME) as tell:
-            tell("trial run and resets")
-            found = ff.check(fmu, args.campaign, step_s=args.step)
-            if args.report is not None:
-                tell("writing")
-                written = write_check(found, args.report)
+    written = None
+    with fmu_of(args) as fmu, status_line(NAME) as show:
+        show("trial run and resets")
+        found = ff.check(fmu, args.campaign, step_s=args.step)
+        if args.report is not None:
+            show("writing")
+            written = write_check(found, args.report)
     hand_over(args, check_document(found))
-    for line in check_lines(found):
-        print(line)
-    if args.report is not None:
-        print(f"report: {written}")
+    print(*check_lines(found, verbose=args.verbose, report=written), sep="\n")
     if found.failure is not None:
         raise found.failure
     if found.unsuited:

@@ -98,7 +98,7 @@ def _design(
     args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
 ) -> list[str]:
     """Propose and write; what is printed."""
-    from fitting.report.words.design import design_lines
+    from fitting.report.screens import design_lines
 
     limits = args.candidates[0] if args.candidates else None
     found = ff.design(problem, goal, limits=limits, at=_at(args), progress=tell)
@@ -106,21 +106,14 @@ def _design(
     tell("writing")
     written = found.write(_out(args), report=not args.no_report)
     hand_over(args, found.design)
-    what = "every point of its sweeps" if found.design.is_of_sweeps else "peaks"
-    to_do = "its recordings to be made" if found.design.is_of_traces else f"{what} to be filled in"
-    return [
-        *design_lines(found.design),
-        f"\nwritten: {', '.join(map(str, written[:2]))}",
-        f"for the laboratory: {written[2]}, {to_do}",
-        *(f"report: {page}" for page in written[3:]),
-    ]
+    return design_lines(found.design, written, verbose=args.verbose)
 
 
 def _ways(
     args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
 ) -> list[str]:
     """Compare kinds of measurements and write each; what is printed."""
-    from fitting.report.words.design import ways_lines
+    from fitting.report.screens import ways_lines
 
     limits = {path.stem: path for path in args.candidates}
     if len(limits) < len(args.candidates):
@@ -131,13 +124,9 @@ def _ways(
     found = ff.ways(problem, goal, limits=limits, at=_at(args), progress=tell)
     found = found.made_by(_command(args))
     tell("writing")
-    ways, *campaigns = found.write(_out(args), report=not args.no_report)
+    written = found.write(_out(args), report=not args.no_report)
     hand_over(args, found.ways)
-    return [
-        *ways_lines(found.ways),
-        f"\nwritten: {ways}, and a folder for each way",
-        *(f"for the laboratory: {path}, to be filled in" for path in campaigns),
-    ]
+    return ways_lines(found.ways, written, verbose=args.verbose)
 
 
 def _at(args: argparse.Namespace) -> Result | Path | None:

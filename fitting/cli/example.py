@@ -27,6 +27,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: no example of that name, or a folder that holds something already.
     """
     from fitting.api.examples import example_titles
+    from fitting.report.screen import printed_lines
 
     titles = example_titles()
     if args.name is None:
@@ -34,11 +35,14 @@ def run(args: argparse.Namespace) -> int:
             raise ff.BadInput(
                 f"--out {args.out}: wanted a NAME as well, one of {', '.join(titles)}"
             )
-        width = max(map(len, titles))
-        print(*(f"{name:{width}}  {title}" for name, title in titles.items()), sep="\n")
+        print(*printed_lines("files", "examples", titles), sep="\n")
         return 0
     campaign = ff.example(args.name, args.out or Path(args.name))
     files = sorted(path for path in campaign.parent.rglob("*") if path.is_file())
-    print(f"written: {', '.join(map(str, files))}")
-    print(f"go on with: {shlex.join(['fmu-fit', 'reconstruct', str(campaign)])}")
+    names = ", ".join(path.relative_to(campaign.parent).as_posix() for path in files)
+    command = shlex.join(["fmu-fit", "reconstruct", str(campaign)])
+    lines = printed_lines(
+        "files", "campaign", titles[args.name], "copied", [("files", names)], campaign, command
+    )
+    print(*lines, sep="\n")
     return 0

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     from fitting.api.cost import expected_of_identification
     from fitting.api.jobs import IdentificationOptions, identified, with_part
     from fitting.cli.running.remaining import Remaining, counted
-    from fitting.report.words.identification import identification_lines
+    from fitting.report.screens import identification_lines
     from fitting.text.records import write_json
 
     settings = _settings(args.beside)
@@ -110,15 +110,14 @@ def run(args: argparse.Namespace) -> int:
     )
     write_json(out / JSON_NAME, found)
     hand_over(args, found)
-    print("\n".join(identification_lines(found)))
-    print(f"\nwritten: {out / JSON_NAME}")
+    files = [out / JSON_NAME]
     if not args.no_report:
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.identification")
-        with status_line(NAME, remaining.left) as tell:
-            tell(remaining.report())
-            page = report.write_report(found, out)
-        print(f"report: {page}")
+        with status_line(NAME, remaining.left) as show:
+            show(remaining.report())
+            files.append(report.write_report(found, out))
+    print(*identification_lines(found, files, verbose=args.verbose), sep="\n")
     remove_earlier(out, (*FILES, "fmu/*.fmu"))
     return 0
 

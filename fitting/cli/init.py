@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed with its own start values.
     """
     from fitting.api.init import drafted, told_apart
-    from fitting.report.table import wrapped
+    from fitting.report.screen import printed_lines
 
     same = ("output", "tone", "input", "fit", "kind", "interface", "control")
     told = {name: getattr(args, name) for name in same}
@@ -113,18 +113,15 @@ def run(args: argparse.Namespace) -> int:
             ask=ask,
         )
     path = made.path
-    for line in (*made.said, made.undescribed):
-        print(*wrapped(line, indent=2), sep="\n", end="\n" if line else "")
-    print(path)
     measured, fmu = told_apart(args.files, args.fmu)
-    if measured and made.undescribed:
-        print(f"what can be fitted, without that: fmu-fit reconstruct {shlex.quote(str(path))}")
-    elif measured:
-        print(f"next: fmu-fit reconstruct {shlex.quote(str(path))}")
-    else:
-        print("missing: a measurement; the end of that file tells how to add one")
+    command = f"fmu-fit reconstruct {shlex.quote(str(path))}"
+    if not measured:
         named = "--fmu " * (args.fmu is not None) + shlex.quote(str(fmu))
-        print(f"next: fmu-fit init {named} FILE --out {shlex.quote(str(args.out))}")
+        command = f"fmu-fit init {named} FILE --out {shlex.quote(str(args.out))}"
+    without = bool(measured and made.undescribed)
+    texts = (*made.said, made.undescribed)
+    lines = printed_lines("files", "drafted", texts, path, without, command, not measured)
+    print(*lines, sep="\n")
     return 0
 
 

@@ -106,46 +106,33 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     from fitting.report.documents import drive_document, plan_document
-    from fitting.report.words.simulation import (
-        drive_lines,
-        plan_lines,
-        plan_warnings,
-        unsteady_line,
-    )
+    from fitting.report.screens import Ran, drive_lines, plan_lines, unsteady_words
 
     if args.out is None and not args.plan:
         raise ff.BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
     with fmu_of(args) as fmu, complaints_of_options():
         values = start_values(args.set, fmu)
         asked = _asked(args, fmu)
+        model = fmu.description.model_name
         if args.plan:
             with status_line(NAME):
                 plan = fmu.plan(values, **asked)
             hand_over(args, plan_document(plan))
-            print(*plan_lines(plan), sep="\n")
+            print(*plan_lines(model, plan, verbose=args.verbose), sep="\n")
             return 0 if plan.budget.kept else 1
         with status_line(NAME):
             response = fmu.simulate(values, **asked)
-        print(*plan_lines(response.plan), *fmu.write(response, args.out), sep="\n")
+        files = fmu.write(response, args.out)
         units = units_of(fmu, response.drive.outputs)
         hand_over(args, drive_document(response, units))
-        print(*drive_lines(response, units), sep="\n")
-        for warning in fmu.warnings:
-            print(f"the FMU warns: {warning}")
-        for text in plan_warnings(response.plan):
-            print(f"warning: {text}")
-        if response.steady:
-            return 0
-        if not (response.remainder.explained and response.plan.settles):
-            print(unsteady_line(response, fmu.sideband(response), list(fmu.variables)))
-        if args.input is None:
-            names = response.drive.names
-            for other in fmu.other_tones(names, response.drive.start_values):
-                print(
-                    f"{other.frequency} is not among the tones {', '.join(names)}: if the FMU "
-                    f"drives with it as well, wanted it in --tones, or --set {other.amplitude}=0"
-                )
-    return 1
+        advice, named = "", not response.steady and args.input is None
+        if not (response.steady or (response.remainder.explained and response.plan.settles)):
+            advice = unsteady_words(response, fmu.sideband(response), list(fmu.variables))
+        others = fmu.other_tones(response.drive.names, response.drive.start_values)
+        ran = Ran(model=model, warnings=fmu.warnings, others=others if named else (), files=files)
+        lines = drive_lines(response, units, ran, advice=advice, verbose=args.verbose)
+        print(*lines, sep="\n")
+    return 0 if response.steady else 1
 
 
 def _asked(args: argparse.Namespace, fmu: ff.Fmu) -> dict[str, Any]:

@@ -76,13 +76,13 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     from fitting.report.documents import sweep_document
-    from fitting.report.words.simulation import plan_lines, plan_warnings, sweep_lines
+    from fitting.report.screens import Ran, sweep_lines
 
     with fmu_of(args) as fmu, complaints_of_options():
         values = start_values(args.set, fmu)
         directions = DIRECTIONS[args.direction]
-        with status_line(NAME) as tell:
-            tell(f"{args.points} points, {' and '.join(directions)}")
+        with status_line(NAME) as show:
+            show(f"{args.points} points, {' and '.join(directions)}")
             response = fmu.sweep(
                 _frequencies_hz(args),
                 values,
@@ -91,24 +91,18 @@ def run(args: argparse.Namespace) -> int:
                 directions=directions,
                 accuracy=ff.Accuracy(args.accuracy, settle_s=args.settle),
             )
-        print(*plan_lines(response.plan, "the largest"), *fmu.write(response, args.out), sep="\n")
-        for other in fmu.other_tones((args.tone,), values):
-            print(
-                f"{other.amplitude} = 0: {other.frequency} does not drive in a sweep of {args.tone}"
-            )
+        files = fmu.write(response, args.out)
         output = response.sweep.output
         unit = units_of(fmu, [output])[output]
         hand_over(args, sweep_document(response, unit))
-        print(*sweep_lines(response, unit), sep="\n")
-        for warning in fmu.warnings:
-            print(f"the FMU warns: {warning}")
-        for text in plan_warnings(response.plan):
-            print(f"warning: {text}")
-    if response.steady:
-        return 0
-    if not response.plan.settles:
-        print("not steady: wanted more damping, or a longer time at each point by --settle TIME")
-    return 1
+        ran = Ran(
+            model=fmu.description.model_name,
+            warnings=fmu.warnings,
+            others=fmu.other_tones((args.tone,), values),
+            files=files,
+        )
+        print(*sweep_lines(response, unit, ran, verbose=args.verbose), sep="\n")
+    return 0 if response.steady else 1
 
 
 def _frequencies_hz(args: argparse.Namespace) -> list[float]:

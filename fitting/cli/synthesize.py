@@ -158,9 +158,18 @@ def run(args: argparse.Namespace) -> int:
         command=_command(args),
         **_changes(args),
     )
-    path = made.write(args.out)
     what = f"the plan {args.plan}" if args.plan else _measured(made.measured)
-    print(f"{path}: synthetic, seed {args.seed}, {what}")
+    return _print(args, made.write(args.out), what)
+
+
+def _print(args: argparse.Namespace, path: Path, what: str) -> int:
+    """The campaign that was written, and the next command."""
+    from fitting.report.screen import printed_lines
+
+    title, status = "Synthetic campaign", f"seed {args.seed}"
+    command = shlex.join(["fmu-fit", "reconstruct", str(path)])
+    entries = [("measured", what)]
+    print(*printed_lines("files", "campaign", title, status, entries, path, command), sep="\n")
     return 0
 
 
@@ -192,8 +201,7 @@ def _curve(args: argparse.Namespace) -> int:
     made = ff.synthesize_curves(
         args.series, seed=args.seed, command=_command(args), out=None, **changes
     )
-    print(f"{made.write(args.out)}: synthetic, seed {args.seed}, {args.series}")
-    return 0
+    return _print(args, made.write(args.out), args.series)
 
 
 def _lock_ins(args: argparse.Namespace) -> LockIns | PhaseDetectors | None:

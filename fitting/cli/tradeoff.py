@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     from fitting.api.tradeoff import fmu_of, memory_of
-    from fitting.report.tradeoff import terminal
+    from fitting.report.screens import tradeoff_lines
 
     options = ff.StudyOptions(
         accuracies=_accuracies(args.accuracies),
@@ -91,14 +91,10 @@ def run(args: argparse.Namespace) -> int:
                 executor=args.scheduler or (args.workers if args.workers > 1 else None),
             )
     study = replace(study, provenance={**study.provenance, "command": _command(args)})
-    for path in ff.write_tradeoff(study, args.out):
-        print(path)
+    files = ff.write_tradeoff(study, args.out)
     remove_earlier(args.out, ("fmu/*.fmu",))
-    print("\n".join(["", *terminal(study)]))
-    if study.status != "finished":
-        print(f"{study.status}: {study.message}")
-        return 1
-    return 0
+    print(*tradeoff_lines(study, files), sep="\n")
+    return 0 if study.status == "finished" else 1
 
 
 def _accuracies(text: str) -> tuple[float, ...]:

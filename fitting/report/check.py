@@ -9,14 +9,8 @@ from fitting.fmu.findings import Severity
 from fitting.report.figures.check import draw_repeats
 from fitting.report.figures.style import save, style
 from fitting.report.page import write_page
-from fitting.report.words.check import (
-    SHOWN,
-    costs_line,
-    described,
-    examination_lines,
-    finding_words,
-    suits_line,
-)
+from fitting.report.screen import phrase, phrases
+from fitting.report.screens import CHECKED, variables_of
 
 
 def write_report(found: Check, out_dir: Path) -> Path:
@@ -36,8 +30,7 @@ def write_report(found: Check, out_dir: Path) -> Path:
         drawing = None if repeats is None else draw_repeats(repeats, d.model_name)
         if drawing is not None:
             figures.append(save(drawing, out_dir / "figures", for_page=True))
-    costs = "" if examination.costs is None else costs_line(examination.costs)
-    observed = {v.name for v in d.seen}
+    costs = "" if examination.costs is None else phrase("check", "costs", examination.costs)
     status, message, mark = _status(found)
     return write_page(
         out_dir,
@@ -49,15 +42,23 @@ def write_report(found: Check, out_dir: Path) -> Path:
         mark=mark,
         warnings=found.warnings,
         figures=figures,
-        cost=f"{costs[0].upper()}{costs[1:]}." if costs else "",
-        findings=[finding_words(f) for f in found.findings],
+        cost=costs,
+        findings=[phrase("check", "finding", f) for f in found.findings],
         tried=[
-            *(() if found.suits is None else (suits_line(found.suits),)),
+            *(() if found.suits is None else (phrase("check", "suits", found.suits),)),
             *found.unsuited,
-            *examination_lines(found),
+            *phrases("check", "examination", found, CHECKED),
         ],
-        variables=[v for v in d.variables.values() if v.causality in SHOWN or v.name in observed],
-        origin=described(d),
+        variables=variables_of(d),
+        origin={
+            "file": str(d.path),
+            "FMI": d.fmi_version,
+            "platforms": ", ".join(d.platforms),
+            "guid": d.guid,
+            "sha256": d.sha256,
+            "made by": phrase("check", "tool", d),
+            "further": "; ".join(phrases("check", "further", d)) or "nothing",
+        },
     )
 
 
@@ -68,6 +69,5 @@ def _status(found: Check) -> tuple[str, str, str]:
         return "Runs, does not suit", found.unsuited[0], "bad"
     careful = sum(f.count for f in found.findings if f.severity is Severity.CAREFUL)
     if careful:
-        things = "thing" if careful == 1 else "things"
-        return "Runs", f"{careful} {things} to be careful about.", "doubt"
-    return "Sound", "It runs, repeats, and breaks no rule that matters.", ""
+        return "Runs", f"Warnings: {careful}.", "doubt"
+    return "Sound", "It runs, repeats, and violates no rule that matters.", ""

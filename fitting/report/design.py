@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fitting.design.result import Design, Proposal
+from fitting.design.result import Design
 from fitting.measurements.figure import Figure
 from fitting.report.page import write_page
+from fitting.report.screen import phrase
 from fitting.report.table import Table, table
-from fitting.report.words import design as design_words
-from fitting.text.notation import hertz
 
 
 def write_report(design: Design, figures: Sequence[Figure], folder: Path) -> Path:
@@ -30,11 +29,10 @@ def write_report(design: Design, figures: Sequence[Figure], folder: Path) -> Pat
         title=f"Next measurement: {design.title}",
         kind="next measurement",
         status=f"{len(design.proposals)} measurements proposed",
-        message=design_words.promise_sentence(design),
+        message=phrase("design", "promise", design),
         synthetic=design.synthetic,
         figures=figures,
         design=design,
-        words={**vars(design_words), **globals()},
     )
 
 
@@ -44,26 +42,4 @@ def proposal_table(design: Design) -> Table:
     Args:
         design: the proposed next measurement.
     """
-    return table("proposals", design=design, w={**vars(design_words), **globals()})
-
-
-def around(p: Proposal) -> str:
-    """Where a measurement is driven, and around which resonance.
-
-    Args:
-        p: a proposed measurement.
-    """
-    if p.points:
-        return f"{design_words.driven_words(p)} around {hertz(p.centre_hz, digits=7)}"
-    offsets = " and ".join(f"{f - p.centre_hz:+.4g} Hz" for f in p.tones_hz)
-    return f"{offsets} from {hertz(p.centre_hz, digits=7)}"
-
-
-def level(p: Proposal) -> str:
-    """Drive level and settings of a measurement.
-
-    Args:
-        p: a proposed measurement.
-    """
-    settings = "".join(f", {name} = {value}" for name, value in p.settings.items())
-    return f"{p.level:g}{settings}"
+    return table("proposals", design=design)

@@ -8,7 +8,7 @@ from typing import Any
 
 from fitting.measurements.figure import Figure
 from fitting.report.page import write_page
-from fitting.report.table import Table, csv_text, markdown_lines, table, text_lines
+from fitting.report.table import Table, csv_text, markdown_lines, table
 from fitting.result.ensemble import FINISHED, Ensemble, Share
 from fitting.text.records import to_plain
 
@@ -96,18 +96,3 @@ def markdown(found: Ensemble) -> str:
     if found.synthetic:
         lines += ["Synthetic: simulated, not measured on a device.", ""]
     return "\n".join([*lines, *markdown_lines((t.caption, t) for t in tables_of(found).values())])
-
-
-def terminal(found: Ensemble) -> list[str]:
-    """The tables in lines of text: coverage where the truth is known, else values.
-
-    Args:
-        found: many fits.
-    """
-    tables = tables_of(found)
-    tables.pop("fitted" if "coverage" in tables else "", None)
-    lines = [f"{found.title}: {found.message}"]
-    for name, made in tables.items():
-        lines += ["", *text_lines(made)]
-        lines += [made.note] if made.note and name == "failures" else []
-    return lines

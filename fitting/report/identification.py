@@ -9,7 +9,7 @@ from fitting.report.figures import inference as profile_figures
 from fitting.report.figures.inference import NU, OUTPUTS, PROFILES, TOGETHER
 from fitting.report.figures.style import save, style
 from fitting.report.page import write_page
-from fitting.report.words import identification, inference
+from fitting.report.screen import phrase
 from fitting.text.estimate import Verdict
 
 #: Numbers of the figures, each that of its kind.
@@ -40,7 +40,7 @@ def write_report(found: Identification, out_dir: Path) -> Path:
         title=found.title,
         kind="what the data determine",
         status="Identified",
-        message=inference.open_values_sentence(found),
+        message=phrase("knowledge", "left", found),
         mark="" if all(status is Verdict.DETERMINED for status in statuses) else "bad",
         synthetic=found.synthetic,
         figures=figures,
@@ -48,5 +48,4 @@ def write_report(found: Identification, out_dir: Path) -> Path:
         known=found,
         part=found.part,
         origin={**found.provenance, "start point": found.at},
-        words=vars(identification),
     )

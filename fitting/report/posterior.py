@@ -11,10 +11,11 @@ import numpy as np
 from fitting.inference.posterior.summary import CONVERGED, PosteriorSummary
 from fitting.measurements.figure import Figure
 from fitting.report.page import write_page
-from fitting.report.table import Table, exact_text, table, terminal_text, text_lines, wrapped
+from fitting.report.screen import phrase
+from fitting.report.table import Table, exact_text, table
 from fitting.text import csv_cells
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import settings_words, unit_text, with_unit
+from fitting.text.notation import unit_text, with_unit
 
 
 def write_report(found: PosteriorSummary, figure: Figure, folder: Path) -> Path:
@@ -30,7 +31,7 @@ def write_report(found: PosteriorSummary, figure: Figure, folder: Path) -> Path:
     """
     facts = {
         "walkers": str(found.walkers),
-        "steps": f"{found.steps}, of which the first {found.discarded} are left out",
+        "steps": f"{found.steps}, of which the first {found.discarded} are discarded",
         "evaluations of the model": str(found.evaluations),
         "accepted proposals": f"{100.0 * found.accepted:.0f} %",
         "seed": str(found.seed),
@@ -42,7 +43,7 @@ def write_report(found: PosteriorSummary, figure: Figure, folder: Path) -> Path:
         title=found.title,
         kind="posterior",
         status=found.status,
-        message=ending(found),
+        message=phrase("posterior", "ending", found),
         mark="" if found.status == CONVERGED else "bad",
         synthetic=found.synthetic,
         figures=[figure],
@@ -52,49 +53,21 @@ def write_report(found: PosteriorSummary, figure: Figure, folder: Path) -> Path:
     )
 
 
-def tables_of(found: PosteriorSummary) -> list[Table]:
+def tables_of(found: PosteriorSummary, *, short: bool = False) -> list[Table]:
     """Parameters, derived outputs and minima, those that there are.
 
     Args:
         found: of the draws.
+        short: whether the first one has no columns on convergence.
     """
     rows, outputs = found.values, found.derived
     known = [any(math.isfinite(v.truth) for v in each.values()) for each in (rows, outputs)]
-    tables = [table("posterior", rows=rows, title="Values", truth=known[0])]
+    tables = [table("posterior", rows=rows, title="Values", truth=known[0], short=short)]
     if outputs:
         missing = any(v.missing for v in outputs.values())
         more = {"title": "Derived outputs", "truth": known[1], "outputs": True, "missing": missing}
         tables.append(table("posterior", rows=outputs, **more))
     return [*tables, table("minima", posterior=found)] if len(found.modes) > 1 else tables
-
-
-def posterior_lines(found: PosteriorSummary) -> list[str]:
-    """All of it for a terminal, the answer first.
-
-    Args:
-        found: of the draws.
-    """
-    lines = [found.title, "", *wrapped(ending(found))]
-    for made in tables_of(found):
-        lines += ["", *text_lines(made)]
-    lines += ["", *(line for note in found.notes for line in wrapped(note))]
-    return [terminal_text(line) for line in lines]
-
-
-def ending(found: PosteriorSummary) -> str:
-    """How it ended, in a sentence.
-
-    Args:
-        found: of the draws.
-    """
-    kept = found.steps - found.discarded
-    words = f"{found.status}: {found.walkers} walkers, {kept} steps each"
-    words += f" after {found.discarded} that are left out; {found.message}"
-    if found.status != CONVERGED:
-        words += "; no interval is given"
-    if found.alternative:
-        words += f"; {settings_words(found.alternative)}"
-    return f"{words}."
 
 
 def draws_csv(found: PosteriorSummary, draws: FloatArray, outputs: Mapping[str, FloatArray]) -> str:

@@ -43,8 +43,22 @@ def screen(template: str, **records: Any) -> list[str]:
         template: its name without ".txt.j2".
         **records: that the template prints.
     """
-    text = _template(template).render(records)
-    return [line.replace("\u00a0", " ").rstrip() for line in text.splitlines()]
+    return _lines(_template(template).render(records))
+
+
+def printed_lines(template: str, macro: str, *records: Any) -> list[str]:
+    """The same, where a template has macros for several screens.
+
+    Args:
+        template: its name without ".txt.j2".
+        macro: its name.
+        *records: that it prints.
+    """
+    return _lines(str(getattr(_template(template).module, macro)(*records)))
+
+
+def _lines(text: str) -> list[str]:
+    return [line.replace("\u00a0", " ").rstrip() for line in text.strip("\n").splitlines()]
 
 
 def phrase(template: str, macro: str, *records: Any, **named: Any) -> str:
@@ -146,13 +160,14 @@ def line_item(head: str, text: str) -> str:
     return f"  {head:{LEAD - 3}} {text}"
 
 
-def paragraph(text: str) -> str:
+def paragraph(text: str, indent: int = 0) -> str:
     """A sentence in lines of the terminal.
 
     Args:
         text: of one line.
+        indent: columns before further lines.
     """
-    return "\n".join(wrapped(text))
+    return "\n".join(wrapped(text, indent))
 
 
 def lines_of(table: Table) -> str:

@@ -7,13 +7,14 @@ import re
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from fitting.campaign.laws import in_base
 from fitting.inference.assumptions import SHIFT
 from fitting.inference.budget import BUDGET
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.report.same_values import same_values
-from fitting.report.screen import Printed, phrase, screen
+from fitting.report.screen import Printed, phrase, printed_lines
 from fitting.result.result import Result
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
@@ -107,10 +108,44 @@ def summary_of(result: Result) -> Summary:
     # the outputs that the campaign asks for come first
     every: dict[str, FittedEstimate] = {**result.derived, **result.parameters}
     every = {name: found for name, found in every.items() if name not in same}
+    summary = Summary(title=result.title, status=status_words(result))
+    withdrawn = result.status == "converged"
+    summary, left = with_values(summary, every, result.line, same, withdrawn=withdrawn)
+    urgent = _urgent(result.findings)
+    advice, command = next_step(result, left)
+    return replace(
+        summary,
+        external=tuple(test.sentence for test in result.external),
+        warnings=warnings_of(urgent, every),
+        more=max(len(urgent) - MOST_WARNINGS, 0),
+        assumption=_with_signs(_assumption(result), every),
+        advice=advice,
+        command=command,
+        synthetic=result.synthetic and "synthetic" not in result.title.lower(),
+    )
+
+
+def with_values(
+    summary: Summary,
+    every: Mapping[str, Estimate],
+    line: SweepLine | None = None,
+    same: Mapping[str, str] = MappingProxyType({}),
+    *,
+    withdrawn: bool = True,
+) -> tuple[Summary, dict[str, Estimate]]:
+    """A first screen with its values, and the values that are not determined.
+
+    Args:
+        summary: with its title and status.
+        every: value by name, in the order in which they are printed.
+        line: of the sweep alone, which may determine a value better than the fit.
+        same: other names of values, with the name under which each is printed.
+        withdrawn: whether values that are withdrawn are listed with their reason.
+    """
     values, limits = [], []
     for name, found in every.items():
         others = (name, *(other for other, first in same.items() if first == name))
-        printed = _value(name, found, result.line, tuple(map(sign, others)))
+        printed = _value(name, found, line, tuple(map(sign, others)))
         if printed is not None:
             values.append(printed)
         elif found.status in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
@@ -120,26 +155,26 @@ def summary_of(result: Result) -> Summary:
     remarks = {value.remark for value in values}
     errors = f"{remarks.pop()}; no profile" if remarks == {REMARKS[Verdict.LINEARISED]} else ""
     values = [replace(value, remark="") for value in values] if errors else values
-    urgent = _urgent(result)
-    advice, command = next_step(result, left)
-    return Summary(
-        title=result.title,
-        status=status_words(result),
+    made = replace(
+        summary,
         values=tuple(values),
         limits=tuple(limits),
         unconstrained=_unconstrained(left),
-        unknown=_unknown(left, withdrawn=result.status == "converged"),
+        unknown=_unknown(left, withdrawn=withdrawn),
         errors=errors,
-        external=tuple(test.sentence for test in result.external),
-        warnings=tuple(_with_signs(text, every) for text in dict.fromkeys(map(sentence, urgent)))[
-            :MOST_WARNINGS
-        ],
-        more=max(len(urgent) - MOST_WARNINGS, 0),
-        assumption=_with_signs(_assumption(result), every),
-        advice=advice,
-        command=command,
-        synthetic=result.synthetic and "synthetic" not in result.title.lower(),
     )
+    return made, left
+
+
+def warnings_of(urgent: Iterable[Finding], names: Iterable[str]) -> tuple[str, ...]:
+    """The first warnings, each once, with the symbols of values.
+
+    Args:
+        urgent: errors and warnings, the most important first.
+        names: of the values.
+    """
+    texts = dict.fromkeys(map(sentence, urgent))
+    return tuple(_with_signs(text, names) for text in texts)[:MOST_WARNINGS]
 
 
 def _with_signs(text: str, names: Iterable[str]) -> str:
@@ -250,9 +285,9 @@ def _unknown(left: Mapping[str, FittedEstimate], *, withdrawn: bool) -> tuple[st
     return tuple(f"{listed(names)} ({why})" for why, names in groups.items())
 
 
-def _urgent(result: Result) -> list[Finding]:
+def _urgent(findings: Iterable[Finding]) -> list[Finding]:
     """Errors and warnings that the screen does not express otherwise, causes first."""
-    found = [f for f in result.findings if f.severity != "note" and f.kind not in EXPRESSED]
+    found = [f for f in findings if f.severity != "note" and f.kind not in EXPRESSED]
     return sorted(found, key=lambda f: f.kind not in CAUSES)
 
 
@@ -420,10 +455,21 @@ def _design_command(result: Result, target: str) -> str:
     words = shlex.split(result.provenance.command)
     if words[:2] != ["fmu-fit", "reconstruct"]:
         return ""
-    made = ["fmu-fit", "design", *_before_options(words[2:])]
-    if "--out" in words[:-1]:
-        made += ["--at", f"{words[words.index('--out') + 1]}/result.json"]
-    return shlex.join([*made, "--target", target])
+    at = f"{words[words.index('--out') + 1]}/result.json" if "--out" in words[:-1] else ""
+    return design_command(_before_options(words[2:]), at, target)
+
+
+def design_command(campaigns: Sequence[str], at: str, target: str) -> str:
+    """`fmu-fit design` for some campaigns.
+
+    Args:
+        campaigns: their files.
+        at: a fit to start from; empty: none.
+        target: a value that is to be determined.
+    """
+    return shlex.join(
+        ["fmu-fit", "design", *campaigns, *(["--at", at] if at else []), "--target", target]
+    )
 
 
 def _before_options(words: Sequence[str]) -> list[str]:
@@ -440,7 +486,7 @@ def summary_lines(summary: Summary) -> list[str]:
     Args:
         summary: of a reconstruction.
     """
-    return screen("summary", s=summary)
+    return printed_lines("summary", "screen", summary)
 
 
 def result_lines(result: Result) -> list[str]:

@@ -180,23 +180,3 @@ def markdown(study: Study) -> str:
     lines += [f"Cost: {study.cost_kind} time.", ""]
     tables = choice_tables(study).items()
     return "\n".join([*lines, *markdown_lines((f"{q[0].upper()}{q[1:]}", t) for q, t in tables)])
-
-
-def terminal(study: Study) -> list[str]:
-    """The tables in lines of text.
-
-    Args:
-        study: errors and costs of every setting.
-    """
-    lines = [f"{study.title}: accuracy against cost ({study.description})", ""]
-    for quantity, made in choice_tables(study).items():
-        lines.append(quantity)
-        for row in made.rows:
-            wanted, setting, error, cost, *planned = (cell.text for cell in row)
-            lines.append(f"  {wanted:>6}: {cost:>9}  error {error:9}  {setting}")
-            if planned and planned[2] != "–":
-                setting, error, cost, ratio = planned
-                times = "" if ratio == "–" else f" ({ratio} times the cheapest)"
-                lines.append(f"{'plan':>8}  {cost:>9}  error {error:9}  {setting}{times}")
-        lines.append(f"  {made.note}")
-    return lines

@@ -88,14 +88,12 @@ class Verdict(StrEnum):
 
 
 def in_boxes(names: Sequence[str]) -> str:
-    """What a verdict holds under: " in the boxes of d1 and d2"; empty where it rests on no box.
+    """What a status is conditional on: " within the bounds of d1 and d2"; empty without any.
 
     Args:
-        names: of the parameters beyond whose boxes the data may say otherwise.
+        names: of the parameters beyond whose bounds the data may allow other values.
     """
-    if not names:
-        return ""
-    return f" in the {'box' if len(names) == 1 else 'boxes'} of {listed(names)}"
+    return f" within the bounds of {listed(names)}" if names else ""
 
 
 class OldNames:

@@ -21,6 +21,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 MANY = 1e5
 #: Share of the upper end of a range below which its lower end is printed as zero.
 NOTHING = 1e-6
+#: Times up to so many seconds are printed in a unit of so many.
+TIMES = ((120.0, "s", 1.0), (7200.0, "min", 60.0), (math.inf, "h", 3600.0))
 #: Functions of `fitting.text.notation` that every template knows by their names.
 FUNCTIONS = (
     notation.bound,
@@ -65,7 +67,7 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
     )
     made.tests["finite"] = math.isfinite
     made.globals.update({function.__name__: function for function in FUNCTIONS})
-    for function in (limit_words, range_words, sized, with_prefix):
+    for function in (duration, limit_words, range_words, sized, two_digits, with_prefix):
         made.globals[function.__name__] = function
     return made
 
@@ -140,3 +142,26 @@ def limit_words(value: float, unit: str, *, up: bool = True) -> str:
     """
     factor, shown = notation.prefixed(abs(float(f"{value:.3g}")), unit)
     return f"{notation.bound(value / factor, 3, up=up)} {shown}".strip()
+
+
+def duration(seconds: tuple[float, float]) -> str:
+    """A range of times in the unit that suits it: "2 to 3 min".
+
+    Args:
+        seconds: least and most, s.
+    """
+    low, high = seconds
+    unit, size = next((unit, size) for limit, unit, size in TIMES if high < limit)
+    return f"{two_digits(low / size)} to {two_digits(high / size)} {unit}"
+
+
+def two_digits(value: float) -> str:
+    """A count of two significant digits, without an exponent: "1,200".
+
+    Args:
+        value: at least zero.
+    """
+    if value <= 0.0:
+        return "0"
+    place = 1 - math.floor(math.log10(value))
+    return f"{round(value, place):,.{max(0, place)}f}"

@@ -19,7 +19,7 @@ from fitting.fit.objective import Objective
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.inference.verdicts import WAS_CUT
 from fitting.measurements.measurement import Evaluation, Response
-from fitting.report.words.inference import open_values_sentence
+from fitting.report.screen import phrase
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import OutOfBudget
@@ -141,9 +141,9 @@ def test_what_is_not_known_is_not_told_with_what_is_not_determined() -> None:
     own = parameter("a", 1.0, 20.0, start=6.0)
     found = learnt(whitened(lambda x: np.full(3, (x[0] - 5.0) / (0.3 * math.sqrt(3.0))), own))
     assert found.parameters["a"].ci95 == pytest.approx((5.0 - 0.3 * Z95, 5.0 + 0.3 * Z95), rel=1e-3)
-    assert not re.search(r"\ba\b", open_values_sentence(found))
+    assert not re.search(r"\ba\b", phrase("knowledge", "left", found))
     cut = {"a": replace(found.parameters["a"], status=Verdict.UNKNOWN)}
-    said = open_values_sentence(replace(found, parameters=cut))
+    said = phrase("knowledge", "left", replace(found, parameters=cut))
     assert re.search(r"[Kk]nown.*\ba\b", said)
     assert "determine" not in said
 

@@ -126,12 +126,12 @@ def test_a_dry_run_writes_nothing(
     words = ("reconstruct", campaign, "--workers", "1", "--dry-run")
     ended, document = told(*words), told(*words, "--json")
     assert (ended.code, document.code) == (0, 0)
-    assert ended.out.startswith("expected: ")
-    assert "2 n + 1 = 13 " in ended.out
+    assert "expected: " in ended.out.splitlines()[0]
+    assert "2 n + 1 = 13 " in " ".join(ended.out.split())
     assert json.loads(document.out)["expected"]["parameters"] == 6
     assert list(tmp_path.iterdir()) == []
     assert "--budget" not in ended.out
-    assert re.search(r"--budget: .*\b500\b", told(*words, "--budget", "500").out)
+    assert re.search(r"--budget .*\b500\b", told(*words, "--budget", "500").out)
 
 
 def test_what_is_no_problem_is_refused() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from fitting.cli.main import main
 from fitting.fmu import read_description
-from fitting.report.words.check import description_lines
+from fitting.report.screen import phrases
 from tests.support.cfmu_build import build_c_fmu, reworded
 from tests.support.processes import Clock
 
@@ -35,7 +35,8 @@ def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -
     assert "eta_plus" not in resets["idle"]
     description = read_description(oscillator_fmu)
     assert description.own_steps.usual_s == 1e-8
-    [needs] = [s for s in description_lines(description) if s.startswith("needsExecutionTool: ")]
+    further = phrases("check", "further", description)
+    [needs] = [s for s in further if s.startswith("needsExecutionTool: ")]
     assert re.findall(r"\d+\.\d+", needs) == ["3.8", "3.13"]  # of libpython
 
 
@@ -58,7 +59,7 @@ def test_a_reset_that_lies_is_told(
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ('unit="N/m" ', 'unit="furlong" ', r"careful: The unit \"furlong\" .* is not defined"),
+        ('unit="N/m" ', 'unit="furlong" ', r"careful: The unit \"furlong\" [\s\S]* is not defined"),
         (
             '<InitialUnknowns><Unknown index="5"/>',
             "<InitialUnknowns>",
@@ -70,7 +71,7 @@ def test_rules_broken_are_told_by_how_much_they_matter(
     before: str, after: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It runs all the same: no error of this command."""
-    assert main(["check", str(reworded(build_c_fmu(tmp_path), {before: after}))]) == 0
+    assert main(["check", str(reworded(build_c_fmu(tmp_path), {before: after})), "--verbose"]) == 0
     told = capsys.readouterr()
     assert re.search(words, told.out)
     assert told.err == ""
@@ -81,13 +82,13 @@ def test_an_fmu_without_outputs_is_seen_by_its_local_variables(
 ) -> None:
     """A force of 1 N at 300 Hz: |x| = 1/|k - m w^2 + i c w| by hand."""
     fmu = reworded(build_c_fmu(tmp_path), {'causality="output"': 'causality="local"'})
-    assert main(["check", str(fmu)]) == 0
+    assert main(["check", str(fmu), "--verbose"]) == 0
     text = capsys.readouterr().out
     assert "4 local variables" in text
-    assert re.search("^displacement +local, .*Real m$", text, re.MULTILINE)
+    assert re.search("^ +displacement +local .*Real .* m$", text, re.MULTILINE)
     drive = ["--input", "force", "--drive", "300 Hz", "--set", "damping=0.2", "--accuracy", "1e-3"]
     assert main(["simulate", str(fmu), *drive, "--out", str(tmp_path / "out")]) == 0
-    told = re.search(r"^displacement: (\S+) m peak", capsys.readouterr().out, re.MULTILINE)
+    told = re.search(r"^ +displacement +(\S+) m peak", capsys.readouterr().out, re.MULTILINE)
     assert told is not None
     w = 2 * math.pi * 300.0
     assert float(told[1]) == pytest.approx(1 / abs(4e3 - 1e-3 * w**2 + 0.2j * w), rel=1e-3)
@@ -120,13 +121,13 @@ def test_the_page_tells_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[s
     fmu = build_c_fmu(tmp_path, marks={"NOISE": 1e-3})
     out = tmp_path / "page"
     assert main(["check", str(fmu), "--report", str(out)]) == 0
-    told = capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
     page = (out / "report.html").read_text("utf-8")
-    [careful] = re.findall("^careful: (outputs repeat to .*)$", told, re.MULTILINE)
-    for words in (careful, "step takes", "DrivenOscillator", "stiffness"):
+    [careful] = re.findall("(outputs repeat to [^,;.]*)", told)
+    for words in (careful, "per step", "DrivenOscillator", "stiffness"):
         assert words in told
         assert words in page
-    assert page.count("step takes") == 1
+    assert page.count("per step,") == 1
     assert "2412.07301" not in page  # no fit was made
     assert "data:image/svg+xml" in page
     assert (out / "figures" / "1_repeats.csv").exists()
@@ -186,9 +187,9 @@ def test_times_take_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     fmu = build_c_fmu(tmp_path)
     assert main(["check", str(fmu), "--step", "2 ms", "--timeout", "0.5 min"]) == 0
     text = capsys.readouterr().out
-    assert "step of 0.002 s" in text
+    assert "step of 2 ms" in text
     assert "needsExecutionTool" not in text
-    once = description_lines(read_description(build_c_fmu(tmp_path, once=True)))
+    once = phrases("check", "further", read_description(build_c_fmu(tmp_path, once=True)))
     assert any(line.startswith("canBeInstantiatedOnlyOncePerProcess: ") for line in once)
 
 

@@ -55,7 +55,7 @@ def test_each_way_keeps_its_branch_up_to_the_jump_of_averaging(
     said = capsys.readouterr().out
     jumps = {
         way: (float(at), float(within))
-        for way, at, within in re.findall(r"(\w+)ward jump: (\S+) Hz \+- (\S+) Hz", said)
+        for way, at, within in re.findall(r"(\w+)ward: (\S+) ± (\S+) Hz", said)
     }
     eps = abs(strength) / 200.0
     for way, fold in (("down", ends[0]), ("up", ends[1])):
@@ -111,7 +111,7 @@ def test_a_linear_fmu_has_one_curve_and_it_is_the_closed_form(
     said = capsys.readouterr().out
     assert "hysteresis" not in said
     assert "A2 = 0: u2 " in said
-    assert "wanted 1.0e-04" in said
+    assert "requested 1.0e-04" in said
 
 
 def test_one_way_and_the_time_that_is_found(swift_fmu: Path, tmp_path: Path) -> None:

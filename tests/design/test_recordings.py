@@ -20,7 +20,7 @@ from fitting.cli.main import main
 from fitting.design.candidates import Limits, TraceLimits
 from fitting.design.information import Place, Series
 from fitting.design.recordings import RecordingsToSimulate, recording_choices, traces_of
-from fitting.report.words.design import design_lines
+from fitting.report.screens import design_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
 from tests.support.demodulated import demodulated

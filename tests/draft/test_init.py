@@ -102,7 +102,7 @@ def test_a_lock_in_file_alone_becomes_a_campaign_that_finds_the_truth(
     written = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))
     assert ("complex_sweep" if phases else "sweep") in written
     assert written["observe"]["output"] == "readout"
-    assert "next: " in capsys.readouterr().out
+    assert "  next " in capsys.readouterr().out
 
 
 SPLIT, NARROW, SHARE = 60.0, 15.0, -0.7
@@ -247,7 +247,7 @@ def test_no_fit_is_promised_of_what_the_fmu_does_not_describe(
     rough = np.sqrt(power) + noise(F.size, 1e-3, 1).real
     file = write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough)
     assert main(["init", str(file), "--out", str(tmp_path / "o"), "--yes"]) == 0
-    assert "next: " not in capsys.readouterr().out
+    assert "  next " not in capsys.readouterr().out
     campaign = str(tmp_path / "o" / "campaign.toml")
     quick = ["--quick", "--no-report", "--no-profiles", "--out", str(tmp_path / "r")]
     assert main(["reconstruct", campaign, *quick]) == 4
@@ -358,7 +358,7 @@ def test_an_fmu_alone_gives_a_skeleton_that_tells_what_is_missing(
 ) -> None:
     out = tmp_path / "skeleton"
     assert main(["init", str(cantilever), "--out", str(out), "--yes"]) == 0
-    assert "missing: a measurement" in capsys.readouterr().out
+    assert "a measurement;" in capsys.readouterr().out
     path = out / "campaign.toml"
     text = path.read_text("utf-8")
     written = tomllib.loads(text)

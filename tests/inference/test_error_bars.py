@@ -20,10 +20,10 @@ from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import infer
 from fitting.report.published import write_values
 from fitting.report.screen import phrase
+from fitting.report.screens import calibration_lines
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
 from fitting.report.table import table as table_of
-from fitting.report.words.calibration import calibration_lines
 from fitting.result.calibration import Calibration, Handed
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import EVEN, ErrorBars, error_bars
@@ -175,8 +175,8 @@ def test_a_value_that_is_handed_on_takes_its_sides_into_the_unit_of_the_fmu() ->
         status=Verdict.DETERMINED,
     )
     found = Calibration(parameters=(handed,), campaign_values={}, settings={}, open_settings={})
-    [line] = calibration_lines(found)
-    assert line.replace("\u00a0", " ").endswith("d1 = 0.0940 +0.0128 −0.0089 kHz")
+    line = calibration_lines("a fit", found, ())[1]
+    assert line.replace("\u00a0", " ").endswith("d1 = 0.0940 +0.0128 -0.0089 kHz")
 
 
 def test_sides_take_the_unit_and_the_power_of_ten_of_their_value() -> None:

@@ -12,7 +12,7 @@ import pytest
 from fitting.campaign.parameters import Parameter
 from fitting.inference.likelihood.knowledge import Determined, Scan
 from fitting.inference.likelihood.outside import CUT
-from fitting.report.words.inference import knowledge_lines
+from fitting.report.screen import phrase
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
 from tests.support.whitened import Z95, learnt, parameter, whitened
@@ -433,8 +433,8 @@ def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit
     assert a > known.parameters["a"].ci95[1]
     assert known.parameters["a"].active_bounds == ("d",)
-    line = next(line for line in knowledge_lines(known) if line.startswith("  a: "))
-    assert "box of d" in line
+    line = phrase("knowledge", "profile", "a", known.parameters["a"])
+    assert "bounds of d" in line
 
 
 def test_an_exchange_beyond_the_box_is_called_one() -> None:

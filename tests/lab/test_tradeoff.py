@@ -31,7 +31,8 @@ from fitting.lab.tradeoff.records import COHERENT, Cost, Measurement, Setting, S
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import SENSOR, STRING, STRING_TONES, scene_named
 from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study
-from fitting.report.tradeoff import markdown, page_of, terminal
+from fitting.report.screens import tradeoff_lines
+from fitting.report.tradeoff import markdown, page_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import reference
@@ -317,7 +318,7 @@ def test_what_may_still_come_is_not_told_as_missed(
     setting = Setting(quantity=AMPLITUDES, solver="exact", window_s=1.0, samples=8)
     rough = Measurement(setting=setting, error=1e-3, cost=Cost(seconds=1.0, cpu_s=1.0, repeats=1))
     half = halfway(rough, replace(rough, planned_for=1e-2), status=status)
-    shown = "\n".join(terminal(half))
+    shown = "\n".join(tradeoff_lines(half))
     assert wanted[0] in shown
     for text in (shown, markdown(half), repr(page_of(half, ()))):
         assert not any(words in text for words in unwanted)

@@ -17,7 +17,7 @@ from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.report.figures import measurements as measurement
-from fitting.report.words.identification import identification_lines
+from fitting.report.screens import identification_lines
 from fitting.text.errors import BadInput
 from fitting.text.estimate import Verdict
 from tests.support.pumped_line import SidebandLine
@@ -88,9 +88,9 @@ def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.
         derived=part.derived,
         knowledge=part.knowledge,
     )
-    said = "\n".join(identification_lines(replace(whole, part=both)))
+    said = " ".join(" ".join(identification_lines(replace(whole, part=both))).split())
     assert "depth = 0 (2 of 4 places)" in said
-    assert re.search(r"theta, d1, d2\b.*lambda12 ", said)  # both ends of their ranges
+    assert re.search(r"range of theta, d1, d2\b.*lambda12 ", said)  # both ends of their ranges
     assert re.search(r"4 places .*theta, d1, d2\b", said)
 
 

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 
 from fitting.design.result import design_csv
 from fitting.report.design import proposal_table
-from fitting.report.words.design import design_lines
+from fitting.report.screens import design_lines
 from tests.support import plot_records
 from tests.support import plots as plot
 

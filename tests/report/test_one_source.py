@@ -10,7 +10,6 @@ import pytest
 from fitting.report.published import rows_of
 from fitting.report.same_values import same_values
 from fitting.report.screen import phrase
-from fitting.report.words.inference import profile_words
 from fitting.result.assembly import result_of
 from fitting.result.result import Result
 from fitting.text.estimate import OutputEstimate, ParameterEstimate, Verdict
@@ -64,7 +63,11 @@ def test_the_bounds_that_a_verdict_rests_on_are_named_everywhere(
     )
     [(row, _)] = rows_of(replace(result, parameters={"theta": found}, derived={}, line=None))
     status = f"{row.status}{row.condition}"
-    for text in (status, phrase("values", "verdict", found), profile_words(found)):
+    for text in (
+        status,
+        phrase("values", "verdict", found),
+        phrase("knowledge", "profile", found.name, found),
+    ):
         assert "d1" in text
         assert "d2" in text
 

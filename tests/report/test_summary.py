@@ -193,7 +193,7 @@ def test_what_holds_only_under_an_assumption_is_warned_of(result: Result) -> Non
 def test_a_verdict_that_rests_on_boxes_names_them_wherever_it_stands(result: Result) -> None:
     found = replace(result.parameters["d1"], active_bounds=("d2", "theta"))
     there = replace(result, parameters={**result.parameters, "d1": found})
-    where = "in the boxes of d2 and theta"
+    where = "within the bounds of d2 and theta"
     [shown] = [v for v in summary_of(there).values if v.name == "d1"]
     assert shown.remark == where
     for table in (

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import fitting as ff
-from fitting.report.words.simulation import unsteady_line
+from fitting.report.screens import unsteady_words
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.knowledge import Knowledge
@@ -49,7 +49,7 @@ def test_a_sideband_of_a_pump_is_named(modes: ff.Fmu) -> None:
     sideband = modes.sideband(response)
     assert sideband is not None
     assert (sideband.tone, sideband.parameter) == ("u1", "pump_hz")
-    said = unsteady_line(response, sideband, list(modes.variables))
+    said = unsteady_words(response, sideband, list(modes.variables))
     assert f"u1 {sideband.sign} pump_hz = " in said
     assert said.endswith("readout_at_u1")
 
@@ -73,7 +73,7 @@ def test_a_mode_that_rings_for_hours_is_a_free_oscillation(swift_fmu: Path) -> N
         # it began at rest: the free oscillation cancels the driven one at time zero
         assert response.beside.share == pytest.approx(1.0, abs=0.2)
         assert fmu.sideband(response) is None
-        said = unsteady_line(response, None, list(fmu.variables))
+        said = unsteady_words(response, None, list(fmu.variables))
     assert "no combination of u1" in said
     assert "pump" not in said
 

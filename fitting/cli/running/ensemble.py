@@ -16,8 +16,9 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import complaints_of_options
 from fitting.cli.words.values import bounded_number, default_workers
-from fitting.report.ensemble import document, terminal
-from fitting.report.words.cost import cost_lines, time_words
+from fitting.report.ensemble import document
+from fitting.report.screen import printed_lines
+from fitting.report.screens import ensemble_lines
 from fitting.result.ensemble import FINISHED
 from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
@@ -55,15 +56,15 @@ def fit_all(args: argparse.Namespace) -> int:
         files = ff.write_ensemble(found, args.out, drawn=drawn)
     remove_earlier(args.out, ("fmu/*.fmu",))
     hand_over(args, document(found))
-    if args.resume and last:
-        print(f"{last[-1].resumed} finished items found")
-    print("\n".join(terminal(found)))
-    print(f"\nwritten: {', '.join(str(path) for path in files)}")
-    if found.status != FINISHED:
-        print(f"{found.status}: {found.message}")
-        print(f"go on with: {command_again(args)}")
-        return 1
-    return 1 if found.failures else 0
+    ended = found.status == FINISHED
+    lines = ensemble_lines(
+        found,
+        files,
+        resumed=last[-1].resumed if args.resume and last else 0,
+        again="" if ended else command_again(args),
+    )
+    print(*lines, sep="\n")
+    return 1 if found.failures or not ended else 0
 
 
 def tell_cost(args: argparse.Namespace) -> int:
@@ -89,26 +90,13 @@ def tell_cost(args: argparse.Namespace) -> int:
             done = finished_items(_of(args), args.fmu, _options(args), args.out, folder)
     hand_over(args, cost)
     left = count - done
-    if not left:
-        print(f"{count} items, all of them finished: nothing is left to do")
-        return 0
-    print(f"{_counted(count, done)} each about as the first:")
-    print(*cost_lines(cost.seconds, cost.runs, cost.expected), sep="\n")
-    if args.value:
-        print("profiles of fewer values take less")
-    if args.scheduler is None:
+    whole, workers = None, 1
+    if left and args.scheduler is None:
         workers = min(args.workers or default_workers(), left)
-        whole = (left * cost.seconds[0] / workers, left * cost.seconds[1] / workers)
-        place = "one process" if workers == 1 else f"{workers} processes"
-        print(f"all {'that are left' if done else 'of them'} on {place}: {time_words(whole)}")
+        whole = tuple(left * seconds / workers for seconds in cost.seconds)
+    fewer = bool(args.value)
+    print(*printed_lines("cost", "ensemble", cost, count, done, fewer, whole, workers), sep="\n")
     return 0
-
-
-def _counted(count: int, done: int) -> str:
-    """How many items there are, and how many of them are still to do."""
-    if not done:
-        return f"{count} items,"
-    return f"{count} items, {done} of them finished; the other {count - done},"
 
 
 def _of(args: argparse.Namespace) -> ff.Laboratories | list[Path]:

@@ -16,8 +16,8 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import flag
 from fitting.cli.words.earlier_fit import fit_at
-from fitting.report.posterior import posterior_lines
-from fitting.report.words.cost import time_words
+from fitting.report.screen import printed_lines
+from fitting.report.screens import posterior_lines
 from fitting.result.result import Result
 from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
@@ -56,13 +56,12 @@ def draw(args: argparse.Namespace, out: Path) -> int:
         files = ff.write_posterior(found, out, drawn=not args.no_report)
     remove_earlier(out, ("fmu/*.fmu",))
     hand_over(args, found.summary)
-    print("\n".join(posterior_lines(found.summary)))
-    print(f"\nwritten: {', '.join(str(path) for path in files)}")
-    if found.status == "converged":
-        return 0
+    done = found.status == "converged"
     enough = args.steps if found.summary.steps < args.steps else 4 * args.steps
-    print(f"go on with: {command_again(args, steps=enough)}")
-    return 1
+    again = "" if done else command_again(args, steps=enough)
+    lines = posterior_lines(found.summary, files, again=again, verbose=args.verbose)
+    print(*lines, sep="\n")
+    return 0 if done else 1
 
 
 def tell_cost(args: argparse.Namespace) -> int:
@@ -85,16 +84,7 @@ def tell_cost(args: argparse.Namespace) -> int:
         tell("planning")
         found = ff.posterior_cost(ff.Problem.of(campaigns, fmu), at, asked)
     hand_over(args, found)
-    least, most = found.evaluations
-    minima = "one minimum" if found.minima == 1 else f"{found.minima} minima"
-    print(
-        f"expected: {time_words(found.seconds)}, {least:,} to {most:,} evaluations of the model at "
-        f"most, of {found.walkers} walkers that begin at {minima}"
-    )
-    print(
-        f"measured: {1e3 * found.seconds_each:.3g} ms an evaluation, where the walkers begin; "
-        "points outside of the box cost nothing"
-    )
+    print(*printed_lines("cost", "posterior", at.title, found), sep="\n")
     return 0
 
 

@@ -25,9 +25,8 @@ from fitting.cli.running.remaining import Remaining, counted
 from fitting.cli.words.again import command_again
 from fitting.cli.words.drive import flag
 from fitting.report.details import detail_lines
-from fitting.report.screen import line_item
+from fitting.report.screen import line_item, printed_lines
 from fitting.report.summary import result_lines
-from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
@@ -165,13 +164,10 @@ def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
             bootstrap=args.bootstrap or 0,
         )
     hand_over(args, found)
-    print(*cost_lines(found.seconds, found.runs, found.expected), sep="\n")
     budget = args.budget or usual_budget(found.runs_each)
-    if not args.no_profiles and budget < found.runs[1]:
-        print(f"--budget: profiles end at about {budget:,} runs, whatever they need")
-    planning = (found.planning_runs, found.planning_s)
-    each = (found.runs_each, found.seconds_each)
-    print(*measured_lines(planning, each, found.workers, found.memory_bytes), sep="\n")
+    shown = budget if not args.no_profiles and budget < found.runs[1] else 0
+    title = problem.record.title
+    print(*printed_lines("cost", "reconstruct", title, found, shown, args.verbose), sep="\n")
     return 0
 
 

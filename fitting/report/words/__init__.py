@@ -1,1 +1,0 @@
-"""Sentences of terminal and report, by subject: verdicts, settings, plans, agreement."""
