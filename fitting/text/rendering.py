@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitting.text import notation
+from fitting.text.controls import spelled_out
 from fitting.text.once import made_once
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
         keep_trailing_newline=True,
     )
     made.tests["finite"] = math.isfinite
+    made.filters["spelled_out"] = spelled_out
     made.globals.update({function.__name__: function for function in FUNCTIONS})
     for function in (duration, limit_words, range_words, sized, two_digits, with_prefix):
         made.globals[function.__name__] = function
