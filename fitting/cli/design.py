@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="further campaigns of the same FMU and parameters that have been measured",
     )
     parser.add_argument("--out", type=Path, help="folder for results (out/next_<its folder>)")
-    add_at(parser, "a fit to set out from (the fit nearest to the references)")
+    add_at(parser, "a fit to start from (the fit nearest to the priors)")
     parser.add_argument(
         "--candidates",
         type=Path,
@@ -117,7 +117,7 @@ def _ways(
 
     limits = {path.stem: path for path in args.candidates}
     if len(limits) < len(args.candidates):
-        raise ff.BadInput("--candidates: two files of one name, by which the kinds are told apart")
+        raise ff.BadInput("--candidates: two files of one name, which distinguishes the kinds")
     for name in limits:  # of what cannot be written there it is complained now
         with results_folder(_out(args) / name, NAME, DESIGN_FILES):
             pass

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--like",
         type=Path,
         metavar="CAMPAIGN.toml",
-        help=f"virtual laboratories as this synthetic campaign, with the {TRUTH_NAME} beside it",
+        help=f"virtual laboratories like this synthetic campaign, with its {TRUTH_NAME}",
     )
     parser.add_argument(
         "--laboratories",
@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ADDRESS",
         help="a dask scheduler whose workers do the items, as tcp://10.0.0.1:8786",
     )
-    parser.add_argument("--resume", action="store_true", help="go on from the finished items")
+    parser.add_argument("--resume", action="store_true", help="continue from the finished items")
     parser.add_argument(
         "--fmu",
         metavar="FMU",
@@ -86,13 +86,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument(
-        "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
+        "--no-profiles", action="store_true", help="1σ from the covariance; no profiles"
     )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
     parser.add_argument(
         "--dry-run",
         action="store_true",
-        help="only tell what it will cost, by the plan of the first item; nothing is written",
+        help="only print the expected cost, by the plan of the first item; nothing is written",
     )
 
 

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument("campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file")
     parser.add_argument("--out", type=Path, help="folder for results (out/identify_<its folder>)")
-    add_at(parser, "a fit to set out from (the campaign's start and reference values)")
+    add_at(parser, "a fit to start from (the campaign's start and reference values)")
     parser.add_argument(
         "--expected",
         action="store_true",
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--budget",
         type=whole_number(1),
         metavar="N",
-        help="about so many runs of the FMU; values whose search they cut say so "
+        help="about so many runs of the FMU; incomplete searches are marked "
         f"({BUDGET:,}, or {EVALUATIONS:,} evaluations where these take more)",
     )
     parser.add_argument(

@@ -1,6 +1,6 @@
 """``fmu-fit init``: a commented campaign that runs as it is, from files of measurements and an FMU.
 
-What no file tells is asked on a terminal; options tell it beforehand, and --yes takes the defaults.
+What no file contains is asked on a terminal, unless options give it; --yes takes the defaults.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--kind",
         choices=("noise", "sweep"),
-        help="amplitudes over frequency are noise that nobody drove, or a sweep (unit, name and "
-        "scatter tell it)",
+        help="amplitudes over frequency are noise, or a driven sweep (default: by unit, name and "
+        "scatter)",
     )
     parser.add_argument(
         "--demodulated-at",
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--output",
         metavar="[COLUMN=]NAME",
-        help="output of the FMU that is seen; of a recording over time its column, too, as y=x",
+        help="observed output of the FMU; of a recording over time its column, too, as y=x",
     )
     add_interface(parser)
     parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--to", dest="high", metavar="F", help='last frequency, as "30.3 kHz", or last time'
     )
     parser.add_argument(
-        "--wiring", choices=WIRINGS, help="what stands beside the line (found by comparing)"
+        "--wiring", choices=WIRINGS, help="background of the line (selected by AIC)"
     )
     parser.add_argument(
         "--demodulated-at",
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--kind",
         choices=KINDS,
-        help="of a file over frequency: a noise spectrum or a sweep (told by unit and name)",
+        help="of a file over frequency: a noise spectrum or a sweep (default: by unit and name)",
     )
     add_columns(parser, over_time=True)
     parser.add_argument(

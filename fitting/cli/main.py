@@ -192,7 +192,7 @@ def _complain(error: object, code: int) -> int:
     for complaint in complaints[:MOST_COMPLAINTS]:
         print(f"fmu-fit: {_in_a_line(str(complaint))}", file=sys.stderr)
     if len(complaints) > MOST_COMPLAINTS:
-        print(f"fmu-fit: and {len(complaints) - MOST_COMPLAINTS} more complaints", file=sys.stderr)
+        print(f"fmu-fit: and {len(complaints) - MOST_COMPLAINTS} more errors", file=sys.stderr)
     return code
 
 

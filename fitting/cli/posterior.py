@@ -1,4 +1,4 @@
-"""``fmu-fit posterior``: draws from the posterior of a fit, for those who want one."""
+"""``fmu-fit posterior``: draws from the posterior of a fit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_at(
         parser,
-        "the fit of these campaigns: walkers begin at all minima that it knows",
+        "the fit of these campaigns: walkers start at all of its minima",
         required=True,
     )
     parser.add_argument("--out", type=Path, help="folder for results (out/posterior_<its folder>)")
@@ -57,13 +57,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_isolate(parser)
     parser.add_argument(
-        "--resume", action="store_true", help=f"go on with the {CHAIN_FILE} in the folder"
+        "--resume", action="store_true", help=f"continue the {CHAIN_FILE} in the folder"
     )
     parser.add_argument("--no-report", action="store_true", help="neither figure nor report.html")
     parser.add_argument(
         "--dry-run",
         action="store_true",
-        help="only tell how many evaluations it takes, and how long; nothing is written",
+        help="only print the expected evaluations and time; nothing is written",
     )
 
 

@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
     )
     add_isolate(parser)
-    parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
+    parser.add_argument(
+        "--resume", action="store_true", help="continue after the last finished level"
+    )
     parser.add_argument(
         "--accuracy",
         type=relative_accuracy("--accuracy"),
@@ -70,13 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument(
-        "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
+        "--no-profiles", action="store_true", help="1σ from the covariance; no profiles"
     )
     parser.add_argument(
         "--budget",
         type=whole_number(1),
         metavar="N",
-        help="about so many runs of the FMU for profiles; values whose search they cut say so "
+        help="about so many runs of the FMU for profiles; incomplete searches are marked "
         f"({BUDGET:,}, or {EVALUATIONS:,} evaluations where these take more)",
     )
     parser.add_argument(
@@ -95,7 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dry-run",
         action="store_true",
-        help="only tell what it will cost: runs, seconds, memory; nothing is written",
+        help="only print the expected cost: runs, seconds, memory; nothing is written",
     )
 
 

@@ -64,7 +64,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="held steps of --input in a period (100)",
     )
     parser.add_argument(
-        "--settle", type=time_to_settle, metavar="TIME", help="time before sampling (found)"
+        "--settle",
+        type=time_to_settle,
+        metavar="TIME",
+        help="time before sampling (default: until steady)",
     )
     parser.add_argument(
         "--window",
@@ -84,7 +87,7 @@ def _add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         "--accuracy",
         type=relative_accuracy("--accuracy"),
         help="wanted relative accuracy of the amplitudes at the tones: plans settling, window, "
-        "solver and model, and says what it may be off by (1e-6)",
+        "solver and model, and prints the error that is admitted (1e-6)",
     )
     parser.add_argument("--plan", action="store_true", help="only print the plan")
     for name, what in (("force", "take"), ("forbid", "do not take")):

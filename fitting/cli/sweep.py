@@ -54,7 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tone", default="u1", help="tunable FMU parameter that is moved (u1)")
     parser.add_argument("--output", help="output to read (the first continuous one)")
     parser.add_argument(
-        "--settle", type=time_to_settle, metavar="TIME", help="time at each point (found)"
+        "--settle",
+        type=time_to_settle,
+        metavar="TIME",
+        help="time at each point (default: until steady)",
     )
     parser.add_argument(
         "--accuracy",

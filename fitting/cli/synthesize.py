@@ -35,13 +35,13 @@ MODE_OPTIONS = {
 }
 #: option of the string driven hard -> (field of its cubic terms, what it is)
 CUBIC_OPTIONS = {
-    "alpha1": ("alpha1", "duffing: cubic coefficient of the first mode, 1/(m^2 s^2)"),
-    "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m^2 s^2)"),
-    "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m^2 s^2)"),
+    "alpha1": ("alpha1", "duffing: cubic coefficient of the first mode, 1/(m²·s²)"),
+    "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m²·s²)"),
+    "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m²·s²)"),
 }
 LEVEL_OPTIONS = {
-    "level": ("level", "duffing: strongest drive of each tone, the others in proportion, m/s^2"),
-    "weak-level": ("weak_level", "duffing: drive of the sweep that sets the scale, m/s^2"),
+    "level": ("level", "duffing: strongest drive of each tone, the others in proportion, m/s²"),
+    "weak-level": ("weak_level", "duffing: drive of the sweep that sets the scale, m/s²"),
 }
 OPTIONS = {**BENCH_OPTIONS, **MODE_OPTIONS, **CUBIC_OPTIONS, **LEVEL_OPTIONS}
 
@@ -54,15 +54,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=(*SERIES, *CURVES),
         help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
         "under a parametric pump, swept under a pump at the distance of the modes and at half of "
-        "it, one mode as a network analyser sees it, spectra over a "
-        "voltage, or a string over time: let go, under a chirp, let go behind a lock-in, or seen "
-        "by an analyser of zero span",
+        "it, one mode measured by a network analyser, spectra over a "
+        "voltage, or a string over time: let go, under a chirp, let go behind a lock-in, or "
+        "measured by an analyser of zero span",
     )
     kind.add_argument(
         "--like",
         type=Path,
         metavar="CAMPAIGN.toml",
-        help=f"a synthetic campaign; its {TRUTH_NAME} beside it is the truth again",
+        help=f"a synthetic campaign; the {TRUTH_NAME} in its folder is the truth again",
     )
     kind.add_argument(
         "--plan",

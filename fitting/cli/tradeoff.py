@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for results")
     parser.add_argument("--quick", action="store_true", help="a coarse grid")
-    parser.add_argument("--resume", action="store_true", help="go on from the finished settings")
+    parser.add_argument("--resume", action="store_true", help="continue from the finished settings")
     place = parser.add_mutually_exclusive_group()
     place.add_argument(
         "--workers",

@@ -37,7 +37,7 @@ MOST_EXPLAINED = 1e-7
 #: Of a map, noise of one size is drawn so often for what it does to errors by chance; the seed.
 DRAWS, SEED = 400, 20
 #: What residuals do that are not noise of one size, as all sentences say it.
-TOGETHER, UNEQUAL = "are correlated", "are of unequal size"
+TOGETHER, UNEQUAL = "are correlated", "are heteroscedastic"
 #: Widening of the errors from which it is told: what would be printed as one is not.
 TOLD = 1.05
 

@@ -144,7 +144,7 @@ def judged(case: Case, ending: Ending) -> list[str]:
         found += [
             f"names nothing: {text[:300]}"
             for text in lines
-            if not text.endswith("more complaints") and not any(w in text for w in case.about)
+            if not text.endswith("more errors") and not any(w in text for w in case.about)
         ]
     elif ending.code == INTERRUPTED or INTERRUPTED in case.codes:
         found += [f"unlike a complaint: {t[:300]}" for t in lines if not t.startswith("fmu-fit: ")]

@@ -13,7 +13,7 @@ from types import FrameType
 
 #: Exit code of a command that was interrupted and had nothing to write.
 INTERRUPTED = 130
-MORE = "fmu-fit: ending, and writing what there is; to be asked once more ends it without"
+MORE = "fmu-fit: ending, and writing the results so far; interrupt once more to end without"
 
 
 class Interrupts:

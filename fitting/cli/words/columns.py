@@ -37,7 +37,7 @@ def add_columns(parser: argparse.ArgumentParser, *, over_time: bool = False) -> 
         parser: of the command.
         over_time: whether a file may hold a recording over time.
     """
-    group = parser.add_argument_group("what the file does not tell")
+    group = parser.add_argument_group("input columns")
     for name, words in ({**COLUMNS, **TIME_COLUMNS} if over_time else COLUMNS).items():
         group.add_argument(f"--{name}", metavar="COLUMN", help=words)
     for name, words in ({**UNITS, **TIME_UNITS} if over_time else UNITS).items():

@@ -17,12 +17,11 @@ from fitting.text.errors import BadInput, did_you_mean
 #: called: the list of all takes no library.
 COMMANDS = {
     "example": "a shipped campaign with all its files, to try and to start from",
-    "line": "one resonance of one file, no campaign: frequency, width, Q with honest errors",
+    "line": "one resonance of one file, no campaign: frequency, FWHM and Q with their errors",
     "init": "a commented campaign that runs as it is, from files of measurements and an FMU",
     "reconstruct": "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a "
     "report",
-    "posterior": "draws from the posterior of a fit, for those who want one: intervals, minima, "
-    "corner figure",
+    "posterior": "draws from the posterior of a fit: intervals, minima, corner figure",
     "identify": "what these data determine, before or after a fit: directions, intervals, verdicts",
     "design": "which measurement next: proposed settings, and how well a value would then be known",
     "simulate": "one drive through an FMU: time trace with beating, spectrum with its peaks",
@@ -39,10 +38,9 @@ COMMANDS = {
 PROGRAM = "fmu-fit"
 #: What the exit codes mean, for --help and the documentation.
 EXIT_CODES = {
-    0: "done, converged, and the model describes the data; values whose search a budget has cut "
-    "say so",
+    0: "done, converged, and the model describes the data; incomplete searches are marked",
     1: "ended without convergence, or before all was done (interrupted, no profiles): results are "
-    "written and say so",
+    "written and marked",
     2: "bad input",
     3: "the FMU failed",
     4: "done, but the model does not describe the data",
@@ -54,7 +52,7 @@ SHIPPED = re.compile(r" (\w+)/campaign\.toml")
 
 
 class Parser(argparse.ArgumentParser):
-    """Complains in one line, like everything else here."""
+    """Reports errors in one line, like everything else here."""
 
     def error(self, message: str) -> NoReturn:
         """Refuse the words of the command line.
@@ -142,22 +140,22 @@ def add_options(parser: argparse.ArgumentParser, command: ModuleType) -> None:
         command: its module.
     """
     command.add_arguments(parser)
-    told = parser.add_argument_group("what is told")
-    loudness = told.add_mutually_exclusive_group()
+    output = parser.add_argument_group("output")
+    loudness = output.add_mutually_exclusive_group()
     loudness.add_argument(
-        "--quiet", action="store_true", help="neither progress nor summary, complaints alone"
+        "--quiet", action="store_true", help="neither progress nor summary, errors alone"
     )
     loudness.add_argument(
         "--verbose",
         action="store_true",
-        help="print all that was found, and a line on stderr for every step of the work",
+        help="print details, and a line on stderr for every step of the work",
     )
-    told.add_argument(
+    output.add_argument(
         "--log", metavar="FILE", help="file to which these lines are added, with their times"
     )
     document = getattr(command, "DOCUMENT", None)
     if document is not None:
-        told.add_argument(
+        output.add_argument(
             "--json",
             action="store_true",
             help=f"{document} as JSON on stdout, and nothing else there",
