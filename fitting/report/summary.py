@@ -127,12 +127,12 @@ def summary_of(result: Result) -> Summary:
 
 def with_values(
     summary: Summary,
-    every: Mapping[str, Estimate],
+    every: Mapping[str, FittedEstimate],
     line: SweepLine | None = None,
     same: Mapping[str, str] = MappingProxyType({}),
     *,
     withdrawn: bool = True,
-) -> tuple[Summary, dict[str, Estimate]]:
+) -> tuple[Summary, dict[str, FittedEstimate]]:
     """A first screen with its values, and the values that are not determined.
 
     Args:
