@@ -32,7 +32,7 @@ from fitting.campaign.binding import (
     free_scale,
 )
 from fitting.campaign.bound import BoundCampaign, SweepData
-from fitting.campaign.file import ContinuationSettings, offset_trouble
+from fitting.campaign.file import offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, MeasuredExperiment, Phases
 from fitting.campaign.noise import Noise
@@ -460,7 +460,6 @@ def _bound_series(
     bound = BoundCampaign(
         title="Data from arrays",
         path=path,
-        synthetic=False,
         setup=setup,
         experiments=tuple(experiments),
         sweep=sweep,
@@ -471,7 +470,6 @@ def _bound_series(
         ),
         derived=tuple(derived),
         alternatives=_alternatives(alternatives, binder),
-        continuation=ContinuationSettings(),
         amplitude_unit=unit,
         notes=tuple(binder.notes),
         files=(),

@@ -18,7 +18,7 @@ from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
 from fitting.campaign.conflicts import check_conflicts, check_tones, with_laws
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
-from fitting.campaign.file import SAMPLES_PER_PERIOD, WrittenCampaign, WrittenDrive
+from fitting.campaign.file import SAMPLES_PER_PERIOD, CampaignHead, WrittenCampaign, WrittenDrive
 from fitting.campaign.kind import labels_of
 from fitting.campaign.laws import Laws
 from fitting.campaign.measured import MeasuredExperiment, Peaks
@@ -137,9 +137,8 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         )
     labels = [*(e.label for e in experiments), *labels_of(further.values())]
     bound = BoundCampaign(
-        title=file.title,
+        **{of.name: getattr(file, of.name) for of in fields(CampaignHead)},
         path=campaign.path,
-        synthetic=file.synthetic,
         setup=setup,
         experiments=experiments,
         sweep=sweep,
@@ -151,7 +150,6 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         ),
         derived=file.derived.outputs,
         alternatives=alternatives,
-        continuation=file.continuation,
         amplitude_unit=campaign.amplitude_unit,
         notes=tuple(binder.notes),
         files=campaign.files,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.file import ContinuationSettings
+from fitting.campaign.file import CampaignHead
 from fitting.campaign.kind import BoundMeasurement
 from fitting.campaign.laws import Law
 from fitting.campaign.measured import MeasuredSweep, Peaks
@@ -90,7 +90,7 @@ class Assumption:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BoundCampaign:
+class BoundCampaign(CampaignHead):
     """A campaign that fits one FMU: every name exists there, every number is in its unit.
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
@@ -100,16 +100,13 @@ class BoundCampaign:
     otherwise.
     """
 
-    title: str
     path: Path
-    synthetic: bool
     setup: Setup
     experiments: tuple[Experiment, ...]
     sweep: SweepData | None
     parameters: tuple[Parameter, ...]
     derived: tuple[str, ...]
     alternatives: tuple[Mapping[str, Scalar], ...]
-    continuation: ContinuationSettings
     amplitude_unit: str
     notes: tuple[str, ...]
     files: tuple[Path, ...]

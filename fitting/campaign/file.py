@@ -692,13 +692,21 @@ class WrittenDesign(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenCampaign(Keys):
-    """Everything the campaign file says; data files are named here, not read."""
+class CampaignHead(Keys):
+    """What a campaign says that holds for it in a file and beside its FMU alike."""
 
     title: Text
     """Heading of the report."""
     synthetic: Switch = False
     """Marks every figure and page "synthetic"."""
+    continuation: ContinuationSettings = ContinuationSettings()
+    """The sequence of fits with less and less regularisation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenCampaign(CampaignHead):
+    """Everything the campaign file says; data files are named here, not read."""
+
     fmu: WrittenFmu
     """The FMU and its start values."""
     observe: WrittenObserve
@@ -730,8 +738,6 @@ class WrittenCampaign(Keys):
     """What else is reported."""
     alternatives: Mapping[str, Values] = field(default_factory=dict)
     """Variable: values to try, in all combinations; the best one is reported."""
-    continuation: ContinuationSettings = ContinuationSettings()
-    """The sequence of fits with less and less regularisation."""
     accuracy: WrittenAccuracy = WrittenAccuracy()
     """How accurately the FMU is to be simulated."""
     design: WrittenDesign = WrittenDesign()

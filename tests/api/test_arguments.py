@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,3 +96,16 @@ def test_numbers_of_numpy_and_lists_pass() -> None:
         ff.Noise(nothing=1)  # type: ignore[call-arg]
     with pytest.raises(ff.BadInput, match="none"):
         ff.Fmu(Path("none.fmu"), workers=whole)
+
+
+def test_records_with_names_of_their_own_for_arguments_are_replaced() -> None:
+    """`bounds` and `amplitude_unit` stay as they were, and what is checked is checked again."""
+    one = ff.Parameter("d1", "0.1 kHz", bounds=("1 Hz", 1000.0), unit="Hz", prior=3.0)
+    other = replace(one, start=5.0)
+    assert (other.start, other.bounds, other.prior) == (5.0, ("1 Hz", 1000.0), 3.0)
+    assert (other.lower, other.upper) == other.bounds
+    assert replace(other, start="0.1 kHz") == one
+    with pytest.raises(ff.BadInput, match=r"start = 2000\.0 lies outside"):
+        replace(one, start="2 kHz")
+    with pytest.raises(ff.BadInput, match="lower"):
+        replace(one, bounds=(3.0, 1.0))
