@@ -64,19 +64,6 @@ class _Axis:
         return named or (self.unit is not None and is_frequency(self.unit))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Grid:
-    """Rows of numbers, ``lines`` in the file, below a head of values that ``corner`` leads."""
-
-    path: Path
-    corner: str
-    heads: tuple[str, ...]
-    head: _Axis
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]
-    decimal_comma: bool
-
-
 def read_spectra_table(path: Path) -> Table:
     """A table of spectra over a control, a row for each point; a wide one as what it means.
 
@@ -102,58 +89,78 @@ def wide_table(path: Path, text: str) -> WideTable | None:
     Raises:
         BadInput: it does not tell where its frequencies stand, or a row has too few cells.
     """
-    grid = _grid(path, text)
-    if grid is None:
-        return None
-    beside, above = [*_CORNER.split(grid.corner), ""][:2]
-    side = _axis_of(beside, tuple(row[0] for row in grid.rows))
-    head = grid.head
+    numbered = [(n, t) for n, t in enumerate(text.splitlines(), start=1) if t.strip()]
+    for k, (_, line) in enumerate(numbered[:HEAD_LINES]):
+        for delimiter in (";", "\t", ",", " "):
+            cells, below = _cells_of_head(line, delimiter), numbered[k + 1 :]
+            head = _head(cells)
+            if head is not None and _is_row(below[:1], delimiter, len(cells)):
+                return _long(path, cells, head, delimiter, below)
+    return None
+
+
+def _long(
+    path: Path,
+    cells: Sequence[str],
+    head: _Axis,
+    delimiter: str,
+    below: Sequence[tuple[int, str]],
+) -> WideTable | None:
+    """The long table that rows below a head of values mean; None where they are too few."""
+    rows, lines = [], []
+    for n, text in below:
+        if text.strip().lower() in ENDS:
+            break
+        if text.lstrip().startswith(COMMENTS):
+            continue
+        row = cells_of(text, delimiter)
+        if len(row) != len(cells):
+            raise BadInput(
+                f"{path}: row {n} has {how_many(len(row), 'cell')}, wanted {len(cells)} as in the "
+                "head"
+            )
+        rows.append(row)
+        lines.append(n)
+    beside, above = [*_CORNER.split(cells[0]), ""][:2]
+    side = _axis_of(beside, tuple(row[0] for row in rows))
     if above and not head.name:
         head = _axis_of(above, head.values)
     if side.is_frequency == head.is_frequency:
         if side.is_frequency or not side.name or above:
-            raise _undecided(grid)
+            raise BadInput(
+                f"{path}: is a matrix of amplitudes, {len(rows)} rows below a head of "
+                f"{len(head.values)} values, and does not state which are frequencies; wanted its "
+                "first cell to name the first column: 'frequency (Hz)', or the control, as "
+                "'V (V)', where the head has the frequencies"
+            )
         head = _Axis(name=FREQUENCY[0], unit=head.unit, values=head.values)
-    frequency, control = (side, head) if side.is_frequency else (head, side)
+    by_column = side.is_frequency
+    frequency, control = (side, head) if by_column else (head, side)
     if len(frequency.values) < LEAST_FREQUENCIES or len(control.values) < 2:
         return None
-    return _long(grid, frequency, control, by_column=side.is_frequency)
-
-
-def _undecided(grid: _Grid) -> BadInput:
-    return BadInput(
-        f"{grid.path}: is a matrix of amplitudes, {len(grid.rows)} rows below a head of "
-        f"{len(grid.heads)} values, and does not state which are frequencies; wanted its first "
-        f"cell "
-        "to name the first column: 'frequency (Hz)', or the control, as 'V (V)', where the head "
-        "has the frequencies"
-    )
-
-
-def _long(grid: _Grid, frequency: _Axis, control: _Axis, *, by_column: bool) -> WideTable:
-    order = _rising(frequency.values, comma=grid.decimal_comma)
-    cells, lines = [], []
+    comma = delimiter != ","
+    found, places = [], []
     for k, value in enumerate(control.values):
-        for i in order:
-            row, column = (i, k) if by_column else (k, i)
-            cells.append((value, frequency.values[i], grid.rows[row][column + 1]))
-            lines.append(grid.lines[row])
+        for i in _rising(frequency.values, comma=comma):
+            at, column = (i, k) if by_column else (k, i)
+            found.append((value, frequency.values[i], rows[at][column + 1]))
+            places.append(lines[at])
     name = control.name or CONTROL
     table = Table(
-        path=grid.path,
+        path=path,
         columns=(
             Column(name, control.unit or "1", 0),
             Column(FREQUENCY[0], frequency.unit, 1),
             Column("amplitude", None, 2),
         ),
-        cells=tuple(cells),
-        lines=tuple(lines),
-        decimal_comma=grid.decimal_comma,
+        cells=tuple(found),
+        lines=tuple(places),
+        decimal_comma=comma,
     )
     place = "column" if by_column else "row"
     silent = "" if control.unit else ", whose unit is not stated"
     words = f"a table with a {place} of amplitudes for each of {len(control.values)} values of "
-    return WideTable(table=table, words=f"{words}'{name}'{silent}", heads=grid.heads)
+    return WideTable(table=table, words=f"{words}'{name}'{silent}", heads=tuple(cells[1:]))
 
 
 def _rising(values: Sequence[str], *, comma: bool) -> list[int]:
@@ -171,56 +178,32 @@ def _axis_of(text: str, values: tuple[str, ...]) -> _Axis:
     return _Axis(name="" if name.lower() in _EMPTY else name, unit=unit, values=values)
 
 
-def _grid(path: Path, text: str) -> _Grid | None:
-    numbered = [(n, t) for n, t in enumerate(text.splitlines(), start=1) if t.strip()]
-    for k, (_, line) in enumerate(numbered[:HEAD_LINES]):
-        for delimiter in (";", "\t", ",", " "):
-            found = _head(_uncommented(line), delimiter)
-            below = numbered[k + 1 :]
-            if found is None or not _is_row(below[:1], delimiter, 1 + len(found[1].values)):
-                continue
-            rows, lines = _rows(path, below, delimiter, 1 + len(found[1].values))
-            return _Grid(
-                path=path,
-                corner=found[0],
-                heads=found[2],
-                head=found[1],
-                rows=tuple(rows),
-                lines=tuple(lines),
-                decimal_comma=delimiter != ",",
-            )
-    return None
-
-
-def _uncommented(line: str) -> str:
+def _cells_of_head(line: str, delimiter: str) -> tuple[str, ...]:
     text = line.strip("\r\n")
     for mark in COMMENTS:
         text = text.removeprefix(mark)
-    return text
+    first, *others = cells_of(text, delimiter) or ("",)
+    return (first.strip(), *others)
 
 
-def _head(line: str, delimiter: str) -> tuple[str, _Axis, tuple[str, ...]] | None:
-    """First cell, values and all further cells of a head of values; None where it is none."""
-    corner, *heads = (*cells_of(line, delimiter), "")[:-1] or ("",)
-    first = corner.strip().lower()
+def _head(cells: Sequence[str]) -> _Axis | None:
+    """The values of a head behind its first cell; None where it is none."""
+    first = cells[0].lower()
     if first not in _EMPTY and is_number(first, decimal_comma=True):  # a row, maybe a long one
         return None
-    found = []
-    for cell in heads:
-        match = _VALUE.fullmatch(cell)
-        if match is None:
-            return None
-        found.append(match)
-    if len(found) < LEAST_VALUES:
+    found = [match for match in map(_VALUE.fullmatch, cells[1:]) if match is not None]
+    if len(found) < max(LEAST_VALUES, len(cells) - 1):
         return None
-    kinds = {((m["name"] or "").strip(), _unit(m)) for m in found}
+    units = (m["unit"] or m["told"] or "" for m in found)
+    names = ((m["name"] or "").strip() for m in found)
+    kinds = {(name, UNITS.get(u.lower(), u) or None) for name, u in zip(names, units, strict=True)}
     values = tuple(m["value"] for m in found)
     if len(kinds) > 1 or not _may_lead(first, values):
         return None
     [(name, unit)] = kinds
     if unit is not None and (unit in NO_UNITS or not same_kind(unit, unit)):
         return None
-    return corner.strip(), _Axis(name=name, unit=unit, values=values), tuple(heads)
+    return _Axis(name=name, unit=unit, values=values)
 
 
 def _may_lead(corner: str, values: Sequence[str]) -> bool:
@@ -233,30 +216,6 @@ def _may_lead(corner: str, values: Sequence[str]) -> bool:
     return distinct and not is_number(corner, decimal_comma=True)
 
 
-def _unit(match: re.Match[str]) -> str | None:
-    unit = match["unit"] or match["told"] or ""
-    return UNITS.get(unit.lower(), unit) or None
-
-
 def _is_row(below: Sequence[tuple[int, str]], delimiter: str, count: int) -> bool:
     cells = [c for _, text in below for c in cells_of(text, delimiter)]
     return len(cells) == count and all(is_number(c, decimal_comma=delimiter != ",") for c in cells)
-
-
-def _rows(
-    path: Path, below: Sequence[tuple[int, str]], delimiter: str, count: int
-) -> tuple[list[tuple[str, ...]], list[int]]:
-    rows, lines = [], []
-    for n, text in below:
-        if text.strip().lower() in ENDS:
-            break
-        if text.lstrip().startswith(COMMENTS):
-            continue
-        cells = cells_of(text, delimiter)
-        if len(cells) != count:
-            raise BadInput(
-                f"{path}: row {n} has {how_many(len(cells), 'cell')}, wanted {count} as in the head"
-            )
-        rows.append(cells)
-        lines.append(n)
-    return rows, lines
