@@ -138,43 +138,68 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
     Raises:
         BadInput: as `read_complex`.
     """
+    path = recording.path
     frequency = frequency_of(recording, columns.frequency)
     recording, frequency, left_out = without_zero(recording, frequency)
-    found = _values_of(recording, frequency, columns)
-    return replace(found, left_out=left_out) if left_out else found
-
-
-def _values_of(
-    recording: Recording, frequency: Channel, columns: ComplexColumns
-) -> MeasuredComplex:
-    path = recording.path
     drive = recording.column(columns.drive) if columns.drive else None
     x, y = asked(recording, columns.x, X), asked(recording, columns.y, Y)
     amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None
+    varying: list[tuple[Channel, str, str]] = []  # what is no resonance if it is one number
+    radians, phase_unit = None, ""
     if amplitude is None and x is not None and y is not None:
         _check_different(recording, frequency, x, y)
         recording.check((frequency, x, y))
         values, unit = parts_of(recording, x, y)
-        found = _measured(recording, frequency, values, unit)
-        for part in (x, y):
-            _check_varies(
-                recording.numbers(part), f"{path}: column '{part.name}'", part.unit or unit
+        varying = [(part, f"column '{part.name}'", part.unit or unit) for part in (x, y)]
+    else:
+        amplitude = amplitude or amplitude_of(recording, "")
+        whole = amplitude is not None and amplitude.is_complex
+        phase = None if whole else asked(recording, columns.phase, PHASE)
+        if amplitude is not None and whole:
+            unit = unit_of(recording, amplitude, f"{amplitude.name} (uV)")
+            values = recording.values(amplitude)
+        elif amplitude is not None and phase is not None:
+            _check_different(recording, frequency, amplitude, phase)
+            recording.check((frequency, amplitude, phase))
+            sizes, unit = _sizes(recording, amplitude)
+            phase_unit = unit_of(recording, phase, "phase (deg)")
+            factor = convert(1.0, phase_unit, "rad", where=f"{path}: phase")
+            radians = recording.numbers(phase) * factor
+            values = sizes * np.exp(1j * radians)
+            varying = [(phase, "the phase", phase_unit)]
+        else:
+            if (x is None) != (y is None):
+                parts_of(recording, x, y)  # names the one that is missing
+            what = "amplitude" if amplitude is None else "phase"
+            there = ", ".join(c.name for c in recording.channels)
+            raise BadInput(
+                f"{path}: no column '{what}'; wanted frequency with X and Y, Re and Im, "
+                f"amplitude and phase, or dB and phase, there is: {there}"
             )
-        return _driven(found, recording, drive)
-    amplitude = amplitude or amplitude_of(recording, "")
-    if amplitude is not None and amplitude.is_complex:
-        unit = unit_of(recording, amplitude, f"{amplitude.name} (uV)")
-        values = recording.values(amplitude)
-        return _driven(_measured(recording, frequency, values, unit), recording, drive)
-    phase = asked(recording, columns.phase, PHASE)
-    if amplitude is not None and phase is not None:
-        _check_different(recording, frequency, amplitude, phase)
-        recording.check((frequency, amplitude, phase))
-        found = _of_polar(recording, frequency, amplitude, phase)
-        return _driven(found, recording, drive)
-    if (x is None) != (y is None):
-        parts_of(recording, x, y)  # names the one that is missing
-    raise _missing(recording, "amplitude" if amplitude is None else "phase")
+    written = unit_of(recording, frequency, "frequency (MHz)")
+    axis = recording.numbers(frequency)
+    check_axis(path, axis, written, recording.places)
+    found = MeasuredComplex(
+        frequency_hz=hertz_of(axis, written, where=f"{path}: column 'frequency'"),
+        values=values,
+        unit=unit,
+        source=str(path),
+        left_out=left_out,
+    )
+    for channel, what, its_unit in varying:
+        _check_varies(recording.numbers(channel), f"{path}: {what}", its_unit)
+    if radians is not None:
+        _check_phase(found, radians, phase_unit)
+    if drive is None:
+        return found
+    unit_of(recording, drive, f"{drive.name} (V)")
+    level = recording.numbers(drive)
+    for i in np.flatnonzero(level <= 0.0)[:1]:
+        raise BadInput(
+            f"{path}: {recording.places[i]}, column '{drive.name}': {level[i]:.6g}; wanted the "
+            "amplitude of the drive, above zero"
+        )
+    return replace(found, values=found.y * (level[0] / level))  # relative to the first point's
 
 
 def _check_different(recording: Recording, *channels: Channel) -> None:
@@ -187,63 +212,18 @@ def _check_different(recording: Recording, *channels: Channel) -> None:
             )
 
 
-def _driven(found: MeasuredComplex, recording: Recording, drive: Channel | None) -> MeasuredComplex:
-    """Values over the amplitude of the drive, relative to that of the first point."""
-    if drive is None:
-        return found
-    unit_of(recording, drive, f"{drive.name} (V)")
-    level = recording.numbers(drive)
-    for i in np.flatnonzero(level <= 0.0)[:1]:
-        raise BadInput(
-            f"{recording.path}: {recording.places[i]}, column '{drive.name}': {level[i]:.6g}; "
-            "wanted the amplitude of the drive, above zero"
-        )
-    return replace(found, values=found.y * (level[0] / level))
-
-
-def _missing(recording: Recording, what: str) -> BadInput:
-    there = ", ".join(c.name for c in recording.channels)
-    return BadInput(
-        f"{recording.path}: no column '{what}'; wanted frequency with X and Y, Re and Im, "
-        f"amplitude and phase, or dB and phase, there is: {there}"
-    )
-
-
-def _of_polar(
-    recording: Recording, frequency: Channel, amplitude: Channel, phase: Channel
-) -> MeasuredComplex:
-    """Amplitude, or dB, and phase as complex values."""
-    path, unit = recording.path, unit_of(recording, amplitude, f"{amplitude.name} (uV)")
-    phase_unit = unit_of(recording, phase, "phase (deg)")
-    radians = recording.numbers(phase) * convert(1.0, phase_unit, "rad", where=f"{path}: phase")
-    written = recording.numbers(amplitude)
-    sizes = written
+def _sizes(recording: Recording, amplitude: Channel) -> tuple[FloatArray, str]:
+    """Magnitudes of a column of amplitudes, or of dB, and their unit."""
+    unit = unit_of(recording, amplitude, f"{amplitude.name} (uV)")
+    sizes = written = recording.numbers(amplitude)
     if unit in ("dB", "dBm"):  # the load of dBm is a factor, which the gain takes
         sizes, unit = 10.0 ** (written / 20.0), "1"
     for i in np.flatnonzero(sizes < 0.0)[:1]:
         raise BadInput(
-            f"{path}: {recording.places[i]}, column '{amplitude.name}': {written[i]:.6g} "
-            f"{unit}; wanted a magnitude (are columns exchanged, or is it in dB?)"
+            f"{recording.path}: {recording.places[i]}, column '{amplitude.name}': "
+            f"{written[i]:.6g} {unit}; wanted a magnitude (are columns exchanged, or is it in dB?)"
         )
-    found = _measured(recording, frequency, sizes * np.exp(1j * radians), unit)
-    _check_varies(recording.numbers(phase), f"{path}: the phase", phase_unit)
-    _check_phase(found, radians, phase_unit)
-    return found
-
-
-def _measured(
-    recording: Recording, frequency: Channel, values: ComplexArray, unit: str
-) -> MeasuredComplex:
-    written = unit_of(recording, frequency, "frequency (MHz)")
-    where = f"{recording.path}: column 'frequency'"
-    axis = recording.numbers(frequency)
-    check_axis(recording.path, axis, written, recording.places)
-    return MeasuredComplex(
-        frequency_hz=hertz_of(axis, written, where=where),
-        values=values,
-        unit=unit,
-        source=str(recording.path),
-    )
+    return sizes, unit
 
 
 def _check_varies(values: FloatArray, where: str, unit: str) -> None:
