@@ -161,10 +161,10 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
         elif amplitude is not None and phase is not None:
             _check_different(recording, frequency, amplitude, phase)
             recording.check((frequency, amplitude, phase))
-            sizes, unit = _sizes(recording, amplitude)
             phase_unit = unit_of(recording, phase, "phase (deg)")
             factor = convert(1.0, phase_unit, "rad", where=f"{path}: phase")
             radians = recording.numbers(phase) * factor
+            sizes, unit = _sizes(recording, amplitude)
             values = sizes * np.exp(1j * radians)
             varying = [(phase, "the phase", phase_unit)]
         else:
