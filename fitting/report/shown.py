@@ -9,15 +9,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from fitting.campaign import BoundCampaign, Drive, Experiment, Setup, SweepData
-from fitting.campaign.parameters import Parameter
+from fitting.campaign import BoundCampaign, Drive, Experiment
 from fitting.fit.fit import Fit
 from fitting.fit.problem import Problem
 from fitting.measurements.figure import Figure
+from fitting.report.screen import phrases
 from fitting.result.result import DeviationSet, Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import how_many, listed, number, settings_words, unit_text
 from fitting.text.units import convert
 
 
@@ -125,7 +124,11 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
             _shown_tones(e, bound.setup.drive, bound.amplitude_unit) for e in bound.experiments
         ),
         drift_hz=_drift_hz(bound),
-        settings=_settings(bound),
+        settings={
+            name.strip(): words.strip()
+            for line in phrases("settings", "campaign", bound)
+            for name, _, words in [line.partition("¦")]
+        },
         notes=bound.notes,
     )
 
@@ -163,61 +166,6 @@ def _drift_hz(bound: BoundCampaign) -> dict[str, tuple[float, float]]:
         except BadInput:  # a temperature is no frequency
             continue
     return found
-
-
-def _settings(bound: BoundCampaign) -> dict[str, str]:
-    settings = {
-        "campaign": bound.title,
-        "synthetic": "yes: simulated data, not measured" if bound.synthetic else "no",
-        "observed output": bound.setup.output,
-        "drive": _drive_words(bound.setup.drive),
-        "experiments": str(len(bound.experiments)),
-        "start values of the FMU": settings_words(bound.setup.start_values) or "its own",
-        "settling": _settling_words(bound.setup),
-        "wanted accuracy of amplitudes": number(bound.setup.accuracy),
-    }
-    for name, (before, after) in bound.drift.ends.items():
-        corrections = [p for p in bound.parameters if p.experiments and name in p.adds_to]
-        settings[f"drift of {name}"] = (
-            f"{number(before, 12)} to {number(after, 12)} over the series (FMU's unit), "
-            f"{_course_words(corrections)}"
-        )
-    if bound.sweep is not None:
-        settings["sweep"] = _sweep_words(bound.sweep)
-    return settings
-
-
-def _course_words(corrections: Sequence[Parameter]) -> str:
-    """How eigenfrequencies go between the ends of a drift."""
-    if not corrections:
-        return "linear"
-    priors = {f"{number(p.prior_sigma)} {unit_text(p.unit)}" for p in corrections if p.prior_sigma}
-    held = f" with a prior of {listed(sorted(priors))}" if priors else ""
-    return f"linear but for {how_many(len(corrections), 'fitted correction')}{held}"
-
-
-def _settling_words(setup: Setup) -> str:
-    if setup.drive.kind == "none":
-        return "none: runs begin with what was recorded"
-    if setup.steady_start:
-        return "declared to start on its periodic orbit"
-    return "settles before it is sampled"
-
-
-def _drive_words(drive: Drive) -> str:
-    how = {
-        "tones": f"tones set by the FMU's {listed(drive.frequency_names)}, level "
-        f"{number(drive.amplitude)}",
-        "input": f"signal on the FMU's input {drive.input}, level {number(drive.amplitude)}, held "
-        f"{drive.samples_per_period} times per period",
-    }
-    return how.get(drive.kind, "no tones")
-
-
-def _sweep_words(sweep: SweepData) -> str:
-    use = "fitted point by point" if sweep.use == "fit" else "sets the scale only"
-    at = f"; FMU at {settings_words(sweep.settings)}" if sweep.settings else ""
-    return f"{len(sweep.frequency_hz)} points, {use}{at}"
 
 
 def shares_of(result: Result, data: ShownCampaign) -> list[tuple[str, Result, ShownCampaign]]:

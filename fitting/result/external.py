@@ -71,44 +71,32 @@ def _test(result: Result, text: str) -> ExternalTest:
     numbers = [_in(part, found.unit, name) for part in _parts(written)]
     value, std = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
     outside = quantity(value, std, found.unit) if std > 0.0 else f"{value:.7g} {found.unit}"
-    if not found.status.has_value or not math.isfinite(found.std):
-        low, high = _allowed(found)
-        allowed = span(low, high, found.unit).replace("\u00a0", " ")
-        where = "lies within" if low <= value <= high else "lies outside"
-        return ExternalTest(
-            name=name,
-            value=value,
-            std=std,
-            unit=found.unit,
-            found=found.value,
-            found_std=math.nan,
-            sigmas=math.nan,
-            sentence=f"{name} = {outside} cannot be tested: {name} is {found.status} by "
-            f"these data; the value {where} what they allow, {allowed}.",
-        )
-    own = _towards(found, value)
-    best = found.value if found.is_most_likely else found.most_likely  # whose error it is
-    named = name if found.is_most_likely else f"The most likely {name}"
-    sigmas = (best - value) / math.hypot(own, std)
-    verdict = "agrees with" if abs(sigmas) <= 3.0 else "contradicts"
-    return ExternalTest(
+    made = ExternalTest(
         name=name,
         value=value,
         std=std,
         unit=found.unit,
-        found=best,
-        found_std=own,
-        sigmas=sigmas,
-        sentence=f"{named} = {_own_words(found, best, own)} {verdict} {outside}: they are "
-        f"{abs(sigmas):.3g} standard deviations apart.",
+        found=found.value,
+        found_std=math.nan,
+        sigmas=math.nan,
+        sentence="",
     )
-
-
-def _allowed(found: FittedEstimate) -> tuple[float, float]:
-    """The interval of a value, or its range where it has none at the solution."""
-    if math.isfinite(found.ci95[0]):
-        return found.ci95
-    return found.bounds
+    if not found.status.has_value or not math.isfinite(found.std):
+        # its range where it has no interval at the solution
+        low, high = found.ci95 if math.isfinite(found.ci95[0]) else found.bounds
+        allowed = span(low, high, found.unit).replace("\u00a0", " ")
+        where = "lies within" if low <= value <= high else "lies outside"
+        sentence = f"{name} = {outside} cannot be tested: {name} is {found.status} by these data; "
+        return replace(made, sentence=f"{sentence}the value {where} what they allow, {allowed}.")
+    own, best = _towards(found, value), found.likely  # whose error it is
+    named = name if found.is_most_likely else f"The most likely {name}"
+    sigmas = (best - value) / math.hypot(own, std)
+    verdict = "agrees with" if abs(sigmas) <= 3.0 else "contradicts"
+    sentence = (
+        f"{named} = {_own_words(found, best, own)} {verdict} {outside}: they are "
+        f"{abs(sigmas):.3g} standard deviations apart."
+    )
+    return replace(made, found=best, found_std=own, sigmas=sigmas, sentence=sentence)
 
 
 def _no_such(name: str, known: Sequence[str]) -> BadInput:
