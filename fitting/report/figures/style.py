@@ -199,34 +199,8 @@ WIDTH = 7.2
 #: Room that the synthetic mark takes above a figure for print, inch.
 MARK_HEIGHT = 0.17
 
-_STYLE: Any = {  # matplotlib's stubs want every key as a literal
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
-    "font.size": 9.0,
-    "text.color": BLACK,
-    "axes.titlesize": 9.0,
-    "axes.labelsize": 9.0,
-    "figure.titlesize": 10.5,
-    "legend.fontsize": 8.0,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "axes.grid": True,
-    "axes.unicode_minus": True,
-    "grid.color": "#ebebeb",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.3,
-    "lines.markersize": 6.0,
-    "legend.frameon": False,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "mathtext.fontset": "dejavusans",
-    "svg.fonttype": "none",
-    "svg.hashsalt": "fmu-fit",
-}
+#: Style sheets of a report, and of what a figure for print has otherwise.
+REPORT, PAPER = (Path(__file__).with_name(f"{name}.mplstyle") for name in ("report", "paper"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,20 +220,6 @@ class Planned:
         return replace(self.draw(), number=number, digits=digits)
 
 
-#: What a figure for print has otherwise: fonts as publishers want them, which takes half a second
-#: a figure, and letters all of one small size.
-_PAPER: Any = {
-    "font.size": 8.0,
-    "axes.titlesize": 8.0,
-    "axes.labelsize": 8.0,
-    "legend.fontsize": 7.0,
-    "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0,
-    "lines.linewidth": 1.0,
-    "lines.markersize": 4.0,
-    "axes.grid": False,
-    "pdf.fonttype": 42,
-}
 #: Width of figures for print, inch; zero: figures of a report.
 _paper_width: ContextVar[float] = ContextVar("paper_width", default=0.0)
 
@@ -273,9 +233,8 @@ def style(paper_width: float = 0.0) -> Iterator[None]:
     """
     with mpl.rc_context(), warnings.catch_warnings():
         mpl.rcdefaults()  # whatever style the caller draws in: a report always looks the same
-        mpl.rcParams.update(_STYLE)
-        if paper_width:
-            mpl.rcParams.update(_PAPER)
+        for sheet in (REPORT, PAPER) if paper_width else (REPORT,):
+            mpl.rcParams.update(mpl.rc_params_from_file(sheet, use_default_template=False))
         # a campaign may be titled in any script; a box instead of a letter is no reason to stop
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         before = _paper_width.set(paper_width)
