@@ -63,56 +63,56 @@ SECOND_DIFFERS = 0.05
 MOVES = 2.0
 
 
-def answer(found: MeasuredLine) -> list[str]:
+def answer(result: MeasuredLine) -> list[str]:
     """Frequency, width, quality and amplitude, a line each, as far as they are known.
 
     Args:
-        found: as it was fitted.
+        result: as it was fitted.
     """
-    return _rendered(found, "answer")
+    return _rendered(result, "answer")
 
 
-def sentences(found: MeasuredLine) -> list[str]:
+def sentences(result: MeasuredLine) -> list[str]:
     """What the numbers rest on, and what contradicts them, an entry for each fact.
 
     Args:
-        found: as it was fitted.
+        result: as it was fitted.
     """
-    return _rendered(found, "sentences")
+    return _rendered(result, "sentences")
 
 
-def forms_table(found: MeasuredLine) -> Table | None:
+def forms_table(result: MeasuredLine) -> Table | None:
     """Every form that was compared, the one that was taken first; None of a noise spectrum.
 
     Args:
-        found: as it was fitted.
+        result: as it was fitted.
     """
-    if not found.forms:
+    if not result.forms:
         return None
-    return table("forms", forms=[(_row_name(found, form), form) for form in found.forms])
+    return table("forms", forms=[(_row_name(result, form), form) for form in result.forms])
 
 
-def text(found: MeasuredLine) -> str:
+def text(result: MeasuredLine) -> str:
     """What the command prints: numbers and sentences; `forms_table` has the forms compared.
 
     Args:
-        found: as it was fitted.
+        result: as it was fitted.
     """
-    lines = [*map(terminal_text, answer(found))]
-    for entry in sentences(found):
+    lines = [*map(terminal_text, answer(result))]
+    for entry in sentences(result):
         lines += wrapped(entry)
     return "\n".join(lines)
 
 
-def _rendered(found: MeasuredLine, part: str) -> list[str]:
+def _rendered(result: MeasuredLine, part: str) -> list[str]:
     """The lines of a part of the template."""
-    kind, decided = "line", _of_line(found) if isinstance(found, Line) else {}
-    if isinstance(found, Ringdown):
-        kind, decided = "ringdown", _of_ringdown(found)
-    elif isinstance(found, NoiseLine):
-        kind, decided = "noise", {"moved": MOVED.get(found.kind, "")}
+    kind, decided = "line", _of_line(result) if isinstance(result, Line) else {}
+    if isinstance(result, Ringdown):
+        kind, decided = "ringdown", _of_ringdown(result)
+    elif isinstance(result, NoiseLine):
+        kind, decided = "noise", {"moved": MOVED.get(result.kind, "")}
     block = getattr(_blocks(), f"{kind}_{part}")
-    return [line for line in str(block(found, decided)).splitlines() if line]
+    return [line for line in str(block(result, decided)).splitlines() if line]
 
 
 @made_once
@@ -143,16 +143,16 @@ def _of_line(line: Line) -> dict[str, Any]:
     }
 
 
-def _of_ringdown(found: Ringdown) -> dict[str, Any]:
+def _of_ringdown(result: Ringdown) -> dict[str, Any]:
     return {
-        "kind": RECORDED.get(found.kind, "samples of a motion"),
+        "kind": RECORDED.get(result.kind, "samples of a motion"),
         "forms": FORM_WORDS,
         "phasors": PHASORS,
         "amplitudes": AMPLITUDES,
         "alone": ALONE,
         "noise": NOISE,
         "moving": MOVING,
-        "correlated": CORRELATED in found.structure.found,
+        "correlated": CORRELATED in result.structure.found,
     }
 
 
@@ -196,7 +196,7 @@ def _other_amplitude(line: Line) -> str:
 
 def _moving(line: Line) -> list[tuple[str, list[str]]]:
     """Forms that are nearly as good and move the line, and by how much."""
-    chosen, found = line.forms[0], []
+    chosen, moving = line.forms[0], []
     for form in line.forms[1:]:
         moved = [
             f"{what} by {number(there.value - here.value, 2)} Hz"
@@ -207,8 +207,8 @@ def _moving(line: Line) -> list[tuple[str, list[str]]]:
             if abs(there.value - here.value) > MOVES * own.std
         ]
         if moved and form.criterion - chosen.criterion < AS_GOOD:
-            found.append((form.name, moved))
-    return found
+            moving.append((form.name, moved))
+    return moving
 
 
 def _instrument(line: Line) -> list[str]:
@@ -224,10 +224,10 @@ def _instrument(line: Line) -> list[str]:
     return own
 
 
-def _row_name(found: MeasuredLine, form: TriedForm) -> str:
+def _row_name(result: MeasuredLine, form: TriedForm) -> str:
     """A form as its row is called: a requested wiring with the form that is its curve."""
-    if isinstance(found, Line) and found.wiring in (NOTCH, REFLECTION) and form.name == FANO:
-        return f"{_name(replace(form, name=found.wiring))} ({FANO})"
+    if isinstance(result, Line) and result.wiring in (NOTCH, REFLECTION) and form.name == FANO:
+        return f"{_name(replace(form, name=result.wiring))} ({FANO})"
     return _name(form)
 
 

@@ -100,24 +100,24 @@ def fit_lines(record: DecayRecord, name: str, near: FittedDecay | None = None) -
     y, step = record.values / record.top, record.spacing_s
     begin = None if near is None else near.lines
     if name == MOVING and begin is not None:
-        found = moving_line(y, step, begin, offset=True)
+        fit = moving_line(y, step, begin, offset=True)
     elif name == SECOND:
-        found = decaying_lines(y, step, 2, offset=True, near=begin)
+        fit = decaying_lines(y, step, 2, offset=True, near=begin)
     else:
-        found = decaying_lines(y, step, 1, offset=name == CONSTANT)
-    if found is None:
+        fit = decaying_lines(y, step, 1, offset=name == CONSTANT)
+    if fit is None:
         raise ValueError(f"{record.source}: no form {name!r}")
-    return _of_lines(record, name, found)
+    return _of_lines(record, name, fit)
 
 
-def _of_lines(record: DecayRecord, name: str, found: DecayingLines) -> FittedDecay:
-    count = len(found.frequency_hz)
-    structure = residual_structure(found.left, found.slopes, found.columns)
-    design = np.hstack([found.slopes, found.columns])
-    covariance, dof = _spread(found.left, design, structure)
-    factors = found.solved[0 : 2 * count : 2] + 1j * found.solved[1 : 2 * count : 2]
+def _of_lines(record: DecayRecord, name: str, fit: DecayingLines) -> FittedDecay:
+    count = len(fit.frequency_hz)
+    structure = residual_structure(fit.left, fit.slopes, fit.columns)
+    design = np.hstack([fit.slopes, fit.columns])
+    covariance, dof = _spread(fit.left, design, structure)
+    factors = fit.solved[0 : 2 * count : 2] + 1j * fit.solved[1 : 2 * count : 2]
     order = np.argsort(-np.abs(factors), kind="stable")
-    first = found.slopes.shape[1]
+    first = fit.slopes.shape[1]
     sizes, stds = np.abs(factors), np.sqrt(np.maximum(np.diag(covariance), 0.0))
     along = np.zeros((count, design.shape[1]))
     for k, factor in enumerate(factors):
@@ -125,28 +125,28 @@ def _of_lines(record: DecayRecord, name: str, found: DecayingLines) -> FittedDec
             sizes[k], 1e-300
         )
     of_sizes = np.sqrt(np.maximum(np.sum((along @ covariance) * along, axis=1), 0.0))
-    constants, of_constants = found.solved[2 * count :], stds[first + 2 * count :]
-    moved = bool(found.shift_hz)
-    rest: FloatArray | ComplexArray = found.left
+    constants, of_constants = fit.solved[2 * count :], stds[first + 2 * count :]
+    moved = bool(fit.shift_hz)
+    rest: FloatArray | ComplexArray = fit.left
     if record.is_complex:
         rest = np.asarray(rest[: record.values.size] + 1j * rest[record.values.size :])
     return FittedDecay(
         name=name,
-        frequency_hz=tuple(found.frequency_hz[k] for k in order),
-        width_hz=tuple(found.width_hz[k] for k in order),
+        frequency_hz=tuple(fit.frequency_hz[k] for k in order),
+        width_hz=tuple(fit.width_hz[k] for k in order),
         amplitude=tuple(float(record.top * sizes[k]) for k in order),
         errors=np.concatenate([stds[2 * order], stds[2 * order + 1], record.top * of_sizes[order]]),
-        shift_hz=found.shift_hz[0] if moved else 0.0,
+        shift_hz=fit.shift_hz[0] if moved else 0.0,
         shift_std_hz=float(stds[2 * count]) if moved else 0.0,
         background=record.top * complex(*constants) if constants.size else 0j,
         background_std=record.top * float(np.mean(of_constants)) if constants.size else 0.0,
-        unknowns=found.unknowns,
+        unknowns=fit.unknowns,
         dof=dof,
-        squares=found.squares,
+        squares=fit.squares,
         likely=0.0,
         structure=structure,
         curve=_less(record.values, record.top * rest),
-        lines=found,
+        lines=fit,
     )
 
 
@@ -189,7 +189,7 @@ def fit_amplitudes(record: DecayRecord, name: str) -> FittedDecay:
         fit.residuals[loud], fit.jacobian[loud, :1], fit.jacobian[loud, 1:]
     )
     covariance, dof = _spread(fit.residuals, fit.jacobian, structure)
-    wide, height, *beside = (float(value) for value in fit.values)
+    wide, height, *added = (float(value) for value in fit.values)
     stds, span_s = np.sqrt(np.maximum(np.diag(covariance), 0.0)), y.size * record.spacing_s
     width = math.exp(_clipped(wide)) / span_s
     return FittedDecay(
@@ -200,8 +200,8 @@ def fit_amplitudes(record: DecayRecord, name: str) -> FittedDecay:
         errors=np.array([math.nan, width * stds[0], record.top * stds[1]]),
         shift_hz=0.0,
         shift_std_hz=0.0,
-        background=complex(record.top * model.beside(beside)),
-        background_std=record.top * float(stds[2]) if beside else 0.0,
+        background=complex(record.top * model.background(added)),
+        background_std=record.top * float(stds[2]) if added else 0.0,
         unknowns=fit.values.size,
         dof=dof,
         squares=float(fit.residuals @ fit.residuals),
@@ -240,9 +240,9 @@ class _Constant:
         """Samples whose residuals are looked at, (n,): all."""
         return np.ones(x.size and self.t.size, dtype=bool)
 
-    def beside(self, found: Sequence[float]) -> float:
+    def background(self, solved: Sequence[float]) -> float:
         """c."""
-        return found[0]
+        return solved[0]
 
 
 def _in_noise(values: FloatArray) -> tuple[_Rician, LeastSquaresFit]:
@@ -255,7 +255,7 @@ def _in_noise(values: FloatArray) -> tuple[_Rician, LeastSquaresFit]:
     fit = minimise_squares(model.left, model.begin(), gain=1e-12)
     for _ in range(ROUNDS):
         left = float(np.sqrt(np.mean(fit.residuals**2)))
-        noise = model.beside([float(each) for each in fit.values[2:]]) if model.drowns else left
+        noise = model.background([float(each) for each in fit.values[2:]]) if model.drowns else left
         if not noise > SMALLEST_RESIDUAL:
             break
         weights = rician_deviation(np.minimum(model.lengths(fit.values) / noise, LOUD))
@@ -294,7 +294,7 @@ class _Rician:
 
     def curve(self, x: FloatArray) -> FloatArray:
         """What it is at x, (n,)."""
-        return rician_mean(self.lengths(x), self.beside([float(each) for each in x[2:]]))
+        return rician_mean(self.lengths(x), self.background([float(each) for each in x[2:]]))
 
     def left(self, x: FloatArray) -> FloatArray:
         """What it leaves over the weights, (n,)."""
@@ -308,9 +308,9 @@ class _Rician:
         above = self.lengths(x) > ABOVE * self.noise
         return above if np.count_nonzero(above) >= LEAST else np.ones(self.t.size, dtype=bool)
 
-    def beside(self, found: Sequence[float]) -> float:
+    def background(self, solved: Sequence[float]) -> float:
         """Noise of X, and of Y."""
-        return abs(found[0]) if found else self.noise
+        return abs(solved[0]) if solved else self.noise
 
 
 def _clipped(wide: float) -> float:
@@ -341,17 +341,17 @@ def gain_chance(before: FittedDecay, after: FittedDecay) -> float:
     return min(1.0, rows * float(fdtrc(more, after.dof, gain)))
 
 
-def least_chance(record: DecayRecord, found: FittedDecay) -> float:
+def least_chance(record: DecayRecord, form: FittedDecay) -> float:
     """Probability that noise about a constant looks as much like a decay as this.
 
     Args:
         record: what was recorded.
-        found: a form of it.
+        form: a form of it.
     """
     y = record.values / record.top
     squares = float(np.sum(np.abs(y - np.mean(y)) ** 2))
-    if found.squares <= found.rows * SMALLEST_RESIDUAL**2:
-        return 0.0 if squares > found.squares else 1.0
-    more = max(1, found.unknowns - (2 if record.is_complex else 1))
-    gain = max(0.0, squares / found.squares - 1.0) / more * found.dof
-    return min(1.0, found.rows * float(fdtrc(more, found.dof, gain)))
+    if form.squares <= form.rows * SMALLEST_RESIDUAL**2:
+        return 0.0 if squares > form.squares else 1.0
+    more = max(1, form.unknowns - (2 if record.is_complex else 1))
+    gain = max(0.0, squares / form.squares - 1.0) / more * form.dof
+    return min(1.0, form.rows * float(fdtrc(more, form.dof, gain)))

@@ -19,18 +19,18 @@ from fitting.text.notation import hertz, number, prefixed, quantity, with_error
 DRAWN = 20_000
 
 
-def figure_of(found: MeasuredLine) -> Figure:
+def figure_of(result: MeasuredLine) -> Figure:
     """The figure of a result.
 
     Args:
-        found: as it was fitted.
+        result: as it was fitted.
     """
-    if isinstance(found, Ringdown):
-        return _ringdown_figure(found)
-    if isinstance(found, NoiseLine):
-        return _noise_figure(found)
-    assert isinstance(found, Line)  # noqa: S101 - there is no fourth kind
-    return _line_figure(found)
+    if isinstance(result, Ringdown):
+        return _ringdown_figure(result)
+    if isinstance(result, NoiseLine):
+        return _noise_figure(result)
+    assert isinstance(result, Line)  # noqa: S101 - there is no fourth kind
+    return _line_figure(result)
 
 
 def _line_figure(line: Line) -> Figure:
@@ -62,31 +62,31 @@ def _line_figure(line: Line) -> Figure:
     )
 
 
-def _ringdown_figure(found: Ringdown) -> Figure:
+def _ringdown_figure(result: Ringdown) -> Figure:
     """Sizes on a logarithmic axis, where a decay is straight, and residuals over time."""
-    every = -(-len(found.points.time_s) // DRAWN)
-    t = np.array(found.points.time_s)[::every]
-    measured, fitted = (values[::every] for values in found.points.arrays())
-    short, decay = _words(found), found.decay_time
+    every = -(-len(result.points.time_s) // DRAWN)
+    t = np.array(result.points.time_s)[::every]
+    measured, fitted = (values[::every] for values in result.points.arrays())
+    short, decay = _words(result), result.decay_time
     factor, unit = prefixed(decay.value, "s")
     words = f"{short}, decay time {with_error(decay.value / factor, decay.std / factor, unit)}"
     some = "" if every == 1 else f" (every {every}th is drawn)"
-    samples = found.kind == SAMPLES
+    samples = result.kind == SAMPLES
     sizes, curve = (np.asarray(v.real if samples else np.abs(v)) for v in (measured, fitted))
     # a decay goes on falling below what was recorded in its noise
     low = None
     if not samples and np.any(sizes):
         low = 0.3 * float(np.quantile(sizes[sizes > 0.0], 0.01))
-    unit = "" if found.unit == "1" else found.unit
+    unit = "" if result.unit == "1" else result.unit
     x = Axis("time t", "s")
     y = Axis("recorded" if samples else "amplitude", unit, log=not samples, low=low)
-    left = 100.0 * (measured - fitted) / found.amplitude.value
+    left = 100.0 * (measured - fitted) / result.amplitude.value
     return Figure(
         name="line",
         title=f"Ringdown: {short}",
         caption=(
-            f"{len(found.points.time_s)} samples{some} with the fitted decay ({found.form}) and "
-            f"what the fit leaves of them, {number(100.0 * found.residual, 2)} % of the amplitude "
+            f"{len(result.points.time_s)} samples{some} with the fitted decay ({result.form}) and "
+            f"what the fit leaves of them, {number(100.0 * result.residual, 2)} % of the amplitude "
             f"at the first sample (rms). {words}."
         ),
         alt=f"Ringdown with its fit. {words}.",
@@ -97,17 +97,17 @@ def _ringdown_figure(found: Ringdown) -> Figure:
     )
 
 
-def _noise_figure(found: NoiseLine) -> Figure:
+def _noise_figure(result: NoiseLine) -> Figure:
     """The density on a logarithmic axis, and residuals as shares of the fit."""
-    points = found.points
+    points = result.points
     every = -(-len(points.frequency_hz) // DRAWN)
     f, measured, fitted = (
         np.array(values)[::every]
         for values in (points.frequency_hz, points.measured, points.fitted)
     )
-    words = _words(found)
+    words = _words(result)
     some = "" if every == 1 else f" (every {every}th is drawn)"
-    unit = "relative" if found.unit == "1" else f"{found.unit}²/Hz"
+    unit = "relative" if result.unit == "1" else f"{result.unit}²/Hz"
     x, y = Axis("frequency f", "Hz"), Axis("density", unit, log=True)
     layers = _layers(f, measured, fitted, curve="fitted line and floor")
     left = 100.0 * (measured / fitted - 1.0)
@@ -117,7 +117,7 @@ def _noise_figure(found: NoiseLine) -> Figure:
         caption=(
             f"{len(points.frequency_hz)} points{some} with the fitted line on a white floor, and "
             f"what the fit leaves of them as shares of itself: they scatter as averages of "
-            f"{number(found.averages, 2)} periodograms. {words}."
+            f"{number(result.averages, 2)} periodograms. {words}."
         ),
         alt=f"Noise spectrum with its fit. {words}.",
         rows=(
@@ -127,10 +127,10 @@ def _noise_figure(found: NoiseLine) -> Figure:
     )
 
 
-def _words(found: MeasuredLine) -> str:
+def _words(result: MeasuredLine) -> str:
     """Frequency, where it is known, and width."""
-    f, width = (quantity(each.value, each.std, "Hz") for each in (found.frequency, found.width))
-    return f"f = {f}, width {width}" if math.isfinite(found.frequency.value) else f"width {width}"
+    f, width = (quantity(each.value, each.std, "Hz") for each in (result.frequency, result.width))
+    return f"f = {f}, width {width}" if math.isfinite(result.frequency.value) else f"width {width}"
 
 
 def _layers(

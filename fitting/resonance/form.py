@@ -134,26 +134,26 @@ def fit_amplitudes(
     likely_squares = None
     if name == SINGLE:
         readings = fit_single_readings(frequency_hz, amplitude, source=source)
-        found, likely_squares = readings.resonance, readings.squares
-        if found.structure.order > 0:
+        line, likely_squares = readings.resonance, readings.squares
+        if line.structure.order > 0:
             raise BadInput(
-                f"{source}: is no line of single readings: what they leave, which would be noise "
-                f"of its own in each, does {TOGETHER}"
+                f"{source}: is no line of single readings: the residuals, which would be noise of "
+                f"its own in each, {TOGETHER}"
             )
     elif name == FANO:
-        found = _peak_or_dip(frequency_hz, amplitude, source)
+        line = _peak_or_dip(frequency_hz, amplitude, source)
     elif name == TAIL:
-        found = fit_beside_tail(frequency_hz, amplitude, others, room=room, source=source)
+        line = fit_beside_tail(frequency_hz, amplitude, others, room=room, source=source)
     else:
         background = AMPLITUDE_FORMS[name]
-        found = fit_resonance(frequency_hz, amplitude, background=background, source=source)
-    if name in (FANO, TAIL) and not found.amplitude.std < found.amplitude.value:
+        line = fit_resonance(frequency_hz, amplitude, background=background, source=source)
+    if name in (FANO, TAIL) and not line.amplitude.std < line.amplitude.value:
         raise BadInput(
             f"{source}: the points do not determine how high its line is above {WORDS_BESIDE[name]}"
         )
-    if name in (FLOOR, RICE) and found.background.real < 0.0:
+    if name in (FLOOR, RICE) and line.background.real < 0.0:
         raise BadInput(f"{source}: the noise next to its line would have a negative power")
-    return _of_amplitudes(name, found, amplitude, likely_squares)
+    return _of_amplitudes(name, line, amplitude, likely_squares)
 
 
 def fit_amplitudes_with_second(
@@ -177,7 +177,7 @@ def fit_amplitudes_with_second(
     Raises:
         BadInput: too few points, or lines that the points do not hold.
     """
-    found, line = fit_beside_second(
+    first, other = fit_beside_second(
         frequency_hz,
         amplitude,
         (best.frequency.value, best.width.value),
@@ -185,17 +185,17 @@ def fit_amplitudes_with_second(
         background=AMPLITUDE_FORMS[name],
         source=source,
     )
-    made = _of_amplitudes(name, found, amplitude, None)
-    return replace(made, unknowns=made.unknowns + MORE_OF_SECOND, second=line)
+    form = _of_amplitudes(name, first, amplitude, None)
+    return replace(form, unknowns=form.unknowns + MORE_OF_SECOND, second=other)
 
 
 def _of_amplitudes(
-    name: str, found: Resonance, amplitude: FloatArray, likely_squares: float | None
+    name: str, line: Resonance, amplitude: FloatArray, likely_squares: float | None
 ) -> FittedForm:
-    left = (found.curve - amplitude) / float(np.max(amplitude))
+    left = (line.curve - amplitude) / float(np.max(amplitude))
     squares = float(left @ left)
-    parts = fields_of(found, Resonance)
-    parts["background"] = 0j if name == FANO else complex(found.background.real)
+    parts = fields_of(line, Resonance)
+    parts["background"] = 0j if name == FANO else complex(line.background.real)
     return FittedForm(
         **parts,
         name=name,
@@ -207,18 +207,18 @@ def _of_amplitudes(
 
 def _peak_or_dip(frequency_hz: FloatArray, amplitude: FloatArray, source: str) -> Resonance:
     """The line on a complex constant that leaves least, begun at the top and at the bottom."""
-    found: list[Resonance] = []
+    fits: list[Resonance] = []
     complaints = []
     for dip in (False, True):
         try:
-            found.append(
+            fits.append(
                 fit_resonance(frequency_hz, amplitude, background="complex", dip=dip, source=source)
             )
         except BadInput as error:
             complaints.append(error)
-    if not found:
+    if not fits:
         raise complaints[0]
-    return min(found, key=lambda each: float(np.sum((each.curve - amplitude) ** 2)))
+    return min(fits, key=lambda each: float(np.sum((each.curve - amplitude) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -257,12 +257,12 @@ def _lines(
     f: FloatArray, values: ComplexArray, widths: Mapping[float, float], delay_s: float
 ) -> list[ComplexLine]:
     """Lines by linear least squares: of all points, and of those about a top and a bottom."""
-    found = [complex_line(f, values, delay_s)]
+    lines = [complex_line(f, values, delay_s)]
     for eta, width in widths.items():
         near = np.abs(f - eta) <= NEAR * width
         if MIN_SWEEP_POINTS <= int(np.sum(near)) < f.size:
-            found.append(complex_line(f[near], values[near], delay_s))
-    return found
+            lines.append(complex_line(f[near], values[near], delay_s))
+    return lines
 
 
 def begin_of(

@@ -287,9 +287,9 @@ class _Fit:
                 ends.append(minimise_squares(self.rows, begin, rounds=ROUNDS, gain=GAIN))
         known = [end for end in ends if np.all(np.isfinite(end.residuals))]
         best = min(known, key=lambda end: float(np.sum(end.residuals**2)), default=None)
-        return None if best is None else self.told(best)
+        return None if best is None else self.result(best)
 
-    def told(self, fit: LeastSquaresFit) -> NoiseLines:
+    def result(self, fit: LeastSquaresFit) -> NoiseLines:
         """The lines at the end of a fit."""
         x, places, curve = fit.values, self.places(fit.values), self.curve(fit.values)
         f, w = places.reshape(2, -1)

@@ -361,9 +361,9 @@ def fit_resonance(
     fit = minimise_squares(left, start, residual_sigma=sigma)
     if background == "complex":
         fit = folded(left, fit)
-    found = as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
-    found = _with_added(found, background, fit.values[3:], frequency_hz, height)
-    return _lower_first(found, fit, height, left) if background == "complex" else found
+    line = as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
+    line = _with_added(line, background, fit.values[3:], frequency_hz, height)
+    return _lower_first(line, fit, height, left) if background == "complex" else line
 
 
 def along(frequency_hz: FloatArray) -> FloatArray:
@@ -377,7 +377,7 @@ def along(frequency_hz: FloatArray) -> FloatArray:
 
 
 def _lower_first(
-    found: Resonance,
+    line: Resonance,
     fit: LeastSquaresFit,
     height: float,
     left: Callable[[FloatArray], FloatArray],
@@ -397,19 +397,19 @@ def _lower_first(
     slopes = np.zeros(x.size)
     slopes[2:] = -turn.real, -2.0 * turn.imag, 2.0 * turn.real
     std = height * math.sqrt(max(0.0, float(slopes @ fit.covariance @ slopes)))
-    std *= reach(ROOT_68, found.dof) * found.structure.widening
+    std *= reach(ROOT_68, line.dof) * line.structure.widening
     there = -beside.conjugate() * turn
     mirror = np.array([x[0], x[1], size, there.real, there.imag])
     off = float(np.sum(left(mirror) ** 2)) - _squares(fit)
-    mirrored = number_of_line("amplitude", height * size, std, "", half=ratio95(found.dof))
-    if not (height * size < found.amplitude.value and off < fit.variance):
-        return replace(found, mirrored=mirrored)
+    mirrored = number_of_line("amplitude", height * size, std, "", half=ratio95(line.dof))
+    if not (height * size < line.amplitude.value and off < fit.variance):
+        return replace(line, mirrored=mirrored)
     return replace(
-        found,
+        line,
         amplitude=mirrored,
         background=height * there,
-        residual=found.residual * found.amplitude.value / (height * size),
-        mirrored=found.amplitude,
+        residual=line.residual * line.amplitude.value / (height * size),
+        mirrored=line.amplitude,
     )
 
 
@@ -493,10 +493,10 @@ def fit_beside_tail(
     fit = folded(tail.residuals, fit)
     own = replace(fit, residuals=fit.residuals[:-2], jacobian=fit.jacobian[:-2])
     curve = height * (own.residuals + shares)
-    found = as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
+    line = as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
     if not (second.converged and _squares(second) - _squares(fit) < ALLOWED * fit.variance):
-        return found
-    return _with_mirrored(found, second, height)
+        return line
+    return _with_mirrored(line, second, height)
 
 
 def fit_beside_second(
@@ -547,40 +547,38 @@ def fit_beside_second(
     if not (inside and float(np.median(steps)) < 2.0 * width < float(np.ptp(frequency_hz))):
         raise BadInput(f"{source}: has no second line among its points")
     curve = height * (fit.residuals + shares)
-    found = as_resonance(frequency_hz, fit, curve, (*first, height), source)
-    if not found.amplitude.std < found.amplitude.value:
+    first_line = as_resonance(frequency_hz, fit, curve, (*first, height), source)
+    if not first_line.amplitude.std < first_line.amplitude.value:
         raise BadInput(
             f"{source}: the points do not determine how high its line is above a second one"
         )
-    found = _with_added(found, background, fit.values[7:], frequency_hz, height)
+    first_line = _with_added(first_line, background, fit.values[7:], frequency_hz, height)
     share = complex(*fit.values[3:5]) / float(fit.values[2])
     if not (other.converged and _squares(other) - _squares(fit) < ALLOWED * fit.variance):
-        return found, SecondLine.at(eta, width, share)
+        return first_line, SecondLine.at(eta, width, share)
     mirrored = abs(complex(*other.values[3:5]) / float(other.values[2]))
-    return _with_mirrored(found, other, height), SecondLine.at(eta, width, share, mirrored)
+    return _with_mirrored(first_line, other, height), SecondLine.at(eta, width, share, mirrored)
 
 
-def _with_mirrored(found: Resonance, other: LeastSquaresFit, height: float) -> Resonance:
+def _with_mirrored(line: Resonance, other: LeastSquaresFit, height: float) -> Resonance:
     """A line with the other amplitude that describes the points, and its error."""
     std = height * math.sqrt(float(other.covariance[2, 2]))
-    std = std * reach(ROOT_68, found.dof) * found.structure.widening
+    std = std * reach(ROOT_68, line.dof) * line.structure.widening
     size = height * abs(float(other.values[2]))
-    mirrored = number_of_line("amplitude", size, std, "", half=ratio95(found.dof))
-    return replace(found, mirrored=mirrored)
+    mirrored = number_of_line("amplitude", size, std, "", half=ratio95(line.dof))
+    return replace(line, mirrored=mirrored)
 
 
 def _with_added(
-    found: Resonance, background: str, beside: FloatArray, frequency_hz: FloatArray, height: float
+    line: Resonance, background: str, beside: FloatArray, frequency_hz: FloatArray, height: float
 ) -> Resonance:
     """A line with what is added to its amplitude, from the unknowns of that, over the height."""
     constant = height * _constant(beside, background)
     if background != SLOPE:
-        return replace(found, background=constant)
+        return replace(line, background=constant)
     slope = 2.0 * height * float(beside[1]) / float(np.ptp(frequency_hz))
     middle = 0.5 * float(frequency_hz[0] + frequency_hz[-1])
-    return replace(
-        found, background=constant + slope * (found.frequency.value - middle), slope=slope
-    )
+    return replace(line, background=constant + slope * (line.frequency.value - middle), slope=slope)
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ TOLD = 1.05
 
 @dataclass(frozen=True, kw_only=True)
 class Structure:
-    """What the residuals tell of the noise.
+    """What the residuals show of the noise.
 
     `p_value` of the test against white noise, `sizes_p` of that against one size; `order` of the
     autoregressive model (0 where it is white); `points` independent points they are worth, (0, m];
