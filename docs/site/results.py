@@ -55,7 +55,12 @@ OLD_KEYS = """\
 `result.json` of 0.2.0 (schema 1) is read. In Python the old names work until 0.4, with a warning;
 `q`, `amplitude`, `power`, `rms` and qualities of a dip work as numbers until then, with a warning.
 A number of a line is a value with `value`, `std`, `ci95` and `unit`; its keys that only fits use
-are left out."""
+are left out.
+
+In schema 1 `knowledge.parameters` and `knowledge.derived` repeated the numbers of every value. Now
+these are in `parameters` and `derived` alone, and the points of its profile (`values`,
+`delta_chi2`, `path`) with `sigma` and `held` in `knowledge.scans`. `bars` and `precision` follow
+from `ci68` and `ci95`, `knowledge.findings` are among the `findings`."""
 PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "anything"}
 
 

@@ -40,7 +40,6 @@ from fitting.inference.posterior.summary import (
     CONVERGED,
     INTERRUPTED,
     NOT_CONVERGED,
-    Interval,
     PosteriorOutput,
     PosteriorSummary,
     PosteriorValue,
@@ -571,18 +570,14 @@ class _Job:
     def _summary(
         self, status: str, walk: Walk, found: Reached, truth: Mapping[str, float]
     ) -> PosteriorSummary:
-        beside: dict[str, Mapping[str, float | Interval]] = {
-            "most_likely": dict(self._fit.most_likely),
-            "profile95": {name: p.ci95 for name, p in self._fit.values.parameters.items()},
-            "truth": dict(truth),
-        }
+        beside = {"most_likely": self._fit.most_likely, "truth": truth}
         record = self.problem.record
         return PosteriorSummary(
             title=record.title,
             synthetic=record.synthetic,
             status=status,
             message=found.told(self.problem.names),
-            values=values_of(self.target, found, beside),
+            values=values_of(self.target, found, self._fit.values, beside),
             modes=modes_of(self.target, self.minima, walk, found),
             alternative=self._fit.alternative,
             walkers=self.walkers,

@@ -32,6 +32,7 @@ RENAMED = {
     "boxes": "active_bounds",
     "box": "bounds",
     "mean": "value",
+    "median": "value",
     "parameter": "name",
     "kind": "role",
     "verdict": "status",

@@ -24,7 +24,7 @@ Record = TypeVar("Record")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EndedRecord:
-    """What a command that may be interrupted writes: ``status`` "finished" or "interrupted"."""
+    """What a command that may be interrupted writes: ``status`` is how it ended."""
 
     title: str
     synthetic: bool

@@ -71,7 +71,7 @@ def test_noise_that_is_not_known_makes_student_s_t_behind_first_walks_too() -> N
     assert value.mean == pytest.approx(middle, abs=error * scale)
     assert value.std == pytest.approx(scale * math.sqrt(11.0 / 9.0), rel=1.5 * error)
     half = t.ppf(0.975, 11) * scale
-    assert value.interval95[1] - value.interval95[0] == pytest.approx(2.0 * half, rel=1.5 * error)
+    assert value.ci95[1] - value.ci95[0] == pytest.approx(2.0 * half, rel=1.5 * error)
 
 
 def test_while_draws_are_made_it_says_so_and_how_far_they_are(

@@ -44,7 +44,7 @@ def close(found: ff.Posterior, mean: np.ndarray, covariance: np.ndarray) -> None
         assert value.std / std == pytest.approx(
             1.0, abs=error
         )  # sqrt(2) errors of its own: 4 are 6
-        low, high = value.interval95
+        low, high = value.ci95
         # an end of 95 % is known to sqrt(p (1 - p))/phi = 2.67 times the error of the mean
         assert low == pytest.approx(truth - 1.96 * std, abs=2.67 * error * std)
         assert high == pytest.approx(truth + 1.96 * std, abs=2.67 * error * std)
@@ -70,7 +70,7 @@ def test_derived_outputs_are_read_at_the_draws(linear: ff.Posterior) -> None:
     assert found.missing == 0.0
     assert abs(found.mean - along @ mean) < error * std
     assert found.std / std == pytest.approx(1.0, abs=error)
-    assert found.interval95 == pytest.approx(
+    assert found.ci95 == pytest.approx(
         (found.mean - 1.96 * std, found.mean + 1.96 * std), abs=2.67 * error * std
     )
     assert found.profile95 == pytest.approx(
@@ -102,9 +102,7 @@ def test_unknown_noise_makes_student_s_t() -> None:
         assert value.mean == pytest.approx(middle, abs=error * scale)
         assert value.std == pytest.approx(scale * math.sqrt(9.0 / 7.0), rel=1.5 * error)
         half = t.ppf(0.975, 9) * scale
-        assert value.interval95[1] - value.interval95[0] == pytest.approx(
-            2.0 * half, rel=1.5 * error
-        )
+        assert value.ci95[1] - value.ci95[0] == pytest.approx(2.0 * half, rel=1.5 * error)
     assert "integrated out" in repr(found)
 
 
@@ -159,8 +157,8 @@ def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
         patch.setattr("fitting.inference.posterior.chain.DIFFERENCE", 0.0)
         found = ff.posterior(problem, fitted(problem), ff.Sampling(steps=1000, walkers=8))
     assert found.status == "not converged"
-    assert math.isnan(found["p1"].median)
-    assert all(math.isnan(end) for end in (*found["p1"].interval68, *found["p1"].interval95))
+    assert math.isnan(found["p1"].value)
+    assert all(math.isnan(end) for end in (*found["p1"].ci68, *found["p1"].ci95))
     assert all(math.isnan(mode.share) for mode in found.summary.modes)
     assert "not converged" in repr(found)
     assert found.values["p1"].rhat > 1.01
@@ -213,7 +211,7 @@ def test_an_angle_is_told_in_the_turn_of_the_fit_with_all_that_stands_beside_it(
     assert mode.parameters["p"] == pytest.approx(2.0, abs=1e-3)
     assert value.most_likely == pytest.approx(2.0, abs=1e-3)
     assert np.all(np.abs(found.draws - 2.0) < 0.5 * math.pi)
-    assert value.median == pytest.approx(2.0, abs=0.05)  # sigma is 0.05
+    assert value.value == pytest.approx(2.0, abs=0.05)  # sigma is 0.05
     low, high = value.profile95
     assert low < 2.0 < high
     ff.write_posterior(found, tmp_path, drawn=False)
@@ -255,7 +253,7 @@ def test_an_interrupted_chain_goes_on_as_if_it_had_not_been(
 
     begun = ff.posterior(problem, at, out=tmp_path, progress=stop)
     assert begun.status == "interrupted"
-    assert math.isnan(begun["p1"].median)
+    assert math.isnan(begun["p1"].value)
     ended = ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
     assert np.array_equal(ended.draws, linear.draws)
     assert ended.summary.evaluations >= linear.summary.evaluations
@@ -312,7 +310,7 @@ def test_what_is_written_says_what_was_found(tmp_path: Path, linear: ff.Posterio
         "report.html",
     }
     told = json.loads((tmp_path / "posterior.json").read_text("utf-8"))
-    assert told["values"]["p2"]["median"] == linear["p2"].median
+    assert told["values"]["p2"]["value"] == linear["p2"].value
     head, *rows = (tmp_path / "draws.csv").read_text("utf-8").splitlines()
     assert head == "p1,p2,p3,sum,root"
     table = np.array([[float(cell or "nan") for cell in row.split(",")] for row in rows])

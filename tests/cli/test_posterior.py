@@ -46,7 +46,7 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     assert first.code == 1, first.out  # a chain of two values is not long enough yet
     early = read_json(tmp_path / "out" / "posterior.json", PosteriorSummary)
     assert early.status == "not converged"
-    assert all(math.isnan(value.interval95[0]) for value in early.values.values())
+    assert all(math.isnan(value.ci95[0]) for value in early.values.values())
     [further_words] = re.findall("fmu-fit posterior .*", first.out)
     assert "--steps 800" in further_words
     assert "--resume" in further_words
@@ -61,7 +61,7 @@ def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_pat
     assert kept.steps == found["steps"] > 200
     fit = read_result(result)
     width = kept.values["d1"]
-    assert width.interval95[0] < fit.parameters["d1"].most_likely < width.interval95[1]
+    assert width.ci95[0] < fit.parameters["d1"].most_likely < width.ci95[1]
     assert width.profile95 == fit.parameters["d1"].ci95
     assert "--resume" in (tmp_path / "out" / "report.html").read_text("utf-8")
     assert any((tmp_path / "out").rglob("1_corner.svg"))

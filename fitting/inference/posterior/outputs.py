@@ -64,7 +64,9 @@ def outputs_of(
 def _output(values: FloatArray, fit: FittedEstimate, truth: float) -> PosteriorOutput:
     there = values[np.isfinite(values)]
     return PosteriorOutput(
+        name=fit.name,
         unit=fit.unit,
+        status=fit.status,
         **numbers_of(there),
         draws=int(there.size),
         missing=1.0 - there.size / values.size if values.size else math.nan,

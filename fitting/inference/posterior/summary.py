@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fitting.inference.likelihood.knowledge import Values
 from fitting.inference.posterior.chain import Walk
 from fitting.inference.posterior.diagnostics import autocorrelation_time, split_rhat
 from fitting.inference.posterior.minima import Target, about
@@ -16,8 +17,10 @@ from fitting.inference.posterior.reach import Accepted, Missed, missed_by
 from fitting.inference.posterior.start import Minimum
 from fitting.inference.posterior.turns import begins_of, told, told_interval, told_value
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.estimate import NOWHERE, Estimate, Interval, Method, Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number
+from fitting.text.records import EndedRecord
 
 #: Steps over the longest correlation time, and R, at which there are enough draws.
 LONG_ENOUGH, AGREE = 50.0, 1.01
@@ -28,25 +31,21 @@ UNCHECKED = "the posterior is bent, and the fit has no profiles that show what t
 #: Ends of the intervals as shares of the draws: half of what a Gaussian has beyond one sigma.
 ENDS68, ENDS95 = (0.158655, 0.841345), (0.025, 0.975)
 
-Interval = tuple[float, float]
-NONE: Interval = (math.nan, math.nan)
+NONE = NOWHERE
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drawn:
-    """What draws say of one number, in `unit`, beside what is said of it elsewhere.
+class Drawn(Estimate):
+    """What draws say of one number, beside what is said of it elsewhere.
 
-    `median`, `mean`, `std` and the central intervals are those of the draws, NaN where these have
-    not converged; `interval95` leaves 2.5 % of them on either side. `profile95` is the fit's
-    interval, `most_likely` its value, `truth` what is true, NaN where nobody knows it.
+    `value` is the median; it, `mean`, `std` and the central intervals are those of the draws, NaN
+    where these have not converged; `ci95` leaves 2.5 % of them on either side. `status` is that of
+    the fit, `profile95` its interval, `most_likely` its value, `truth` what is true, NaN where
+    nobody knows it.
     """
 
-    unit: str
-    median: float
+    method: Method = "posterior"
     mean: float
-    std: float
-    interval68: Interval
-    interval95: Interval
     most_likely: float
     profile95: Interval
     truth: float
@@ -94,11 +93,11 @@ def numbers_of(draws: FloatArray) -> dict[str, Any]:
     mine = draws if draws.size else np.array([math.nan])
     ends = np.quantile(mine, [0.5, *ENDS68, *ENDS95]).tolist()
     return {
-        "median": ends[0],
+        "value": ends[0],
         "mean": float(np.mean(mine)),
         "std": float(np.std(mine)),
-        "interval68": (ends[1], ends[2]),
-        "interval95": (ends[3], ends[4]),
+        "ci68": (ends[1], ends[2]),
+        "ci95": (ends[3], ends[4]),
     }
 
 
@@ -120,7 +119,7 @@ class PosteriorMode:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PosteriorSummary:
+class PosteriorSummary(EndedRecord):
     """What `posterior.json` holds.
 
     `status` is "converged", "not converged" or "interrupted", `message` says why. `steps` of
@@ -131,10 +130,6 @@ class PosteriorSummary:
     `findings` are what keeps draws that are enough by themselves from having converged.
     """
 
-    title: str
-    synthetic: bool
-    status: str
-    message: str
     values: Mapping[str, PosteriorValue]
     modes: tuple[PosteriorMode, ...]
     alternative: Mapping[str, Scalar]
@@ -148,7 +143,6 @@ class PosteriorSummary:
     notes: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
     derived: Mapping[str, PosteriorOutput] = field(default_factory=dict)
-    provenance: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,20 +236,24 @@ def reached(
 
 
 def values_of(
-    target: Target, found: Reached, beside: Mapping[str, Mapping[str, float | Interval]]
+    target: Target, found: Reached, fit: Values, beside: Mapping[str, Mapping[str, float]]
 ) -> dict[str, PosteriorValue]:
     """Every parameter by name.
 
     Args:
         target: The posterior.
         found: Draws.
-        beside: ``most_likely``, ``profile95`` and ``truth`` by name of the parameter.
+        fit: Whose intervals are compared with them.
+        beside: ``most_likely`` and ``truth`` by name of the parameter.
     """
     made = {}
     for i, p in enumerate(target.parameters):
         column, begin = found.draws[..., i], float(found.begins[i])
+        known = fit.parameters.get(p.name)
         made[p.name] = PosteriorValue(
+            name=p.name,
             unit=p.unit,
+            status=Verdict.UNKNOWN if known is None else known.status,
             **numbers_of(column if found.converged else np.empty(0)),
             tau=float(found.taus[i]),
             rhat=float(found.rhats[i]),
@@ -264,20 +262,12 @@ def values_of(
             upper=p.upper,
             prior=p.reference if p.prior_sigma else math.nan,
             prior_sigma=p.prior_sigma or math.nan,
-            most_likely=told_value(p, begin, _number(beside["most_likely"].get(p.name))),
-            profile95=told_interval(p, begin, _interval(beside["profile95"].get(p.name))),
-            truth=told_value(p, begin, _number(beside["truth"].get(p.name))),
+            most_likely=told_value(p, begin, beside["most_likely"].get(p.name, math.nan)),
+            profile95=told_interval(p, begin, NONE if known is None else known.ci95),
+            truth=told_value(p, begin, beside["truth"].get(p.name, math.nan)),
             shared=not p.experiments,
         )
     return made
-
-
-def _number(value: float | Interval | None) -> float:
-    return float(value) if isinstance(value, int | float) else math.nan
-
-
-def _interval(value: float | Interval | None) -> Interval:
-    return value if isinstance(value, tuple) else NONE
 
 
 def modes_of(

@@ -72,7 +72,7 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
                 axes.set_visible(False)
                 continue
             if k == i:
-                alone(axes, columns[i], scalings[i], found.values[shown[i]].interval95)
+                alone(axes, columns[i], scalings[i], found.values[shown[i]].ci95)
             else:
                 together(axes, columns[k], columns[i], (scalings[k], scalings[i]))
             which = (k,) if k == i else (k, i)
