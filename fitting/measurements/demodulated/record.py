@@ -26,25 +26,7 @@ SHARE = 8
 class DemodulatedRecord(TimeRecord):
     """A free decay of one output of the FMU, demodulated at a frequency.
 
-    Args:
-        time_s: Times of the samples, shape (n,), s, evenly spaced.
-        values: Phasors X + i Y, complex, phases as Re[values exp(2 pi i f t)], or amplitudes,
-            real, shape (n,), in ``unit``.
-        frequency_hz: f, the frequency that they were demodulated at, Hz.
-        input: The FMU's input by which a pulse sets it moving.
-        output: The FMU's output that is seen; empty: the setup's.
-        modes: How many lines are seen, those nearest to the frequency.
-        offset: (phasors) whether a constant phasor is solved for, as of a leaking reference.
-        floor: (amplitudes) whether they do not fall below their noise: ``sigma``, or what their
-            scatter tells, or where they drown in it what is solved for.
-        sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
-        begin: "first": the decay begins with the first sample; "found": where it is found to.
-        settings: Start values of the FMU by variable, in the FMU's units.
-        setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
-            fitted.
-        label: Name of the trace, for values of its own; wanted where there are several.
-        unit: Of the values.
-        source: What complaints name it by.
+    `fitting.DemodulatedTrace` explains its fields.
 
     Raises:
         BadInput: shapes that differ, times that do not rise or are not even, values that are not

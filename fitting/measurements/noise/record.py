@@ -44,29 +44,7 @@ QUANTILES = 2000
 class NoiseRecord(Record, Curve):
     """A power spectral density of one output of the FMU under a random force.
 
-    Args:
-        frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
-        density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
-        averages: Number of independent periodograms that were averaged, 1 or more; None: not
-            known, and the scatter of the points tells it and the errors.
-        force: "white": a force of constant density, whose level is solved for; "thermal": the one
-            that the damping asks for at a temperature; "coloured": one whose density is known but
-            for a factor, which is solved for.
-        force_density: (coloured) density of the force at the frequencies, shape (n,), in any unit,
-            above zero; it is taken as exact.
-        temperature_k: Of the resonator, K; 0: not known, and solved for.
-        mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
-        spring_constant: Instead of the mass, N/m; 0: not told.
-        drives_force: (thermal) Whether the drive is a force, or its mass is told: else no
-            temperature is told.
-        floor: Whether a white floor is solved for.
-        window: Of the periodograms, whose length is one over the spacing of the frequencies: it
-            widens the lines, and every second point is used, as neighbours are correlated by it.
-        settings: Start values of the FMU by variable, in the FMU's units.
-        label: Name of the spectrum, for values of its own; wanted where there are several.
-        output: The FMU's output that is seen; empty: the setup's.
-        unit: Whose square per Hz the density has.
-        source: What complaints name it by.
+    `fitting.NoiseSpectrum` explains its fields.
 
     Raises:
         BadInput: shapes that differ, frequencies that do not rise, densities that are not above

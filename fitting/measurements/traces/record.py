@@ -39,30 +39,7 @@ CROSSINGS = 2
 class TraceRecord(TimeRecord):
     """A time series of one output of the FMU, and what is known of how it came about.
 
-    Args:
-        time_s: Times of the samples, shape (n,), s, evenly spaced.
-        values: Of the output, shape (n,), in ``unit``.
-        input: The FMU's input that is driven; empty: none is.
-        driven: What drives it: times (m,), s, and values (m,) that were recorded, on the clock of
-            ``time_s``, or a declared `Pulse` or `Chirp`; None: nothing does.
-        further: What drives further inputs, by their names, likewise.
-        interpolation: Recorded inputs are "held" until the next value or joined ("linear").
-        output: The FMU's output that is seen; empty: the setup's.
-        gain: "one": the output as it is; "fit": times a gain that is solved for.
-        offset: Whether an offset is solved for.
-        sigma: Standard deviation of the values, in ``unit``; 0: the residuals tell it.
-        lead_s: Time before the first sample at which the FMU starts, s.
-        start: "rest": the FMU begins with its start values; "unknown": with a state that is solved
-            for, by the free responses of a linear FMU.
-        states: Number of states that decay, two for each mode.
-        begin: "first": the trace begins with its first sample; "found": where the free decay
-            begins, after a drive was switched off or a blow, and earlier samples are not used.
-        settings: Start values of the FMU during the trace by variable, in the FMU's units.
-        setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
-            fitted.
-        label: Name of the trace, for values of its own; wanted where there are several.
-        unit: Of the values.
-        source: What complaints name it by.
+    `fitting.Trace` explains its fields.
 
     Raises:
         BadInput: shapes that differ, times that do not rise or are not even, values that are not
