@@ -120,10 +120,10 @@ def test_what_an_fmu_says_does_not_steer_the_terminal(
 def test_the_page_tells_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fmu = build_c_fmu(tmp_path, marks={"NOISE": 1e-3})
     out = tmp_path / "page"
-    assert main(["check", str(fmu), "--report", str(out)]) == 0
+    assert main(["check", str(fmu), "--report", str(out), "--verbose"]) == 0
     told = " ".join(capsys.readouterr().out.split())
     page = (out / "report.html").read_text("utf-8")
-    [careful] = re.findall("(outputs repeat to [^,;.]*)", told)
+    careful, *_ = re.findall("(outputs repeat to [^,;.]*)", told)
     for words in (careful, "per step", "DrivenOscillator", "stiffness"):
         assert words in told
         assert words in page

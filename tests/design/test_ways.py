@@ -262,7 +262,7 @@ def test_each_way_is_a_plan_and_the_table_tells_them_apart(fmu: ff.Fmu, tmp_path
     assert len((sweeps / "sweeps.csv").read_text().splitlines()) == 3 + 42 * 2
     for name in ("tones", "sweeps"):
         assert (tmp_path / "out" / name / "campaign/campaign.toml").is_file()
-    said = "\n".join(ways_lines(found.ways, verbose=True))
+    said = " ".join(" ".join(ways_lines(found.ways, verbose=True)).split())
     assert " 50 s " in said
     assert re.search(r"tones: .*\b0\.3 s.*\b1 s\b", said)
     assert re.search(r'"together" .*\bslope\b', said)

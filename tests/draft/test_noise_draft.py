@@ -79,7 +79,7 @@ def test_a_density_of_one_line_becomes_a_noise_spectrum_that_finds_it(
     assert table["columns"] == {"frequency": "Frequency", "density": "PSD"}
     told = " ".join(capsys.readouterr().out.split())
     assert "'PSD' (m^2/Hz)" in told
-    assert "  next " in told  # it is promised to describe them
+    assert " next " in told  # it is promised to describe them
     assert "sweep" not in told.partition("written:")[0].lower()
 
 
