@@ -47,7 +47,7 @@ def test_an_example_is_written_whole(
     told = capsys.readouterr().out
     assert f"fmu-fit reconstruct {name}/campaign.toml" in told
     others = ("afm_sensor", "coupled_rlc", "string_pumped")
-    assert f"{name}/sweep.csv" in told or name in others
+    assert " sweep.csv" in told or name in others
     # into an empty folder, but never onto something
     (tmp_path / "empty").mkdir()
     assert main(["example", name, "--out", "empty"]) == 0
