@@ -9,7 +9,7 @@ class Stage(StrEnum):
     """What is being looked for; the words say so."""
 
     MINIMA = "other minima"
-    WALKS = "walks"
-    BEYOND = "beyond the box"
+    WALKS = "scans"
+    BEYOND = "beyond the bounds"
     DIRECTIONS = "what has no effect"
     REFITS = "refits of the bootstrap"
