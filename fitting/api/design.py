@@ -18,7 +18,6 @@ from fitting.design.campaign import CAMPAIGN_NAME, campaign_files
 from fitting.design.candidates import MOST_NUMBER, Limits
 from fitting.design.goal import goal_of, start_of, variable_of
 from fitting.design.limits import (
-    DesignTable,
     check_names,
     limits_of,
     read_candidates,
@@ -27,6 +26,7 @@ from fitting.design.limits import (
 )
 from fitting.design.proposal import Choice, expected_of, propose, proposed
 from fitting.design.result import Design, Proposal, design_csv, write_design
+from fitting.design.table import DesignTable
 from fitting.design.ways import (
     TOGETHER,
     Kind,

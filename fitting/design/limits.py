@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +17,8 @@ from fitting.campaign import BoundCampaign, Drive
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenCampaign, WrittenDesign
 from fitting.design.candidates import MOST_NUMBER, Limits
-from fitting.design.sweep_limits import HEADROOM, SweepTable, asked_of, sweep_limits, with_unit
+from fitting.design.sweep_limits import HEADROOM, asked_of, sweep_limits, with_unit
+from fitting.design.table import DesignTable
 from fitting.design.times import most_of, timed
 from fitting.design.trace_limits import trace_limits, traces_asked_of
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
@@ -39,8 +40,6 @@ RELATIVE_NOISE = 0.01
 OFF_THE_LINE = 0.05
 #: Relative difference of two limits that are the same one, written in two units.
 ROUNDING = 1e-12
-#: Keys that say which kind of measurement is proposed, and what its limits cannot do without.
-OF_KIND = ("sweeps", "traces", "noise_floor", "relative_noise")
 #: Tables by which a file is known as a campaign.
 OF_A_CAMPAIGN = ("fmu", "drive", "parameters")
 
@@ -51,58 +50,6 @@ class WrittenCandidates(Keys):
 
     design: Annotated[WrittenDesign, Missing("wanted a table [design] with limits")]
     """The instrument's limits."""
-
-
-@dataclass(frozen=True)
-class DesignTable:
-    """A table [design]: what it says, the file that it is in, and the keys that are written there.
-
-    `elsewhere` are the files of keys that were taken over from another table.
-    """
-
-    path: Path
-    keys: WrittenDesign
-    said: frozenset[str] = frozenset()
-    elsewhere: Mapping[str, Path] = field(default_factory=dict)
-
-    def where(self, key: str) -> str:
-        """The place of a key.
-
-        Args:
-            key: key of the table [design].
-        """
-        return f"{self.elsewhere.get(key, self.path)}: [design] {key}"
-
-    def with_keys_of(self, other: DesignTable) -> DesignTable:
-        """The table with all that the other one says; what that leaves out stays.
-
-        Args:
-            other: whose keys go before.
-        """
-        new = {key: getattr(other.keys, key) for key in other.said}
-        for key in ("settings", "setting_sigma"):  # tables themselves, by variable
-            if key in new:
-                new[key] = {**getattr(self.keys, key), **new[key]}
-        for asked, given_up in (("sweeps", "traces"), ("traces", "sweeps")):
-            if asked in new:  # another kind of measurement
-                new.setdefault(given_up, None)
-        return DesignTable(
-            path=self.path,
-            keys=replace(self.keys, **new),
-            said=self.said | other.said,
-            elsewhere={**self.elsewhere, **dict.fromkeys(other.said, other.path)},
-        )
-
-    def beside(self, other: DesignTable) -> DesignTable:
-        """The table, asking for sweeps or traces where the other one does, to be compared with it.
-
-        The noise is the other's, too: it is no limit, and without it sweeps have no limits.
-
-        Args:
-            other: what holds in its place.
-        """
-        taken = {n: getattr(other.keys, n) for n in OF_KIND}
-        return replace(self, keys=replace(self.keys, **taken))
 
 
 def read_design_table(path: Path) -> DesignTable:
@@ -230,12 +177,9 @@ def limits_of(
     """
     said = asked_of(bound, table.keys, table.said)
     if said.sweeps is None and traces_asked_of(bound, said, table.said):
-        return timed(
-            trace_limits(bound, SweepTable(said=said, keys=table.said, where=table.where)), said
-        )
+        return timed(trace_limits(bound, replace(table, keys=said)), said)
     if said.sweeps is not None:
-        asked = SweepTable(said=said, keys=table.said, where=table.where)
-        return timed(sweep_limits(bound, variables, asked), said)
+        return timed(sweep_limits(bound, variables, replace(table, keys=said)), said)
     if bound.setup.drive.kind == "none":
         raise BadInput(
             f"{bound.path}: has no [drive], wanted one: tones are proposed where [design] asks for "

@@ -8,7 +8,8 @@ box are ranked by sum ln(1 + row^2), and the lowest fit of those that begin at t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,87 +46,80 @@ class Outset:
     searched: int = 0
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredSoFar:
-    """All series (the first is to be continued), their prior sigmas and difference steps (n,)."""
+def nearest_outset(
+    series: tuple[Series, ...], prior: FloatArray, steps: FloatArray, limits: Limits
+) -> Callable[[Place], Outset]:
+    """The fit nearest to a place, with the noise estimated there where none is stated.
 
-    series: tuple[Series, ...]
-    prior: FloatArray
-    steps: FloatArray
-    limits: Limits
+    Args:
+        series: that were measured; the first is to be continued.
+        prior: standard deviations of the prior, (n,).
+        steps: of differences, (n,).
+        limits: of the instrument.
+    """
+    is_estimated = any(not np.all(each.data.sigma > 0.0) for each in series)
 
-    def near(self, place: Place) -> Outset:
-        """The fit nearest to a place, with the noise that it tells where nobody stated it.
+    def whitened(place: Place) -> WhitenedData:
+        blocks = []
+        for each in series:
+            rows = each.rows([place], steps, limits.setting_sigmas)[0]
+            covariance = information_of_data(each, rows, limits.setting_sigmas)[1]
+            blocks.append(covariance.beside(np.full(covariance.size, scale_sigma(each.data))))
+        covariance = RowCovariance.joined(blocks)
+        return WhitenedData(series=series, covariance=covariance, prior=prior, steps=steps)
 
-        Args:
-            place: where it begins.
-        """
-        data = self._whitened(place)
+    def near(place: Place) -> Outset:
+        data = whitened(place)
         fitted = nearest_fit(data, place)
-        for _ in range(ROUNDS if self._is_estimated else 0):
-            data = self._whitened(fitted.place)
+        for _ in range(ROUNDS if is_estimated else 0):
+            data = whitened(fitted.place)
             before = data.at([fitted.place])[0]
             fitted = nearest_fit(data, fitted.place)
             if before.chi_square - fitted.chi_square <= SETTLED * before.chi_square:
                 break
-        return Outset(data=data, fitted=fitted, inflation=self._inflation(fitted))
+        if is_estimated:
+            left = 1.0 if limits.sweeps is None else _over_scatter(series[0], fitted.place, steps)
+        else:
+            dof = fitted.problem.rows.size - fitted.place.x.size
+            left = inflation_of(fitted.chi_square, float(dof))
+        return Outset(data=data, fitted=fitted, inflation=left)
 
-    def lowest(self, place: Place, seed: int) -> Outset:
-        """The fit nearest to a place; of the whole box where noise does not explain that.
+    return near
 
-        Args:
-            place: where it begins.
-            seed: of the points of the box.
-        """
-        near = self.near(place)
-        if near.inflation == 1.0:
-            return near
-        parameters = self.series[0].bound.parameters
-        box = Box(parameters)
-        free = int(np.count_nonzero(box.free))
-        number = min(SCREENED * 2 ** max(0, free - FEW), MOST_AT_FIRST)
-        points = [Place(place.alternative, x) for x in box.spread(number, seed)]
-        merits = [merit(rows) for rows in near.data.rows(points)]
-        best = np.argsort(merits, kind="stable")[:DESCENTS]
-        fits = [near.fitted, *(nearest_fit(near.data, points[k]) for k in best)]
-        lowest = min(fits, key=lambda fit: fit.chi_square)
-        found = self.near(lowest.place) if lowest is not near.fitted else near
-        return Outset(
-            data=found.data, fitted=found.fitted, inflation=found.inflation, searched=number
-        )
 
-    @property
-    def _is_estimated(self) -> bool:
-        return any(not np.all(series.data.sigma > 0.0) for series in self.series)
+def lowest_outset(near: Callable[[Place], Outset], place: Place, seed: int) -> Outset:
+    """The fit nearest to a place; of the whole box where noise does not explain that.
 
-    def _whitened(self, place: Place) -> WhitenedData:
-        blocks = []
-        for series in self.series:
-            rows = series.rows([place], self.steps, self.limits.setting_sigmas)[0]
-            covariance = information_of_data(series, rows, self.limits.setting_sigmas)[1]
-            blocks.append(covariance.beside(np.full(covariance.size, scale_sigma(series.data))))
-        return WhitenedData(
-            series=self.series,
-            covariance=RowCovariance.joined(blocks),
-            prior=self.prior,
-            steps=self.steps,
-        )
+    Args:
+        near: the fit nearest to a place.
+        place: where it begins.
+        seed: of the points of the box.
+    """
+    first = near(place)
+    if first.inflation == 1.0:
+        return first
+    box = Box(first.data.series[0].bound.parameters)
+    free = int(np.count_nonzero(box.free))
+    number = min(SCREENED * 2 ** max(0, free - FEW), MOST_AT_FIRST)
+    points = [Place(place.alternative, x) for x in box.spread(number, seed)]
+    merits = [merit(rows) for rows in first.data.rows(points)]
+    best = np.argsort(merits, kind="stable")[:DESCENTS]
+    fits = [first.fitted, *(nearest_fit(first.data, points[k]) for k in best)]
+    lowest = min(fits, key=lambda fit: fit.chi_square)
+    found = near(lowest.place) if lowest is not first.fitted else first
+    return replace(found, searched=number)
 
-    def _inflation(self, fitted: LinearisedFit) -> float:
-        """What is left over the noise; of sweeps whose noise nobody stated, over their scatter."""
-        if not self._is_estimated:
-            rows = fitted.problem.rows.size
-            return inflation_of(fitted.chi_square, float(rows - fitted.place.x.size))
-        if self.limits.sweeps is None:
-            return 1.0
-        first, so_far, begin = self.series[0], continued_of(self.series[0].bound), 0
-        left = first.residuals(fitted.place, self.steps)
-        for m in first.data.measurements:
-            mine = left[begin : begin + m.rows]
-            begin += m.rows
-            if so_far.is_made_of(m) and not np.any(m.sigma > 0.0):
-                noise = [float(np.median(s.sigma)) / np.max(s.amplitude) for s in so_far.sweeps]
-                expected = float(np.sqrt(np.mean(np.square(noise))))
-                over = float(np.sqrt(np.mean(mine**2))) / expected if expected > 0.0 else 1.0
-                return over if over > MUCH_LEFT else 1.0
-        return 1.0
+
+def _over_scatter(series: Series, place: Place, steps: FloatArray) -> float:
+    """The residuals of sweeps without a stated noise, over the scatter of their points."""
+    so_far, begin = continued_of(series.bound), 0
+    left = series.residuals(place, steps)
+    for m in series.data.measurements:
+        mine = left[begin : begin + m.rows]
+        begin += m.rows
+        if so_far.is_made_of(m) and not np.any(m.sigma > 0.0):
+            noise = [float(np.median(s.sigma)) / np.max(s.amplitude) for s in so_far.sweeps]
+            expected = float(np.sqrt(np.mean(np.square(noise))))
+            over = float(np.sqrt(np.mean(mine**2))) / expected if expected > 0.0 else 1.0
+            return over if over > MUCH_LEFT else 1.0
+    return 1.0

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from fitting.campaign.file import WrittenDesign, WrittenSweeps
 from fitting.design.candidates import Limits, SweepLimits
 from fitting.design.continued import Continued, continued_of
 from fitting.design.sweeps import check_controls
+from fitting.design.table import DesignTable
 from fitting.design.times import most_of
 from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
@@ -39,15 +40,6 @@ TRIED = 41
 HEADROOM = 2.0
 #: A part of the noise below this share of the other is none.
 ROUNDING = 1e-6
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepTable:
-    """A table [design] that asks for sweeps: what it says, which keys, and where each is."""
-
-    said: WrittenDesign
-    keys: frozenset[str]
-    where: Callable[[str], str]
 
 
 def asked_of(bound: BoundCampaign, said: WrittenDesign, keys: frozenset[str]) -> WrittenDesign:
@@ -87,7 +79,7 @@ def _some(so_far: Continued, name: str, most: int) -> list[Scalar]:
 def sweep_limits(
     bound: BoundCampaign,
     variables: Mapping[str, VariableLike],
-    table: SweepTable,
+    table: DesignTable,
 ) -> Limits:
     """Limits of a campaign whose next measurements are sweeps.
 
@@ -100,7 +92,7 @@ def sweep_limits(
         BadInput: no sweeps over a control, an unknown control, a value of the wrong unit, a key
             that places tones, no noise.
     """
-    so_far, said = continued_of(bound), table.said
+    so_far, said = continued_of(bound), table.keys
     _check_places(bound, table)
     if so_far.has_own_drive:
         raise BadInput(
@@ -108,7 +100,7 @@ def sweep_limits(
             "wanted sweeps with one amplitude of the drive"
         )
     for key in OF_TONES:
-        if key in table.keys:
+        if key in table.said:
             raise BadInput(
                 f"{table.where(key)}: has no meaning beside sweeps, which are proposed in place of "
                 "tones"
@@ -151,7 +143,7 @@ def _asked(said: WrittenDesign) -> WrittenSweeps:
     return said.sweeps or WrittenSweeps(controls={})
 
 
-def _check_places(bound: BoundCampaign, table: SweepTable) -> None:
+def _check_places(bound: BoundCampaign, table: DesignTable) -> None:
     """Complain of what is fitted to each spectrum: a new one would have a value of its own."""
     own = next((p.name for p in bound.parameters if p.experiments), None)
     if own is not None:
@@ -164,12 +156,12 @@ def _check_places(bound: BoundCampaign, table: SweepTable) -> None:
 def _controls(
     bound: BoundCampaign,
     variables: Mapping[str, VariableLike],
-    table: SweepTable,
+    table: DesignTable,
     so_far: Continued,
 ) -> dict[str, tuple[Scalar, ...]]:
     binder = Binder(variables, bound.setup.laws.names)
     binder.control_units.update({n: unit for n, unit in so_far.units.items() if unit})
-    written = _asked(table.said).controls
+    written = _asked(table.keys).controls
     check_controls(written, so_far, table.where("sweeps"))
     return {
         name: tuple(binder.setting(name, with_unit(value, so_far.units[name])) for value in values)
@@ -192,13 +184,13 @@ def _amplitude(so_far: Continued, written: Written | None, default: float) -> fl
     return default if written is None else positive_in(written, so_far.unit)
 
 
-def _noise(so_far: Continued, table: SweepTable) -> tuple[float, float]:
+def _noise(so_far: Continued, table: DesignTable) -> tuple[float, float]:
     """Noise of a point of a sweep, and the part of it that is a share of the amplitude.
 
     Least squares of sigma^2 = floor^2 + (relative A)^2 over the measured points, where it is
     stated; the median of what the sweeps' scatter says elsewhere.
     """
-    said = table.said
+    said = table.keys
     sigma = np.concatenate([s.sigma for s in so_far.sweeps])
     amplitude = np.concatenate([s.amplitude for s in so_far.sweeps])
     size = so_far.largest

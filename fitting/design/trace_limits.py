@@ -11,7 +11,8 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.file import WrittenDesign, WrittenTraces
 from fitting.design.candidates import MOST_SAMPLES, Limits, TraceLimits
 from fitting.design.recordings import TracesSoFar, longest_s, repeated, traces_of
-from fitting.design.sweep_limits import HEADROOM, OF_TONES, SweepTable
+from fitting.design.sweep_limits import HEADROOM, OF_TONES
+from fitting.design.table import DesignTable
 from fitting.design.times import most_of
 from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.text.errors import BadInput
@@ -41,7 +42,7 @@ def traces_asked_of(bound: BoundCampaign, said: WrittenDesign, keys: frozenset[s
     return bool(bound.measurements) and set(bound.measurements) <= OF_TRACES
 
 
-def trace_limits(bound: BoundCampaign, table: SweepTable) -> Limits:
+def trace_limits(bound: BoundCampaign, table: DesignTable) -> Limits:
     """Limits of a campaign whose next measurements are recordings over time.
 
     Args:
@@ -52,10 +53,10 @@ def trace_limits(bound: BoundCampaign, table: SweepTable) -> Limits:
         BadInput: no traces, or some whose repetition nothing is known of, an unknown name, a value
             of the wrong unit, traces of several units, a key that has no meaning beside traces.
     """
-    so_far, said = traces_of(bound), table.said
+    so_far, said = traces_of(bound), table.keys
     asked = said.traces or WrittenTraces()
     for key in OF_OTHERS:
-        if key in table.keys:
+        if key in table.said:
             raise BadInput(
                 f"{table.where(key)}: has no meaning beside traces, which are proposed in place of "
                 "tones"
@@ -114,7 +115,7 @@ def _spacings(
     }
 
 
-def _samples(so_far: TracesSoFar, asked: WrittenTraces, table: SweepTable) -> int:
+def _samples(so_far: TracesSoFar, asked: WrittenTraces, table: DesignTable) -> int:
     own = round(HEADROOM * max(record.y.size for record in so_far.records))
     samples = asked.samples or min(own, MOST_SAMPLES)
     if not LEAST_SAMPLES <= samples <= MOST_SAMPLES:

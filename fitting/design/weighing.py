@@ -28,7 +28,7 @@ from fitting.design.information import (
     scale_sigma,
     unmeasured,
 )
-from fitting.design.outset import MeasuredSoFar, Outset
+from fitting.design.outset import Outset, lowest_outset, nearest_outset
 from fitting.design.points import equal_fits, nearest_fit, spread_out
 from fitting.design.recordings import RecordingsToSimulate, recording_choices, traces_of
 from fitting.design.result import DriveChoice
@@ -139,20 +139,6 @@ class _Known:
     begun: Outset
 
 
-@dataclass(frozen=True)
-class _Simulated:
-    """All setups with their rows at each place; `linear` where levels only scale the amplitude."""
-
-    setups: tuple[Setup, ...]
-    rows: tuple[Rows, ...]
-    linear: bool
-
-    @property
-    def amplitudes_v(self) -> FloatArray:
-        """Peaks, (places, setups, tones)."""
-        return np.stack([r.amplitude_v.reshape(len(self.setups), -1) for r in self.rows])
-
-
 def weigh(
     bound: BoundCampaign,
     workers: Workers,
@@ -230,8 +216,7 @@ def _candidates(data: Series, limits: Limits, known: _Known, steps: FloatArray) 
         return _sweep_candidates(data, limits, known, steps)
     if limits.traces is not None:
         return _recording_candidates(data, limits, known, steps)
-    found = _simulated(data.bound, data.workers, limits, known.places, steps)
-    return _tone_candidates(limits, found)
+    return _tone_candidates(data, limits, known, steps)
 
 
 def _of_data(ways: Sequence[Limits]) -> Limits:
@@ -346,9 +331,9 @@ def _equal_fits(
     else:
         alternative, p = goal.start
         start = Place(alternative, np.clip(to_search(bound.parameters, p), lower, upper))
-    measured = MeasuredSoFar(series=known, prior=prior, steps=steps, limits=limits)
+    near = nearest_outset(known, prior, steps, limits)
     # one that was asked for is kept: nothing else is looked for
-    begun = measured.lowest(start, goal.seed) if goal.start is None else measured.near(start)
+    begun = near(start) if goal.start is not None else lowest_outset(near, start, goal.seed)
     whitened, given = begun.data, begun.fitted
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):
@@ -396,17 +381,12 @@ def _values(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
     return values
 
 
-def _simulated(
-    bound: BoundCampaign,
-    workers: Workers,
-    limits: Limits,
-    places: Sequence[Place],
-    steps: FloatArray,
-) -> _Simulated:
-    """Rows of all setups at every place.
+def _tone_candidates(data: Series, limits: Limits, known: _Known, steps: FloatArray) -> _Candidates:
+    """Candidates that are tones, and their information.
 
     Where the amplitude is proportional to the drive level, one is simulated, the others follow.
     """
+    bound, workers, places = data.bound, data.workers, known.places
     setups, errors = setups_of(bound, limits), limits.setting_sigmas
     levels = sorted({s.level for s in setups})
     lowest = [s for s in setups if s.level == levels[0]]
@@ -422,13 +402,13 @@ def _simulated(
         linear = bool(np.all(np.abs(high - ratio * low) <= LINEAR * ratio * low))
     if not linear:
         rows = _unmeasured(bound, workers, setups).rows(places, steps, errors)
-        return _Simulated(setups, tuple(rows), linear=False)
+        return _of_tones(limits, setups, rows, linear=False)
     index = {(s.tones_hz, s.output, tuple(s.settings.items())): i for i, s in enumerate(lowest)}
     source = np.array([index[s.tones_hz, s.output, tuple(s.settings.items())] for s in setups])
     tones = len(setups[0].experiment.read_hz)
     picked = (source[:, np.newaxis] * tones + np.arange(tones)).ravel()
     factors = np.repeat([s.level / levels[0] for s in setups], tones)
-    scaled = tuple(
+    scaled = [
         replace(
             row,
             amplitude_v=row.amplitude_v[picked] * factors,
@@ -438,29 +418,32 @@ def _simulated(
             phase_by_setting=row.phase_by_setting[picked],
         )
         for row in series.rows(places, steps, errors)
-    )
-    return _Simulated(setups, scaled, linear=True)
+    ]
+    return _of_tones(limits, setups, scaled, linear=True)
 
 
 def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup]) -> Series:
     return Series(unmeasured(as_campaign(bound, setups)), workers, setups=True)
 
 
-def _tone_candidates(limits: Limits, simulated: _Simulated) -> _Candidates:
-    """Candidates that are tones, and their information."""
+def _of_tones(
+    limits: Limits, setups: Sequence[Setup], rows: Sequence[Rows], *, linear: bool
+) -> _Candidates:
+    """Candidates of setups with their rows at each place."""
+    peaks = np.stack([r.amplitude_v.reshape(len(setups), -1) for r in rows])
 
     def information_at(rank: int, count: int, kept: Sequence[int]) -> FloatArray:
-        amplitudes = simulated.amplitudes_v[rank, list(kept)]
+        amplitudes = peaks[rank, list(kept)]
         sigmas = limits.sigmas(amplitudes, count)
         return information_of_setups(
-            simulated.rows[rank],
+            rows[rank],
             np.maximum(sigmas / amplitudes, SMALLEST_SIGMA),
             kept,
             limits.setting_sigmas,
             phases=limits.phases,
         )
 
-    return _Candidates(simulated.setups, simulated.amplitudes_v, information_at, simulated.linear)
+    return _Candidates(setups, peaks, information_at, linear)
 
 
 def _sweep_candidates(

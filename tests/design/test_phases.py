@@ -25,7 +25,8 @@ from fitting.design.information import (
     information_of_setups,
     unmeasured,
 )
-from fitting.design.limits import DesignTable, limits_of, refuse_wider
+from fitting.design.limits import limits_of, refuse_wider
+from fitting.design.table import DesignTable
 from fitting.fmu import FmuWorkers
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.arrays import ComplexArray, FloatArray

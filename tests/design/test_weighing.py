@@ -18,8 +18,9 @@ from fitting.design.campaign import campaign_files
 from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
 from fitting.design.choice import exhaustive, greedy, losses
 from fitting.design.information import Place, Series, prior_sigmas_in_box, unmeasured
-from fitting.design.limits import DesignTable, limits_of
+from fitting.design.limits import limits_of
 from fitting.design.proposal import propose
+from fitting.design.table import DesignTable
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by, weigh
 from fitting.fmu import FmuWorkers
 from fitting.lab.truth import read_bench
