@@ -9,22 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
-from fitting.draft.checked import Draft
-from fitting.draft.demodulated import DemodulatedFile, demodulated_of
-from fitting.draft.draft import (
-    check_one_line,
-    draft_of,
-    model_for,
-    model_for_recordings,
-    trace_draft_of,
-)
-from fitting.draft.files import Files, files_of, settled
-from fitting.draft.model import ONE_MODE, TWO_MODES
+from fitting.draft.control import map_draft
+from fitting.draft.demodulated import DemodulatedFile, demodulated_draft, demodulated_of, modes_of
+from fitting.draft.document import Draft
+from fitting.draft.files import files_of, settled
+from fitting.draft.model import ONE_MODE, TWO_MODES, Offer, offer_of
 from fitting.draft.noise import NOISE
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.series import LIST, Series, series_of
-from fitting.draft.source import Source
-from fitting.draft.traces import INPUT, OUTPUT, recordings_of
+from fitting.draft.sweeps import check_one_line, sweeps_draft
+from fitting.draft.traces import INPUT, OUTPUT, lines_of_recording, recordings_of, traces_draft
 from fitting.resonance.reading import TIME_PAGE, Columns
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -130,22 +124,33 @@ def drafted(
     if unknown:
         raise BadInput(f"init: found key {unknown[0]!r}, wanted any of {', '.join(KEYS)}")
     [interface] = answers.told.get("interface", (None,))
-    with results_folder(Path(out), "init", FILES):
-        demodulated = _demodulated(paths, columns or Columns(), fmu)
-        recordings = demodulated or recordings_of(paths, columns, simulated=fmu is not None)
-        if recordings:
-            _refuse_parts(paths, columns or Columns())
-            recorded = fmu or model_for_recordings(recordings)
-            if recorded is None:
+    columns, folder = columns or Columns(), Path(out)
+    with results_folder(folder, "init", FILES):
+        demodulated = _demodulated(paths, columns, fmu)
+        recordings = () if demodulated else recordings_of(paths, columns, simulated=fmu is not None)
+        if demodulated or recordings:
+            for key in columns.selection.parts:
+                raise BadInput(
+                    f"--{key.replace('_', '-')}: a campaign of recordings does not choose "
+                    f"it; wanted that part of {paths[0]} in a file of its own"
+                )
+            # as many modes as ringdowns show
+            shown = [*map(modes_of, demodulated)] if fmu is None else []
+            shown += [len(lines_of_recording(each)) for each in recordings if fmu is None]
+            if fmu is None and min(shown) == 0:
                 raise BadInput(
                     f"{paths[0]}: is a recording over time, and no free decay of one column; "
                     f"wanted --fmu, the FMU whose output was recorded: {TIME_PAGE}"
                 )
-            with _source(recorded, interface) as source:
-                draft = trace_draft_of(recordings, source, answers, Path(out))
+            recorded = fmu or (ONE_MODE if max(shown) == 1 else TWO_MODES)
+            with _offer(recorded, interface) as offer:
+                if demodulated:
+                    draft = demodulated_draft(demodulated, offer, answers, folder)
+                else:
+                    draft = traces_draft(recordings, offer, answers, folder)
         else:
-            draft = _of_sweeps(paths, columns or Columns(), answers, fmu, Path(out))
-        path = Path(out) / CAMPAIGN
+            draft = _of_sweeps(paths, columns, answers, fmu, folder)
+        path = folder / CAMPAIGN
         write_whole(path, draft.text)
     return Drafted(path, draft.said, draft.undescribed)
 
@@ -184,15 +189,6 @@ def _answers(told: Mapping[str, str | Sequence[str]], ask: Ask | None) -> Answer
     return made
 
 
-def _refuse_parts(paths: Sequence[Path], columns: Columns) -> None:
-    """Complain of a part of a recording that no campaign can choose."""
-    for key in columns.selection.parts:
-        raise BadInput(
-            f"--{key.replace('_', '-')}: a campaign of recordings does not choose it; "
-            f"wanted that part of {paths[0]} in a file of its own"
-        )
-
-
 def _of_sweeps(
     paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, out: Path
 ) -> Draft:
@@ -209,14 +205,18 @@ def _of_sweeps(
         joint = fmu is not None and fmu != TWO_MODES
         series = series_of(paths, columns, control, out, joint=joint)
     if series is not None:
-        with _listed(series, out), _source(fmu or TWO_MODES, interface) as source:
-            draft = draft_of(Files(sweeps=(), map=series.map), source, answers, out)
-        return replace(draft, said=(series.control.words, *draft.said))
-    looked_at = settled(files_of(paths, columns, answers), answers)
+        with _listed(series, out), _offer(fmu or TWO_MODES, interface) as offer:
+            draft = map_draft(series.map, offer, answers, out)
+        return replace(draft, said=(series.words, *draft.said))
+    files = settled(files_of(paths, columns, answers), answers)
     if fmu in (None, ONE_MODE):
-        check_one_line(looked_at)
-    with _source(fmu or model_for(looked_at), interface) as source:
-        return draft_of(looked_at, source, answers, out)
+        check_one_line(files)
+    # as many modes as the files show lines, two for a map
+    model = ONE_MODE if files.two is None and files.map is None else TWO_MODES
+    with _offer(fmu or model, interface) as offer:
+        if files.map is not None:
+            return map_draft(files.map, offer, answers, out)
+        return sweeps_draft(files, offer, answers, out)
 
 
 @contextmanager
@@ -249,11 +249,11 @@ def _demodulated(
 
 
 @contextmanager
-def _source(fmu: str | Path, interface: str | None) -> Iterator[Source]:
-    """The FMU, with a worker for as long as the context lasts."""
+def _offer(fmu: str | Path, interface: str | None) -> Iterator[Offer]:
+    """What the FMU offers, with a worker for as long as the context lasts."""
     with Fmu(fmu, 1, interface=interface) as held:
         is_model = isinstance(fmu, str) and fmu.isidentifier()
-        yield Source(str(fmu), is_model, held.workers, interface)
+        yield offer_of(str(fmu), held.workers, interface, is_model=is_model)
 
 
 def _names(value: str | Sequence[str]) -> tuple[str, ...]:

@@ -11,25 +11,36 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.instruments import Channel
-from fitting.draft.campaign import Remarks, in_file
-from fitting.draft.decays import Decay
+from fitting.draft.boxes import decay_boxes
+from fitting.draft.decays import (
+    decay_boxes_asked,
+    decay_start,
+    decaying,
+    qualities,
+    undetermined,
+)
+from fitting.draft.document import (
+    Draft,
+    draft_from,
+    fitted_tables,
+    fmu_table,
+    in_file,
+    noted,
+    starts_words,
+)
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
-from fitting.draft.ringdown import DecayingLine, line_boxes, lines_of_ringdown, width_box
-from fitting.draft.source import Source, relative_path
-from fitting.draft.trace_draft import TimeDraft
-from fitting.draft.values import Box
+from fitting.draft.traces import EARLIER, LATEST, SPANS
 from fitting.measurements.traces.time_record import FOUND
 from fitting.resonance.decay_reading import decay_roles_of, is_over_time, read_decay_of
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, DecayRecord
 from fitting.resonance.reading import Columns, ValueRoles
 from fitting.resonance.ringdown import Ringdown, ringdown_of
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, how_many
+from fitting.text.notation import how_many
+from fitting.text.rendering import blocks
 
-#: Share of a record behind which its decay begins late.
-LATEST = 0.02
-#: Standard errors from which a constant beside X and Y is solved for.
+#: Standard errors from which a constant next to X and Y is solved for.
 SEEN = 2.0
 #: Share of the rate of the samples to either side of a line: beyond half of it another line gives
 #: the same samples.
@@ -99,97 +110,75 @@ def _is_other(record: DecayRecord, roles: ValueRoles, time: Channel) -> bool:
     return any(c.is_complex or np.ptp(roles.recording.numbers(c)) > 0.0 for c in others)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DemodulatedDraft(TimeDraft):
-    """A campaign of demodulated ringdowns: the files, and what was found in each."""
-
-    input: str
-    modes: int
-    files: tuple[DemodulatedFile, ...]
-    found: tuple[Ringdown, ...]
-
-    @property
-    def paths(self) -> tuple[Path, ...]:
-        """Of the files."""
-        return tuple(file.path for file in self.files)
-
-    def measured(self, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
-        """Tables of the demodulated ringdowns.
-
-        Args:
-            folder: see `text`.
-            remarks: of the campaign.
-        """
-        tables = [self._trace(k, folder, remarks) for k, _ in enumerate(self.files)]
-        return {"demodulated_trace": tables}
-
-    def _trace(self, k: int, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
-        file, found = self.files[k], self.found[k]
-        table = "demodulated_trace"
-        made: dict[str, Any] = {
-            "file": relative_path(file.path, folder),
-            "frequency": f"{found.reference_hz!r} Hz",
-            "input": self.input,
-        }
-        remarks[table, k, "frequency"] = "what was demodulated at"
-        remarks[table, k, "input"] = "a pulse at it spans the states that ring down"
-        if self.modes > 1:
-            made["modes"] = self.modes
-        if found.kind == PHASORS and abs(found.background) > SEEN * found.background_std > 0.0:
-            made["offset"] = True
-            remarks[table, k, "offset"] = "a constant is seen, as of a reference that leaks"
-        if found.left_out > LATEST * file.record.values.size:
-            made["begin"] = FOUND
-            remarks[table, k, "begin"] = "earlier samples, of a drive or a blow, are not used"
-        usual = {key: name for key, name in file.columns.items() if name != key}
-        if usual:
-            made["columns"] = usual
-        return made
-
-
-def demodulated_draft_of(
-    files: Sequence[DemodulatedFile], source: Source, offer: Offer, answers: Answers
-) -> DemodulatedDraft:
+def demodulated_draft(
+    files: Sequence[DemodulatedFile], offer: Offer, answers: Answers, folder: Path
+) -> Draft:
     """A campaign of demodulated ringdowns.
 
     Args:
         files: one or more.
-        source: the FMU.
-        offer: what it offers.
+        offer: what the FMU offers.
         answers: of flags, of a person, or by default.
+        folder: of the campaign.
 
     Raises:
-        BadInput: nobody tells what was demodulated at, no free decay, an FMU with other modes than
-            the record shows, an answer that is none.
+        BadInput: an unknown reference frequency, no free decay, an FMU with other modes than the
+            record shows, an answer that is none; or the draft does not suit, by the campaign's
+            reader.
     """
-    known = tuple(_with_reference(file, answers) for file in files)
-    found = tuple(ringdown_of(file.record) for file in known)
-    lines = lines_of_ringdown(found[0])
-    of_amplitudes = found[0].kind == AMPLITUDES
-    boxes = _boxes(found[0], lines, offer, of_amplitudes=of_amplitudes)
+    known = [_with_reference(file, answers) for file in files]
+    found = [ringdown_of(file.record) for file in known]
+    first, lines = found[0], decaying(found[0])
+    phasors = first.kind != AMPLITUDES  # amplitudes do not constrain the frequency
+    boxes = decay_boxes(lines, offer, ALIKE / first.spacing_s if phasors else 0.0)
     if not boxes or not (offer.inputs and offer.outputs):
         raise BadInput(
             f"{files[0].path}: shows {how_many(len(lines), 'line')}; wanted an FMU with an input, "
             "an output, and a parameter for the frequency and one for the width of each, in Hz"
         )
-    decay = Decay(source, offer, lines, lines, boxes)
-    output, names = decay.output(answers), decay.fitted(answers)
-    start = decay.start(names)
-    if of_amplitudes:
-        start[offer.places[0]] = (found[0].reference_hz, "what was demodulated at")
-    return DemodulatedDraft(
-        source=source,
-        output=output,
-        input=offer.inputs[0],
-        modes=len(lines),
-        files=known,
-        found=found,
-        boxes=decay.boxes_of(names),
-        start=start,
-        seen=(*(words for each in found for words in each.remarks), *_said(found[0], decay)),
-        taken=tuple(name for name in decay.taken() if name not in names),
-        derived=() if of_amplitudes else decay.derived,
-    )
+    words, why = "Which output of the FMU was recorded?", "the first one with continuous values"
+    output = answers.one_of("output", words, offer.outputs, offer.outputs[0], why)
+    asked = decay_boxes_asked(offer, answers, lines, boxes)
+    names = {box.name for box in asked}
+    start = decay_start(offer, lines, boxes)
+    start = {name: value for name, value in start.items() if name not in names}
+    if not phasors:
+        start[offer.places[0]] = first.reference_hz, "what was demodulated at"
+    left = undetermined(offer, lines, boxes)
+    pairs = zip(known, found, strict=True)
+    tables = {
+        "title": ", ".join(file.path.stem for file in known),
+        "fmu": fmu_table(offer, start, [name for name in left if name not in names]),
+        "observe": {"output": output},
+        "demodulated_trace": [
+            _trace(file, each, offer.inputs[0], len(lines)) for file, each in pairs
+        ],
+        **fitted_tables(asked, qualities(offer, lines) if phasors else ()),
+    }
+    text = blocks("draft")
+    said = text.amplitudes(first, offer)
+    if phasors:
+        said = text.decay(str(text.demodulated(first.reference_hz)), lines, lines, offer, left)
+    remarks = [words for each in found for words in each.remarks]
+    said = (*remarks, *str(said).splitlines(), *answers.said, *starts_words(asked))
+    return draft_from(tables, offer, folder, said)
+
+
+def _trace(file: DemodulatedFile, found: Ringdown, driven: str, modes: int) -> dict[str, Any]:
+    """The table of a demodulated ringdown."""
+    made: dict[str, Any] = {
+        "file": file.path,
+        "frequency": noted(f"{found.reference_hz!r} Hz", "what was demodulated at"),
+        "input": noted(driven, SPANS),
+    }
+    if modes > 1:
+        made["modes"] = modes
+    if found.kind == PHASORS and abs(found.background) > SEEN * found.background_std > 0.0:
+        made["offset"] = noted(True, "a constant is seen, as of a reference that leaks")
+    if found.left_out > LATEST * file.record.values.size:
+        made["begin"] = noted(FOUND, EARLIER)
+    columns = {key: name for key, name in file.columns.items() if name != key}
+    return made | ({"columns": columns} if columns else {})
 
 
 def modes_of(file: DemodulatedFile) -> int:
@@ -201,7 +190,7 @@ def modes_of(file: DemodulatedFile) -> int:
     Raises:
         BadInput: no free decay.
     """
-    return len(lines_of_ringdown(ringdown_of(file.record)))
+    return len(decaying(ringdown_of(file.record)))
 
 
 def _with_reference(file: DemodulatedFile, answers: Answers) -> DemodulatedFile:
@@ -211,27 +200,3 @@ def _with_reference(file: DemodulatedFile, answers: Answers) -> DemodulatedFile:
     words, why = (f"{file.path}: {text}" for text in (QUESTION.words, QUESTION.why))
     [told] = answers.of(replace(QUESTION, words=words, why=why))
     return replace(file, record=replace(file.record, reference_hz=float(told)))
-
-
-def _boxes(
-    found: Ringdown, lines: Sequence[DecayingLine], offer: Offer, *, of_amplitudes: bool
-) -> tuple[Box, ...]:
-    """Boxes of frequencies and widths; amplitudes tell no frequency."""
-    if not of_amplitudes:
-        return line_boxes(lines, offer, most_hz=ALIKE / found.spacing_s)
-    if (len(offer.places), len(offer.widths)) != (1, 1) or offer.unit(offer.widths[0]) != "Hz":
-        return ()
-    return (width_box(lines[0], offer.widths[0]),)
-
-
-def _said(found: Ringdown, decay: Decay) -> tuple[str, ...]:
-    """What the record was found to be."""
-    at = hertz(found.reference_hz, digits=9)
-    if found.kind == AMPLITUDES:
-        width = hertz(found.width.value, digits=3)
-        off = ", the FMU's own tones are off" if decay.offer.tones else ""
-        return (
-            f"A ringdown, amplitudes demodulated at {at}: one line decays, {width} wide. They tell "
-            f"no frequency, which stays at what was demodulated at{off}.",
-        )
-    return decay.said(f"A ringdown, X and Y demodulated at {at}: ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -82,52 +83,42 @@ class SweepFile:
         single = lines is None or len(lines.frequency_hz) < 2 or lines.kind == TOGETHER
         return self.is_noise and not single
 
-    def taken(self, kind: str) -> SweepFile:
-        """The same, taken for a noise spectrum, or for a sweep.
-
-        Args:
-            kind: `fitting.draft.noise.NOISE` or `SWEEP`.
-        """
-        if kind != NOISE or self.noise is None:
+    def as_noise(self) -> SweepFile:
+        """The same, taken for a noise spectrum."""
+        look = self.noise
+        if look is None:
             return self
-        lines, two = self.noise.lines, self.noise.two
-        what = self.noise.column
+        reading = []
+        for each in self.reading:
+            names = dict(each.names)
+            if each.kind is Kind.file_read:  # its sizes are those of a density, not amplitudes
+                roles = names["roles"]
+                names["roles"] = tuple(look.column if r == AMPLITUDE else r for r in roles)
+            if each.kind is Kind.file_remark:
+                text = names["text"][0].replace("the amplitude:", f"the {look.column}:")
+                names["text"] = (text,)
+            if each.kind is not Kind.values_converted:
+                reading.append(replace(each, names=names))
+        lines, line, trouble = look.lines, None, ""
+        if lines is None:
+            trouble = (
+                f"{self.path}: shows no line as a noise spectrum: its density is level within "
+            )
+            trouble += "its scatter"
+        elif look.two is None:  # its single line, without errors, and its scatter
+            f, width = lines.frequency_hz[0], lines.width_hz[0]
+            numbers = line_numbers((f, math.nan), (width, math.nan), (f / width, math.nan))
+            line = LineResult(**numbers, unit="1", residual=look.residual)
         return replace(
             self,
             is_noise=True,
-            reading=tuple(
-                _of_noise(each, what)
-                for each in self.reading
-                if each.kind is not Kind.values_converted
-            ),
-            line=_line_of_noise(self.noise),
-            two=two,
-            modes=self.noise.modes,
+            reading=tuple(reading),
+            line=line,
+            two=look.two,
+            modes=look.modes,
             phases_reversed=False,
-            trouble=f"{self.path}: shows no line as a noise spectrum: its density is level within "
-            "its scatter"
-            if lines is None
-            else "",
+            trouble=trouble,
         )
-
-
-def _of_noise(reading: Finding, what: str) -> Finding:
-    """How a file was read whose sizes are those of a density, not amplitudes."""
-    names = dict(reading.names)
-    if reading.kind is Kind.file_read:
-        names["roles"] = tuple(what if role == AMPLITUDE else role for role in names["roles"])
-    if reading.kind is Kind.file_remark:
-        names["text"] = (names["text"][0].replace("the amplitude:", f"the {what}:"),)
-    return replace(reading, names=names)
-
-
-def _line_of_noise(look: NoiseLook) -> LineResult | None:
-    """The single line of a noise spectrum, without errors, and its scatter; None without one."""
-    if look.lines is None or look.two is not None:
-        return None
-    f, width = look.lines.frequency_hz[0], look.lines.width_hz[0]
-    numbers = line_numbers((f, math.nan), (width, math.nan), (f / width, math.nan))
-    return LineResult(**numbers, unit="1", residual=look.residual)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +145,7 @@ class TableFile:
     """A table of experiments: a row each, with the frequencies of its tones.
 
     ``tones`` are the columns of frequencies, ``peaks`` those of amplitudes, one per tone (none:
-    there are spectra), ``sigmas`` and ``phases`` beside them; ``rest`` all other columns.
+    there are spectra), ``sigmas`` and ``phases`` next to them.
     """
 
     path: Path
@@ -163,7 +154,6 @@ class TableFile:
     peaks: tuple[Column, ...]
     sigmas: tuple[Column, ...]
     phases: tuple[Column, ...]
-    rest: tuple[Column, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,15 +219,22 @@ def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files
         raise BadInput(f"{names}: are tables of experiments, wanted one in a campaign")
     table = tables[0] if tables else None
     others = [path for path in paths if table is None or path != table.path]
+    maps: list[MapFile] = []
     told = [(path, _with_units(path, columns, answers)) for path in others]
-    maps = [found for path, own in told for found in _map(path, own, alone=len(paths) == 1)]
+    for path, own in told:
+        with contextlib.suppress(BadInput):  # its reader complains
+            roles = roles_of(path, own)
+            if (found := map_in(roles)) is not None:
+                maps.append(MapFile(path=path, roles=roles, found=found))
+    if maps and len(paths) > 1:
+        raise maps[0].refused("wanted it without other files")
     if maps:
         return Files(sweeps=(), map=maps[0])
-    found = gathered([partial(_sweep, path, own) for path, own in told])
+    sweeps = tuple(gathered([partial(_sweep, path, own) for path, own in told]))
     if table is None:
-        return Files(sweeps=tuple(found))
-    spectra = tuple(f for f in found if _label_in(f.path, table.labels))
-    sweeps = tuple(f for f in found if f not in spectra)
+        return Files(sweeps=sweeps)
+    labels = [label for label in table.labels if label]
+    spectra = tuple(f for f in sweeps if any(label in f.path.stem for label in labels))
     if table.peaks and spectra:
         raise BadInput(
             f"{table.path}: has peaks, {', '.join(c.name for c in table.peaks)}, and there are "
@@ -250,7 +247,7 @@ def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files
             "file named after it"
         )
     return Files(
-        sweeps=sweeps,
+        sweeps=tuple(f for f in sweeps if f not in spectra),
         table=table,
         spectra=spectra,
         pattern=_pattern(table, spectra) if spectra else "",
@@ -265,34 +262,12 @@ def _with_units(path: Path, columns: Columns, answers: Answers) -> Columns:
         untold = units_untold(path, columns)
     except BadInput:
         return columns  # its reader complains
-    told: dict[str, Any] = {
-        key: answers.of(
-            Question(
-                key=key.replace("_", "-"),
-                words=f"{path.name}: in which unit is column '{name}'?",
-                options=UNITS[key],
-                default=(),
-                why="",
-            )
-        )[0]
-        for key, name in untold.items()
-    }
+    told: dict[str, Any] = {}
+    for key, name in untold.items():
+        flag, words = key.replace("_", "-"), f"{path.name}: in which unit is column '{name}'?"
+        question = Question(key=flag, words=words, options=UNITS[key], default=(), why="")
+        [told[key]] = answers.of(question)
     return replace(columns, **told)
-
-
-def _map(path: Path, columns: Columns, *, alone: bool) -> list[MapFile]:
-    """The map that a file is, of none none; refused beside other files."""
-    try:
-        roles = roles_of(path, columns)
-        found = map_in(roles)
-    except BadInput:
-        return []  # its reader complains
-    if found is None:
-        return []
-    made = MapFile(path=path, roles=roles, found=found)
-    if not alone:
-        raise made.refused("wanted it without other files")
-    return [made]
 
 
 def _sweep(path: Path, columns: Columns) -> SweepFile:
@@ -353,7 +328,7 @@ def settled(files: Files, answers: Answers) -> Files:
             kind = NOISE
         elif look is not None and (told or look.by):
             [kind] = answers.of(kind_question(sweep.path.name, look))
-        made.append(sweep.taken(kind))
+        made.append(sweep.as_noise() if kind == NOISE else sweep)
     _check_one_sweep([s for s in made if not (s.is_complex or s.is_noise)])
     return replace(files, sweeps=tuple(made))
 
@@ -382,17 +357,15 @@ def _table(path: Path) -> TableFile | None:
     phases = tuple(c for c in others if c.unit in PHASE_UNITS)
     sized = [c for c in others if c.unit and c not in tones and c not in phases]
     sigmas = tuple(c for c in sized if c.name.lower().startswith(SIGMA_PREFIXES))
-    peaks = _peaks([c for c in sized if c not in sigmas], len(tones))
+    heights = [c for c in sized if c not in sigmas]
+    groups = [[c for c in heights if c.unit == u] for u in dict.fromkeys(c.unit for c in heights)]
+    # peaks are the columns of one unit, if there is one for each tone
+    peaks = tuple(next((group for group in groups if len(group) == len(tones)), ()))
     if not tones:
         raise BadInput(
             f"{path}: is a table of experiments without a column of frequencies, as 'u1 (MHz)'; "
             "wanted one for each tone of the drive"
         )
-    taken = (*tones, *peaks)
-    if len(sigmas) == len(peaks):
-        taken += sigmas
-    if len(phases) == len(peaks):
-        taken += phases
     return TableFile(
         path=path,
         labels=table.texts(label),
@@ -400,19 +373,7 @@ def _table(path: Path) -> TableFile | None:
         peaks=peaks,
         sigmas=sigmas if len(sigmas) == len(peaks) else (),
         phases=phases if len(phases) == len(peaks) else (),
-        rest=tuple(c for c in others if c not in taken),
     )
-
-
-def _peaks(sized: Sequence[Column], count: int) -> tuple[Column, ...]:
-    """Columns of peaks: the largest group of one unit, if it has one for each tone."""
-    units = dict.fromkeys(c.unit for c in sized)
-    groups = [tuple(c for c in sized if c.unit == unit) for unit in units]
-    return next((group for group in groups if len(group) == count), ())
-
-
-def _label_in(path: Path, labels: Sequence[str]) -> bool:
-    return any(label and label in path.stem for label in labels)
 
 
 def _pattern(table: TableFile, spectra: Sequence[SweepFile]) -> str:

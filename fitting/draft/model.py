@@ -1,7 +1,7 @@
-"""What an FMU offers a measurement: tones, inputs, outputs, parameters; guessed and said.
+"""What an FMU offers a measurement: tones, inputs, outputs, parameters; guessed, and printed.
 
-Guesses go by units, causality and variability first, then by usual names and by what descriptions
-say. None of them is trusted: each is told, and can be chosen otherwise.
+Guesses go by units, causality and variability first, then by usual names and by descriptions. None
+of them is trusted: each is printed, and can be chosen otherwise.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitting.fmu import FmuDescription, FmuVariable
+from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.text.arrays import Scalar
 from fitting.text.units import same_kind
 
 #: The models of this project that are one resonance, and two.
 ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
 #: The parameter that couples the two; what makes them two lines beside each other, with reasons.
 COUPLING = "lambda12"
-UNCOUPLED: Mapping[str, tuple[float, str]] = {
+UNCOUPLED: Mapping[str, tuple[Scalar, str]] = {
     COUPLING: (0.0, "each line is a mode of its own: they do not tell a coupling"),
     "readout2": (1.0, "the detector sees both modes"),
 }
@@ -32,31 +33,30 @@ PLACE = re.compile(
     r"(f|f0|eta|eigen_?freq\w*|freq\w*|f_?res\w*|k|stiff\w*|spring\w*|cap\w*|omega)"
     r"_?(\d*|plus|minus)"
 )
+#: Descriptions of these.
+WIDTH_WORDS = re.compile(r"damping|line width|linewidth|dissipation|resistance")
+PLACE_WORDS = re.compile(r"eigenfrequency|resonan|natural frequency")
 STEADY = re.compile(r"periodic|steady|stationary")
 QUALITY = re.compile(r"\bquality factor\b")
-#: Units that tell a damping, and what a resonance frequency follows from.
+#: Units of a damping, and of what a resonance frequency follows from.
 WIDTH_UNITS, PLACE_UNITS = ("N*s/m", "kg/s", "ohm", "S"), ("N/m", "F", "1/F")
 #: Outputs beside the observed one that are reported, at most.
 MOST_DERIVED = 8
 
 
-@dataclass(frozen=True)
-class Tone:
-    """A tone of an FMU: the parameters of its frequency and of its amplitude."""
-
-    frequency: str
-    amplitude: str
-
-
 @dataclass(frozen=True, kw_only=True)
 class Offer:
-    """What an FMU offers; the likeliest of each first.
+    """The FMU of a draft, who runs it, and what it offers; the likeliest of each first.
 
     Attributes:
+        name: of a model of this project, or path of a file.
+        is_model: whether it is one of this project.
+        interface: that was requested; None: none was.
+        workers: processes that run it.
         description: of the FMU.
-        tones: pairs of parameters that drive.
+        tones: frequency and amplitude of each tone that drives, parameters.
         inputs: inputs that may be driven.
-        outputs: what a detector may see.
+        outputs: what a detector may observe.
         places: parameters that set where the resonance is.
         widths: parameters that set how wide it is.
         steady: the switch that starts the FMU on its periodic orbit; empty: none.
@@ -64,8 +64,12 @@ class Offer:
         qualities: outputs that are quality factors.
     """
 
+    name: str
+    is_model: bool
+    interface: str | None
+    workers: FmuWorkers
     description: FmuDescription
-    tones: tuple[Tone, ...]
+    tones: tuple[tuple[str, str], ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     places: tuple[str, ...]
@@ -80,6 +84,11 @@ class Offer:
         real = [v.name for v in self.description.variables.values() if _is_parameter(v)]
         return tuple(dict.fromkeys([*self.places, *self.widths, *real]))
 
+    @property
+    def is_two_modes(self) -> bool:
+        """Whether it is this project's model of two modes."""
+        return self.is_model and self.name == TWO_MODES
+
     def unit(self, name: str) -> str:
         """Unit of a variable, "1" where it declares none.
 
@@ -88,27 +97,47 @@ class Offer:
         """
         return self.description.variables[name].unit or "1"
 
+    def start(self, name: str) -> float:
+        """The FMU's own start value of a variable, 0 where it has none.
 
-def offer_of(description: FmuDescription) -> Offer:
+        Args:
+            name: of the variable.
+        """
+        return float(self.description.variables[name].start or 0.0)
+
+
+def offer_of(name: str, workers: FmuWorkers, interface: str | None, *, is_model: bool) -> Offer:
     """Look at an FMU.
 
     Args:
-        description: of the FMU.
+        name: see `Offer`.
+        workers: see `Offer`.
+        interface: see `Offer`.
+        is_model: see `Offer`.
     """
-    variables = description.variables
+    variables = workers.description.variables
     tones = _tones(variables)
-    taken = {name for tone in tones for name in (tone.frequency, tone.amplitude)}
-    free = [v for v in variables.values() if _is_parameter(v) and v.name not in taken]
-    sound = [v for v in free if not (is_of_solver(v) or OTHER_NAMES.search(_parts(v.name)))]
-    widths = [v for v in sound if _is_width(v)]
-    places = [v for v in sound if v not in widths and _is_place(v)]
-    real = [v for v in description.seen if v.kind == "Real"]
+    taken = {name for tone in tones for name in tone}
+    sound = [
+        v
+        for v in variables.values()
+        if _is_parameter(v)
+        and v.name not in taken
+        and not (is_of_solver(v) or OTHER_NAMES.search(_parts(v.name)))
+    ]
+    widths = [v for v in sound if _sets(v, WIDTH, WIDTH_WORDS, WIDTH_UNITS)]
+    places = [v for v in sound if v not in widths and _sets(v, PLACE, PLACE_WORDS, PLACE_UNITS)]
+    real = [v for v in workers.description.seen if v.kind == "Real"]
     numbers = [v for v in real if v.unit is not None and same_kind(v.unit, "Hz")]
     seen = [v for v in real if v not in numbers and v.variability == "continuous"]
     plain = [v for v in seen if not re.search(r"_at_|error", v.name)]
     switch = [v for v in variables.values() if v.kind == "Boolean" and v.can_be_started]
     return Offer(
-        description=description,
+        name=name,
+        is_model=is_model,
+        interface=interface,
+        workers=workers,
+        description=workers.description,
         tones=tones,
         inputs=tuple(
             v.name for v in variables.values() if (v.causality, v.kind) == ("input", "Real")
@@ -151,30 +180,22 @@ def _is_parameter(variable: FmuVariable) -> bool:
     )
 
 
-def _tones(variables: Mapping[str, FmuVariable]) -> tuple[Tone, ...]:
+def _tones(variables: Mapping[str, FmuVariable]) -> tuple[tuple[str, str], ...]:
     """Pairs of a frequency that drives and the amplitude that is numbered alike."""
     settable = [v for v in variables.values() if v.kind == "Real" and v.can_be_started]
     frequencies = [
-        v
+        v.name
         for v in settable
-        if v.unit is not None
-        and same_kind(v.unit, "Hz")
+        if _has_unit(v, "Hz")
         and (DRIVES.search(v.description.lower()) or TONE.fullmatch(v.name.lower()))
         and not re.search(r"\bpump\b|eigen|resonan|width", _words(v))
     ]
-    sizes = [
-        v
-        for v in settable
-        if not (v.unit is not None and (same_kind(v.unit, "Hz") or same_kind(v.unit, "rad")))
-        and SIZE.fullmatch(v.name.lower())
-        and not OTHER.search(v.name.lower())
-    ]
-    pairs = []
-    for frequency in frequencies:
-        partner = [v for v in sizes if _number(v.name) == _number(frequency.name)]
-        if partner:
-            pairs.append(Tone(frequency.name, partner[0].name))
-    return tuple(pairs)
+    sizes: dict[str, str] = {}
+    for v in settable:
+        small = v.name.lower()
+        if not _has_unit(v, "Hz", "rad") and SIZE.fullmatch(small) and not OTHER.search(small):
+            sizes.setdefault(_number(v.name), v.name)
+    return tuple((name, sizes[_number(name)]) for name in frequencies if _number(name) in sizes)
 
 
 def _number(name: str) -> str:
@@ -182,21 +203,13 @@ def _number(name: str) -> str:
     return found[0] if found else ""
 
 
-def _has_unit(variable: FmuVariable, units: tuple[str, ...]) -> bool:
+def _has_unit(variable: FmuVariable, *units: str) -> bool:
     return variable.unit is not None and any(same_kind(variable.unit, unit) for unit in units)
 
 
-def _is_width(variable: FmuVariable) -> bool:
-    words = variable.description.lower()
-    told = bool(re.search(r"damping|line width|linewidth|dissipation|resistance", words))
-    hertz = _has_unit(variable, ("Hz", "rad/s"))
-    named = bool(WIDTH.fullmatch(variable.name.lower()))
-    return _has_unit(variable, WIDTH_UNITS) or (hertz and (told or named))
-
-
-def _is_place(variable: FmuVariable) -> bool:
-    words = variable.description.lower()
-    told = bool(re.search(r"eigenfrequency|resonan|natural frequency", words))
-    named = bool(PLACE.fullmatch(variable.name.lower()))
-    hertz = _has_unit(variable, ("Hz", "rad/s"))
-    return _has_unit(variable, PLACE_UNITS) or (hertz and (told or named))
+def _sets(
+    variable: FmuVariable, name: re.Pattern[str], words: re.Pattern[str], units: tuple[str, ...]
+) -> bool:
+    """Whether a parameter has one of some units, or is in hertz with such a name or description."""
+    called = name.fullmatch(variable.name.lower()) or words.search(variable.description.lower())
+    return _has_unit(variable, *units) or (_has_unit(variable, "Hz", "rad/s") and bool(called))

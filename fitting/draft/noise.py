@@ -31,7 +31,6 @@ from fitting.resonance.reading import Roles
 from fitting.resonance.two_lines import TwoLines
 from fitting.signal.noise_lines import COUPLED, TOGETHER, NoiseLines, noise_lines
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import listed, quantity
 from fitting.text.units import same_kind
 
 NOISE, SWEEP = KINDS = ("noise", "sweep")
@@ -110,47 +109,6 @@ class NoiseLook:
         """By which share of itself it scatters; 0: unknown."""
         return 0.0 if self.lines is None else 1.0 / math.sqrt(max(self.lines.averages, 1.0))
 
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What it shows, in sentences."""
-        lines = self.lines
-        if lines is None:
-            return ("A noise spectrum that shows no line.",)
-        places = [
-            f"f = {quantity(f, e, 'Hz')}, width {quantity(w, d, 'Hz')}"
-            for f, e, w, d in zip(
-                lines.frequency_hz,
-                lines.frequency_std_hz,
-                lines.width_hz,
-                lines.width_std_hz,
-                strict=True,
-            )
-        ]
-        what = "one line" if len(places) == 1 else "two lines"
-        forces = (_forces_words(lines),) if len(places) > 1 else ()
-        return (f"A noise spectrum with {what}: {listed(places)}.", *forces)
-
-
-def _forces_words(lines: NoiseLines) -> str:
-    """Whether one force drives two modes, or each has its own."""
-    if lines.kind == TOGETHER:
-        return (
-            "The density between the lines is that of modes which one force drives: force = "
-            '"white".'
-        )
-    if lines.kind == COUPLED:
-        return (
-            "The density is that of two coupled modes in heat, of which one is seen: force = "
-            '"thermal". Two lines that only add up describe it less well.'
-        )
-    own = 'each have a force of their own, as in heat: force = "thermal"'
-    if not lines.plainly:
-        return (
-            f"Taken: both modes {own}. The density between the lines does not tell them from modes "
-            "that one force drives."
-        )
-    return f"The densities of both lines add up, as of modes that {own}."
-
 
 def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
     """What a file shows if it is a noise spectrum; None where it cannot be one.
@@ -162,29 +120,18 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
     channel = roles.sizes
     if channel is None or roles.is_complex or np.any(np.diff(frequency_hz) <= 0.0):
         return None
-    if not _is_table(roles):
-        return None
+    table = roles.recording
+    frequency = table.find(roles.frequency.name)
+    plain = roles.recognised.layout == PLAIN and table.find(channel.name) is not None
+    if not plain or frequency is None or frequency.unit is None:
+        return None  # no table of text whose frequencies have a unit in their header
     told = told_density(roles)
     if told is not None:
         return _look(told.density, frequency_hz, told.by, told.holds)
     numbers = roles.recording.numbers(channel)
-    if np.any(numbers < 0.0) and not _is_level(channel.unit):
+    if np.any(numbers < 0.0) and not (channel.unit or "").startswith("dB"):
         return None
     return _by_scatter(numbers, channel.unit, frequency_hz)
-
-
-def _is_table(roles: Roles) -> bool:
-    """Whether it is a table of text whose frequencies have a unit in their header."""
-    if roles.recognised.layout != PLAIN:
-        return False
-    table = roles.recording
-    frequency = table.find(roles.frequency.name)
-    sizes = None if roles.sizes is None else table.find(roles.sizes.name)
-    return sizes is not None and frequency is not None and frequency.unit is not None
-
-
-def _is_level(unit: str | None) -> bool:
-    return (unit or "").startswith("dB")
 
 
 def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> NoiseLook | None:
@@ -220,25 +167,20 @@ def _scatters_by_a_share(look: NoiseLook, numbers: FloatArray, unit: str | None)
         return False
     curve = np.sqrt(lines.curve) if look.is_root else lines.curve
     y = numbers
-    if _is_level(unit):
+    if (unit or "").startswith("dB"):
         y = relative_density(numbers, unit, DENSITY).numbers
     if not float(np.max(curve)) > SPAN * float(np.min(curve)):
         return False
-    left = y - curve
-    if not _is_rough(left / curve):  # what a curve misses is not what points scatter
+    residuals = y - curve
+    shares = residuals / curve
+    square = float(np.mean(shares**2))
+    # those of noise, next to each other, differ by twice their mean square; a curve that is another
+    # leaves residuals that follow each other, and these are not what points scatter by
+    if not float(np.mean(np.diff(shares) ** 2)) > ROUGH * square:
         return False
-    amount = y.size * math.log(float(np.sqrt(np.mean(left**2))))
-    share = y.size * math.log(float(np.sqrt(np.mean((left / curve) ** 2))))
+    amount = y.size * math.log(float(np.sqrt(np.mean(residuals**2))))
+    share = y.size * math.log(float(np.sqrt(square)))
     return amount - share - float(np.sum(np.log(curve))) > TELLS
-
-
-def _is_rough(shares: FloatArray) -> bool:
-    """Whether residuals (n,) change from point to point as much as they are large.
-
-    Those of noise, next to each other, differ by twice their mean square; a curve that is another
-    leaves residuals that follow each other.
-    """
-    return float(np.mean(np.diff(shares) ** 2)) > ROUGH * float(np.mean(shares**2))
 
 
 def kind_question(name: str, look: NoiseLook) -> Question:

@@ -1,4 +1,4 @@
-"""What no file tells, as questions: each has a default, and is answered by a flag or a person."""
+"""What no file holds, as questions: each has a default, and is answered by a flag or a person."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.notation import listed
+from fitting.text.rendering import blocks
 from fitting.text.units import convert, parse_quantity
 
 #: Options that are listed in a question, at most.
@@ -67,66 +68,73 @@ class Answers:
         Raises:
             BadInput: a flag that names none of the options, or nothing to choose from.
         """
-        told = self.told.get(question.key, ())
-        if told:
-            return self._checked(question, told, f"--{question.key}")
+        key = question.key
+        if self.told.get(key):
+            return self._checked(question, self.told[key], f"--{key}")
         if self.ask is not None and (len(question.options) > 1 or question.unit):
-            answer = self._asked(question, self.ask)
-            if answer:
-                return answer
-        if not question.default and question.unit:
-            raise BadInput(question.why)
-        if not question.default and not question.options:
-            raise BadInput(
-                f"--{question.key}: the FMU has nothing that could be named here; wanted a "
-                "parameter, or another variable with a start value, that is a Real number"
-                if question.key == "fit"
-                else f"--{question.key}: the FMU has nothing that could be named here"
-            )
+            asked, refused = question, BadInput()
+            for _ in range(MOST_ASKED):
+                answer = self.ask(asked)
+                if not answer:
+                    break
+                try:
+                    return self._checked(question, answer, key, listed_too=False)
+                except BadInput as error:
+                    asked, refused = replace(question, words=f"{error}"), error
+            else:
+                raise refused
         if not question.default:
-            raise BadInput(
-                f"--{question.key}: nothing suits by itself, wanted one of "
-                f"{', '.join(question.options[:MOST_SHOWN])}"
-            )
-        others = [name for name in question.options if name not in question.default]
-        hint = f"; --{question.key} takes another" if others else ""
-        self.said.append(f"{question.key}: {listed(question.default)}, {question.why}{hint}.")
+            if question.unit:
+                raise BadInput(question.why)
+            wanted = "nothing suits by itself, wanted one of "
+            wanted += ", ".join(question.options[:MOST_SHOWN])
+            if not question.options:
+                wanted = "the FMU has nothing that could be named here; wanted a parameter, or "
+                wanted += "another variable with a start value, that is a Real number"
+            raise BadInput(f"--{key}: {wanted}")
+        others = any(name not in question.default for name in question.options)
+        said = blocks("draft").default(key, question.default, question.why, others)
+        self.said.append(str(said))
         return question.default
 
-    def _asked(self, question: Question, ask: Ask) -> tuple[str, ...]:
-        """What a person answers, asked again where that is no option; empty: the default."""
-        asked, refused = question, BadInput()
-        for _ in range(MOST_ASKED):
-            answer = ask(asked)
-            if not answer:
-                return ()
-            try:
-                return self._checked(question, answer, question.key, listed_too=False)
-            except BadInput as error:
-                asked, refused = replace(question, words=f"{error}"), error
-        raise refused
+    def one_of(self, key: str, words: str, options: tuple[str, ...], default: str, why: str) -> str:
+        """The answer to a question with one answer, of which the only option needs no reason.
+
+        Args:
+            key: see `Question`.
+            words: see `Question`.
+            options: see `Question`.
+            default: what is taken without an answer.
+            why: see `Question`.
+
+        Raises:
+            BadInput: see `of`.
+        """
+        why = "the only one" if len(options) == 1 else why
+        [answer] = self.of(
+            Question(key=key, words=words, options=options, default=(default,), why=why)
+        )
+        return answer
 
     def _checked(
         self, question: Question, answer: Sequence[str], where: str, *, listed_too: bool = True
     ) -> tuple[str, ...]:
+        text, taken = listed(answer), tuple(answer)
         if question.unit:
-            return self._quantity(question, " ".join(answer), where)
-        for name in answer:
-            if name not in question.options:
-                hint = did_you_mean(name, question.options, listed=listed_too)
-                raise BadInput(f"{where}: found '{name}'{hint}")
-        if len(answer) > 1 and not question.several:
-            raise BadInput(f"{where}: found {len(answer)} names, wanted one")
-        self.said.append(f"{question.key}: {listed(answer)}, as asked for.")
-        return tuple(answer)
-
-    def _quantity(self, question: Question, text: str, where: str) -> tuple[str, ...]:
-        """An answer that is a positive quantity, in the question's unit, as a number."""
-        value, unit = parse_quantity(text, where=where, wanted=question.unit)
-        found = value if unit is None else convert(value, unit, question.unit, where=where)
-        if not 0.0 < found < math.inf:
-            raise BadInput(
-                f"{where}: found '{text}', wanted a positive quantity in {question.unit}"
-            )
-        self.said.append(f"{question.key}: {text}, as asked for.")
-        return (repr(found),)
+            text = " ".join(answer)
+            value, unit = parse_quantity(text, where=where, wanted=question.unit)
+            found = value if unit is None else convert(value, unit, question.unit, where=where)
+            if not 0.0 < found < math.inf:
+                raise BadInput(
+                    f"{where}: found '{text}', wanted a positive quantity in {question.unit}"
+                )
+            taken = (repr(found),)
+        else:
+            for name in answer:
+                if name not in question.options:
+                    hint = did_you_mean(name, question.options, listed=listed_too)
+                    raise BadInput(f"{where}: found '{name}'{hint}")
+            if len(answer) > 1 and not question.several:
+                raise BadInput(f"{where}: found {len(answer)} names, wanted one")
+        self.said.append(str(blocks("draft").requested(question.key, text)))
+        return taken

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,9 +20,9 @@ import numpy as np
 from fitting.campaign.control_table import FILE
 from fitting.campaign.instruments import Channel, Recording, head_of
 from fitting.campaign.instruments.recording import channel_of
+from fitting.draft.document import relative_path
 from fitting.draft.files import MapFile
 from fitting.draft.noise import BY_SCATTER, noise_look
-from fitting.draft.source import relative_path
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.noise_reading import told_density
 from fitting.resonance.reading import Columns, Roles, hertz_in, map_in, roles_of
@@ -30,6 +30,7 @@ from fitting.text.csv_cells import csv_text
 from fitting.text.errors import BadInput, gathered, shown
 from fitting.text.loose_tables import COMMENTS
 from fitting.text.notation import how_many, listed
+from fitting.text.rendering import blocks
 from fitting.text.units import same_kind
 
 #: Name of the table that a drafted map reads: the control, and the file of each spectrum.
@@ -64,29 +65,20 @@ _RANGE = re.compile(rf"(?P<a>{_REAL}):(?P<b>{_REAL}):(?P<step>{_REAL})\s*(?P<uni
 _LIST = re.compile(rf"(?P<list>{_REAL}(?:\s*,\s*{_REAL})*)\s*(?P<unit>{_UNIT})?")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Control:
-    """A quantity that differs from file to file: ``values`` of every file, ``where`` they are."""
-
-    name: str
-    unit: str
-    values: tuple[float, ...]
-    where: str
-
-    @property
-    def words(self) -> str:
-        """What it is and where that is found."""
-        ends = f"{min(self.values):g} to {max(self.values):g} {self.unit}".removesuffix(" 1")
-        return f"{self.name}: {how_many(len(self.values), 'value')}, {ends}, {self.where}."
+#: Settings of a file by their names, each with its value and its unit.
+_Told = Mapping[str, tuple[float, str]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """The map that several files make, the text of the table that lists them, and its control."""
+    """The map that several files make, the text of the table that lists them, and its control.
+
+    ``words`` is the sentence on what the control is and where it was found.
+    """
 
     map: MapFile
     text: str
-    control: Control
+    words: str
 
 
 def series_of(
@@ -117,63 +109,56 @@ def series_of(
         if told is not None:
             raise
         return None  # tables of experiments, recordings: their readers complain
-    if told is None and not _are_sweeps(roles):
-        return None
     phased = any(each.is_complex for each in roles)
-    if told is None and phased and (joint or len(paths) < LEAST):
+    if told is None and (
+        any(told_density(each) is not None or map_in(each) is not None for each in roles)
+        or (phased and (joint or len(paths) < LEAST))
+    ):
         return None
-    control = None if told is None else _told_control(told, paths)
-    control = control or _found(paths, told)
-    if control is not None:
-        return _joined(paths, roles, control, folder)
-    if phased or _scatters_like_noise(roles[0]):
-        return None
-    raise _undecided(paths)
-
-
-def _are_sweeps(roles: Sequence[Roles]) -> bool:
-    """Whether every file is one sweep: neither a map nor a noise spectrum."""
-    return all(told_density(each) is None and map_in(each) is None for each in roles)
-
-
-def _scatters_like_noise(roles: Roles) -> bool:
-    """Whether a file without a word about it is a noise spectrum by how its points scatter."""
-    look = noise_look(roles, hertz_in(roles))
-    return look is not None and look.by == BY_SCATTER
-
-
-def _undecided(paths: Sequence[Path]) -> BadInput:
-    names = listed(path.name for path in paths[:3]) + (", ..." if len(paths) > 3 else "")
-    return BadInput(
-        f"{how_many(len(paths), 'sweep')} of amplitudes, {names}: neither their names nor the "
-        "lines above their tables tell one quantity that differs from file to file; wanted it by "
-        "--control, as --control Vg=-6:6:1 in the order of the files, or one sweep"
-    )
-
-
-def _told_control(told: str, paths: Sequence[Path]) -> Control | None:
-    """The control with the values that are told; None where its name alone is."""
-    match = _TOLD.fullmatch(told.strip())
-    if match is None:
+    match = None if told is None else _TOLD.fullmatch(told.strip())
+    if told is not None and match is None:
         raise BadInput(f"--control: found {shown(told)}, wanted a name and values, as Vg=-6:6:1")
-    if match["values"] is None:
-        return None
-    values, unit = _values(match["values"].strip(), told)
+    if match is not None and match["values"] is not None:
+        where, name = "as asked for", match["name"]
+        values, unit = _told_values(match["values"].strip(), told or "", name, paths)
+        unit = match["told"] or unit or "1"
+    else:
+        found = _found(paths, told)
+        if found is None:
+            look = noise_look(roles[0], hertz_in(roles[0]))
+            if phased or (look is not None and look.by == BY_SCATTER):
+                return None
+            names = listed(path.name for path in paths[:3]) + (", ..." if len(paths) > 3 else "")
+            raise BadInput(
+                f"{how_many(len(paths), 'sweep')} of amplitudes, {names}: neither their names nor "
+                "the lines above their tables tell one quantity that differs from file to file; "
+                "wanted it by --control, as --control Vg=-6:6:1 in the order of the files, or one "
+                "sweep"
+            )
+        where, name, unit, values = found
+    if len(set(values)) < len(values):
+        raise BadInput(f"--control: '{name}' has a value twice, {where}; wanted a sweep at each")
+    return _joined(paths, roles, (name, unit, values), where, folder)
+
+
+def _told_values(
+    text: str, told: str, name: str, paths: Sequence[Path]
+) -> tuple[tuple[float, ...], str]:
+    """The values of a control that are told, one for each file, and their unit."""
+    values, unit = _values(text, told)
     if len(values) != len(paths):
         raise BadInput(
             f"--control: {how_many(len(values), 'value')} for {how_many(len(paths), 'file')}; "
             "wanted one for each"
         )
-    unit = match["told"] or unit or "1"
-    made = Control(name=match["name"], unit=unit, values=values, where="as asked for")
-    for written in _differing([_of_name(path) for path in paths], ""):
-        if written.name == made.name and written.values != made.values:
-            raise BadInput(
-                f"--control: {made.name} is {made.values[0]:g} to {made.values[-1]:g} in the order "
-                f"of the files, but {written.values[0]:g} to {written.values[-1]:g} by their "
-                "names; wanted the values in the order of the files, or the name alone"
-            )
-    return _checked(made)
+    written = _differing([_of_name(path) for path in paths]).get(name)
+    if written is not None and written[1] != values:
+        raise BadInput(
+            f"--control: {name} is {values[0]:g} to {values[-1]:g} in the order of the files, but "
+            f"{written[1][0]:g} to {written[1][-1]:g} by their names; wanted the values in the "
+            "order of the files, or the name alone"
+        )
+    return values, unit
 
 
 def _values(text: str, told: str) -> tuple[tuple[float, ...], str]:
@@ -195,54 +180,44 @@ def _values(text: str, told: str) -> tuple[tuple[float, ...], str]:
     return tuple(map(float, several["list"].split(","))), several["unit"] or ""
 
 
-def _found(paths: Sequence[Path], name: str | None) -> Control | None:
-    """The one quantity that differs from file to file, by their names, else by their heads."""
-    wanted = None if name is None else name.strip().lower()
-    for where, read in (
-        ("by the names of the files", _of_name),
-        ("by the heads of the files", _of_head),
-    ):
-        found = _differing([read(path) for path in paths], where)
+def _found(
+    paths: Sequence[Path], wanted: str | None
+) -> tuple[str, str, str, tuple[float, ...]] | None:
+    """The one quantity that differs from file to file, by their names, else by their heads.
+
+    Where it was found, its name, its unit, and its value in every file.
+    """
+    ways: dict[str, Callable[[Path], _Told]] = {
+        "by the names of the files": _of_name,
+        "by the heads of the files": _of_head,
+    }
+    for where, read in ways.items():
+        found = _differing([read(path) for path in paths])
         if wanted is not None:
-            found = [each for each in found if each.name.lower() == wanted]
+            found = {n: v for n, v in found.items() if n.lower() == wanted.strip().lower()}
         if len(found) > 1:
             raise BadInput(
-                f"{paths[0]}, ...: {listed(each.name for each in found)} differ from file to file, "
-                f"{where}; wanted one of them by --control"
+                f"{paths[0]}, ...: {listed(found)} differ from file to file, {where}; wanted one "
+                "of them by --control"
             )
-        if found:
-            named = not found[0].name.startswith(CONTROL)
-            return _checked(found[0] if named else replace(found[0], name=CONTROL))
-    if name is not None:
+        for name, (unit, values) in found.items():
+            return where, CONTROL if name.startswith(CONTROL) else name, unit, values
+    if wanted is not None:
         raise BadInput(
-            f"--control: neither names nor heads of the files tell a value of '{name}' in each; "
+            f"--control: neither names nor heads of the files tell a value of '{wanted}' in each; "
             "wanted its values, too, as Vg=-6:6:1"
         )
     return None
 
 
-def _checked(control: Control) -> Control:
-    if len(set(control.values)) < len(control.values):
-        raise BadInput(
-            f"--control: '{control.name}' has a value twice, {control.where}; wanted a sweep at "
-            "each"
-        )
-    return control
-
-
-#: Numbers of a file by their names, each with its unit.
-_Told = Mapping[str, tuple[float, str]]
-
-
-def _differing(files: Sequence[_Told], where: str) -> list[Control]:
-    """Quantities that every file tells, in one unit, with different values."""
-    made = []
+def _differing(files: Sequence[_Told]) -> dict[str, tuple[str, tuple[float, ...]]]:
+    """Units and values of quantities that every file tells, in one unit, with different values."""
+    made = {}
     for name, (_, unit) in files[0].items():
-        found = [each.get(name) for each in files]
-        known = [each for each in found if each is not None and each[1] == unit]
+        known = [each[name] for each in files if name in each and each[name][1] == unit]
         values = tuple(value for value, _ in known)
         if len(known) == len(files) and len(set(values)) == len(values):
-            made.append(Control(name=name, unit=unit or "1", values=values, where=where))
+            made[name] = unit or "1", values
     return made
 
 
@@ -275,73 +250,67 @@ def _unit(text: str | None) -> str:
     return text if text and same_kind(text, text) else ""
 
 
-def _joined(
-    paths: Sequence[Path], roles: Sequence[Roles], control: Control, folder: Path
-) -> Series:
-    """One recording of all points, the files in the order of the control."""
-    order = np.argsort(control.values, kind="stable")
-    control = replace(control, values=tuple(control.values[k] for k in order))
-    paths, roles = [paths[k] for k in order], [roles[k] for k in order]
-    for path, each in zip(paths, roles, strict=True):
-        if _kinds(each) != _kinds(roles[0]):
-            raise BadInput(
-                f"{path}: its columns are not those of {paths[0]}; wanted sweeps alike in one map"
-            )
-    counts = [len(each.recording.places) for each in roles]
-    rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
-    values = np.repeat(control.values, counts)
-    quantity = channel_of(control.name, control.unit, values)
-    joined: dict[str, Any] = {name: _column(roles, name) for name in _FIELDS}
-    table = folder / LIST
-    taken = [channel for channel in joined.values() if channel is not None]
-    recording = Recording(
-        path=table,
-        channels=(quantity, *(_as_in_file(channel, roles[0]) for channel in taken)),
-        places=tuple(
-            f"{p.name}, {x}" for p, e in zip(paths, roles, strict=True) for x in e.recording.places
-        ),
-        words=f"{how_many(len(paths), 'sweep')}, a file for each value of '{control.name}'",
-    )
-    known = replace(roles[0].recognised, path=table, words=recording.words)
-    found = ControlMap(
-        path=table,
-        controls=(quantity,),
-        settings=np.array(control.values)[:, None],
-        rows=tuple(rows),
-    )
-    made = replace(roles[0], recording=recording, recognised=known, left_out="", **joined)
-    listing = MapFile(path=table, roles=made, found=found)
-    return Series(map=listing, text=_text(control, paths, folder), control=control)
-
-
 #: Columns of a sweep by the fields of `Roles`.
 _FIELDS = ("frequency", "sizes", "phase", "real", "imaginary")
 
 
-def _kinds(roles: Roles) -> list[tuple[str, str | None] | None]:
-    """Names and units of the columns that are taken."""
-    columns = [getattr(roles, name) for name in _FIELDS]
-    return [None if c is None else (c.name.lower(), c.unit) for c in columns]
+def _joined(
+    paths: Sequence[Path],
+    roles: Sequence[Roles],
+    control: tuple[str, str, tuple[float, ...]],
+    where: str,
+    folder: Path,
+) -> Series:
+    """One recording of all points, the files in the order of the control."""
+    name, unit, values = control
+    order = np.argsort(values, kind="stable")
+    settings = np.array([values[k] for k in order])
+    paths, roles = [paths[k] for k in order], [roles[k] for k in order]
+    columns = [[getattr(each, key) for key in _FIELDS] for each in roles]
+    kinds = [[c and (c.name.lower(), c.unit) for c in own] for own in columns]
+    for path, kind in zip(paths, kinds, strict=True):
+        if kind != kinds[0]:
+            raise BadInput(
+                f"{path}: its columns are not those of {paths[0]}; wanted sweeps alike in one map"
+            )
+    counts = [len(each.recording.places) for each in roles]
+    quantity = channel_of(name, unit, np.repeat(settings, counts))
+    joined = {
+        key: _column(each) for key, each in zip(_FIELDS, zip(*columns, strict=True), strict=True)
+    }
+    table, own = folder / LIST, roles[0].recording
+    recording = Recording(
+        path=table,
+        channels=(
+            quantity,
+            # in the units of the file, not in those that are told of its columns
+            *(replace(c, unit=own.column(c.name).unit) for c in joined.values() if c is not None),
+        ),
+        places=tuple(
+            f"{p.name}, {x}" for p, e in zip(paths, roles, strict=True) for x in e.recording.places
+        ),
+        words=f"{how_many(len(paths), 'sweep')}, a file for each value of '{name}'",
+    )
+    known = replace(roles[0].recognised, path=table, words=recording.words)
+    made: dict[str, Any] = {"recording": recording, "recognised": known, "left_out": "", **joined}
+    rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
+    found = ControlMap(
+        path=table, controls=(quantity,), settings=settings[:, None], rows=tuple(rows)
+    )
+    cells = [[f"{name} ({unit})", FILE]]
+    for value, path in zip(settings, paths, strict=True):
+        cells.append([f"{value:.12g}", relative_path(path, folder)])
+    return Series(
+        map=MapFile(path=table, roles=replace(roles[0], **made), found=found),
+        text=csv_text(cells),
+        words=str(blocks("draft").control(quantity, settings.tolist(), where)),
+    )
 
 
-def _column(roles: Sequence[Roles], name: str) -> Channel | None:
+def _column(columns: Sequence[Channel | None]) -> Channel | None:
     """A column of all files, one below the other."""
-    columns: list[Channel | None] = [getattr(each, name) for each in roles]
     found = [column for column in columns if column is not None]
     if not found:
         return None
     values = np.concatenate([column.read() for column in found])
     return replace(found[0], read=lambda: values)
-
-
-def _as_in_file(channel: Channel, roles: Roles) -> Channel:
-    """A column in the unit that its file tells, not in the one that is told beside it."""
-    return replace(channel, unit=roles.recording.column(channel.name).unit)
-
-
-def _text(control: Control, paths: Sequence[Path], folder: Path) -> str:
-    """The table that lists the files: the control and, relative to itself, each file."""
-    rows = [[f"{control.name} ({control.unit})", FILE]]
-    for value, path in zip(control.values, paths, strict=True):
-        rows.append([f"{value:.12g}", relative_path(path, folder)])
-    return csv_text(rows)

@@ -1,8 +1,8 @@
 """A campaign of traces: recordings over time of an output, under an input or none, and an FMU.
 
-What is fitted by default is what the record shows: parameters whose small change changes the
-output, each otherwise than those before it. That is seen by running the FMU at its own start values
-under the recorded input:
+Of ringdowns the lines are fitted (`fitting.draft.decays`). Else what is fitted by default is what
+the record shows: parameters whose small change changes the output, each otherwise than those before
+it, by runs of the FMU at its own start values under the recorded input:
 
     s_k = d y/d ln p_k,     p_k is taken while |s_k - (its projection on those taken)| > 1 % |s_k|
 
@@ -12,51 +12,124 @@ and while |s_k| is more than 1/1000 of the largest.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fitting.campaign import instruments
 from fitting.campaign.instruments import Channel, read_recording
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, usual
-from fitting.draft.closer_start import Record, closer_starts
-from fitting.draft.decays import decays_of
+from fitting.draft.boxes import Box, Shown, decade_box, decay_boxes
+from fitting.draft.closer_start import closer_starts
+from fitting.draft.decays import (
+    OWN,
+    decay_boxes_asked,
+    decay_start,
+    qualities,
+    ringdown_of,
+    showing,
+    undetermined,
+)
+from fitting.draft.document import (
+    Draft,
+    draft_from,
+    fitted_tables,
+    fmu_table,
+    in_file,
+    noted,
+    starts_words,
+)
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
-from fitting.draft.source import Source
-from fitting.draft.trace_draft import (
-    OWN,
-    Recording,
-    TraceDraft,
-    TraceFile,
-    called,
-    in_unit_of,
-    said_of,
-    start_box,
-)
 from fitting.fmu import Run
-from fitting.measurements.traces.record import TraceRecord
+from fitting.measurements.traces.record import FIT, STATES_OF_ONE, UNKNOWN, TraceRecord
+from fitting.measurements.traces.time_record import FOUND
 from fitting.measurements.traces.waveform import HELD, LINEAR
 from fitting.resonance.reading import TIME_PAGE, Columns, with_unit
+from fitting.signal.decay import decay_start as first_of_decay
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import listed
+from fitting.text.rendering import blocks
 from fitting.text.units import convert, same_kind
 
 #: Columns that may be told, by what of the FMU they hold.
 OUTPUT, INPUT = "output", "input"
-#: Samples of a record that are looked at.
-LOOKED_AT = 4000
-#: Change of a logarithm, and shares of a change below which a parameter is not seen.
+#: Samples of a record that are looked at, and for what an output shows of a ringdown.
+LOOKED_AT, AFTER_PULSE = 4000, 2000
+#: Change of a logarithm, and shares of a change below which a parameter has no effect of its own.
 STEP, SEEN, APART = 1e-3, 1e-3, 1e-2
 #: Share of the samples of an input at which it may change and still seem held.
 CHANGES = 0.25
-#: What is said of a recording without an input, of an FMU that has one.
-UNDRIVEN = (
-    "No column drives: the FMU runs from its start values, with what drive it has of its own. Of a "
-    f'ringdown nobody knows where it starts: start = "unknown", {TIME_PAGE}.'
-)
+#: Share of a record behind which its decay begins late.
+LATEST = 0.02
+EARLIER = "earlier samples, of a drive or a blow, are not used"
+SPANS = "a pulse at it spans the states that ring down"
+#: Remarks on how an input moves between samples.
+MOVES = {
+    HELD: 'a guess: it stands still and jumps; or "linear" between samples',
+    LINEAR: 'a guess: it moves from sample to sample; or "held" from each to the next',
+}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Columns over time, and which of them holds the times."""
+
+    table: instruments.Recording
+    time: Channel
+
+    @property
+    def path(self) -> Path:
+        """Of the file."""
+        return self.table.path
+
+    @property
+    def others(self) -> tuple[Channel, ...]:
+        """All columns but that of times."""
+        return tuple(c for c in self.table.channels if c.name != self.time.name)
+
+    def time_s(self, most: int | None = None) -> FloatArray:
+        """Times of the first samples, s.
+
+        Args:
+            most: samples; None: all.
+        """
+        factor = convert(1.0, self.time.unit or "s", "s", where=str(self.path))
+        return np.asarray(factor * self.table.numbers(self.time)[:most])
+
+    def called(self, name: str) -> Channel | None:
+        """The column that is called like a variable, capitals apart; None where none is.
+
+        Args:
+            name: of the variable; brackets in it are those of an array, and no unit.
+        """
+        found = [c for c in self.others if _called(c, name)]
+        exact = [c for c in found if c.name.lower() == name.lower()]
+        return exact[0] if exact else found[0] if len(found) == 1 else None
+
+
+@dataclass(frozen=True)
+class TraceFile(Recording):
+    """A recording whose columns are known: of the output, and of the input, None: none drives.
+
+    ``further`` are columns of further inputs, by their names.
+    """
+
+    observed: Channel
+    driven: Channel | None = None
+    interpolation: str = LINEAR
+    further: tuple[Channel, ...] = ()
+
+    def is_silent(self, column: Channel) -> bool:
+        """Whether the file has no unit of a column.
+
+        Args:
+            column: of the file.
+        """
+        return all(c.unit is None for c in self.table.channels if c.name == column.name)
 
 
 def recordings_of(
@@ -96,7 +169,8 @@ def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) ->
     """
     told = columns.unit_time
     if columns.time:
-        return with_unit(table.column(columns.time), told or _untold(table.column(columns.time)))
+        column = table.column(columns.time)
+        return with_unit(column, told or ("" if column.unit else "s"))
     if usual(table, FREQUENCY) is not None:
         return None
     times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
@@ -108,35 +182,50 @@ def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) ->
     return with_unit(named, told or "s")
 
 
-def _untold(channel: Channel) -> str:
-    return "" if channel.unit else "s"
+def lines_of_recording(recording: Recording) -> tuple[Shown, ...]:
+    """The lines of a recording of nothing but one free decay; none of another.
+
+    Args:
+        recording: over time.
+    """
+    if len(recording.others) != 1:
+        return ()
+    return ringdown_of(recording.time_s(), recording.table.numbers(recording.others[0]))
 
 
-def traces_of(
-    recordings: Sequence[Recording], source: Source, offer: Offer, answers: Answers
-) -> TraceDraft:
+def traces_draft(
+    recordings: Sequence[Recording], offer: Offer, answers: Answers, folder: Path
+) -> Draft:
     """A campaign of traces.
 
     Args:
         recordings: one or more.
-        source: the FMU.
-        offer: what it offers.
+        offer: what the FMU offers.
         answers: of flags, of a person, or by default.
+        folder: of the campaign.
 
     Raises:
-        BadInput: no output, columns that suit no variable, an answer that is none.
+        BadInput: no output, columns that suit no variable, an answer that is none; or the draft
+            does not suit, by the campaign's reader.
         FmuFailure: the FMU failed with its own start values.
     """
     recordings = [_told_columns(each, answers.columns, offer) for each in recordings]
-    decaying = decays_of(recordings, source, offer, answers)
-    if decaying is not None:
-        return decaying
-    output = _output(recordings, offer, answers)
-    driven = _input(recordings, offer, answers)
-    files = tuple(_file(r, output, driven, offer, answers.columns) for r in recordings)
+    if offer.inputs and offer.outputs and all(len(each.others) == 1 for each in recordings):
+        shown = lines = lines_of_recording(recordings[0])
+        if len(offer.places) == len(offer.widths) == 1 < len(shown):
+            lines = (max(shown, key=lambda line: line.amplitude),)
+        if boxes := decay_boxes(lines, offer):
+            return _ringdowns(recordings, offer, answers, folder, (shown, lines, boxes))
+    if not offer.outputs:
+        raise BadInput(f"{offer.description.path}: has no continuous Real output, wanted one")
+    output = _variable(OUTPUT, recordings[0], offer.outputs, answers)
+    driven = ""  # the input that a second column drives
+    if offer.inputs and any(len(each.others) != 1 for each in recordings):
+        driven = _variable(INPUT, recordings[0], offer.inputs, answers)
+    files = [_file(r, output, driven, offer, answers.columns) for r in recordings]
     if all(file.driven is None for file in files):
         driven = ""
-    default, why, alike = _fitted(files[0], source, offer, output, driven)
+    default, why, alike = _fitted(files[0], offer, output, driven)
     names = answers.of(
         Question(
             key="fit",
@@ -148,61 +237,142 @@ def traces_of(
         )
     )
     taken = {name: (value, OWN) for name, value in alike.items() if name not in names}
-    closer = _closer(files[0], source, offer, output, driven, names)
-    return TraceDraft(
-        source=source,
-        output=output,
-        input=driven,
-        files=files,
-        boxes=tuple(start_box(offer, name, closer.get(name)) for name in names),
-        start=taken,
-        taken=tuple(taken),
-        seen=(
-            *(words for file in files for words in said_of(file, output, driven)),
-            *([UNDRIVEN] if not driven and offer.inputs else []),
-        ),
-    )
+    closer = _closer(files[0], offer, output, driven, names)
+    made = [decade_box(offer, name, closer.get(name)) for name in names]
+    traces = [_trace(file, offer, output, driven) for file in files]
+    tables = _tables(files, offer, output, traces) | fitted_tables(made)
+    tables["fmu"] = fmu_table(offer, taken, tuple(taken))
+    said = _described(files, output, driven)
+    if not driven and offer.inputs:
+        said.append(str(blocks("draft").undriven(TIME_PAGE)))
+    return draft_from(tables, offer, folder, (*said, *answers.said, *starts_words(made)))
 
 
-def _named(recordings: Sequence[Recording], names: Sequence[str]) -> list[str]:
-    """Those of the FMU's variables that a column of the first recording is called by."""
-    return [name for name in names if recordings[0].called(name) is not None]
+def _ringdowns(
+    recordings: Sequence[Recording],
+    offer: Offer,
+    answers: Answers,
+    folder: Path,
+    decay: tuple[tuple[Shown, ...], tuple[Shown, ...], tuple[Box, ...]],
+) -> Draft:
+    """A campaign of ringdowns from a state that nobody knows, which a pulse at the input spans."""
+    shown, lines, boxes = decay
+    default, why = offer.outputs[0], "the first one with continuous values"
+    named = [name for name in offer.outputs if recordings[0].called(name) is not None]
+    if named:
+        default, why = named[0], "named like a column"
+    elif len(offer.outputs) > 1 and len(lines) > 1:
+        time_s = recordings[0].time_s(AFTER_PULSE)
+        default = showing(offer, lines, boxes, time_s, str(recordings[0].path))
+        why = "shows both lines after a pulse"
+    words = "Which output of the FMU was recorded?"
+    output = answers.one_of(OUTPUT, words, offer.outputs, default, why)
+    asked = decay_boxes_asked(offer, answers, lines, boxes)
+    names = {box.name for box in asked}
+    files, late = [], False
+    for each in recordings:
+        seen = _in_unit_of(each.others[0], offer.unit(output))
+        files.append(TraceFile(each.table, each.time, seen))
+        values = each.table.numbers(seen)  # of two lines at most
+        begun = [first_of_decay(values, states) for states in (2, 4)]
+        late = late or all(k is not None and k > LATEST * values.size for k in begun)
+    traces = []
+    for file in files:
+        made: dict[str, Any] = {
+            "file": file.path,
+            "input": noted(offer.inputs[0], SPANS),
+            "start": noted(UNKNOWN, "solved for: nobody knows where a ringdown starts"),
+        }
+        if len(lines) > 1:
+            made["states"] = noted(STATES_OF_ONE * len(lines), "two for each mode")
+        if late:
+            made["begin"] = noted(FOUND, EARLIER)
+        traces.append(made | _columns(file, output, ""))
+    start = decay_start(offer, lines, boxes)
+    start = {name: value for name, value in start.items() if name not in names}
+    left = undetermined(offer, lines, boxes)
+    tables = _tables(files, offer, output, traces)
+    tables |= fitted_tables(asked, qualities(offer, lines))
+    tables["fmu"] = fmu_table(offer, start, [name for name in left if name not in names])
+    said = _described(files, output, "") + ([str(blocks("draft").late())] if late else [])
+    lead = "A ringdown: no column drives, and "
+    said += str(blocks("draft").decay(lead, shown, lines, offer, left)).splitlines()
+    return draft_from(tables, offer, folder, (*said, *answers.said, *starts_words(asked)))
 
 
-def _output(recordings: Sequence[Recording], offer: Offer, answers: Answers) -> str:
-    outputs = offer.outputs
-    if not outputs:
-        raise BadInput(f"{offer.description.path}: has no continuous Real output, wanted one")
-    named = _named(recordings, outputs)
-    why = "named like a column" if named else "the first one with continuous values"
-    [output] = answers.of(
-        Question(
-            key="output",
-            words="Which output of the FMU was recorded?",
-            options=outputs,
-            default=tuple((named or list(outputs))[:1]),
-            why="the only one" if len(outputs) == 1 else why,
-        )
-    )
-    return output
+def _tables(
+    files: Sequence[TraceFile], offer: Offer, output: str, traces: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Tables of a campaign before those of what is fitted."""
+    return {
+        "title": ", ".join(file.path.stem for file in files),
+        "fmu": fmu_table(offer, {}),
+        "observe": {"output": output},
+        "trace": traces,
+    }
 
 
-def _input(recordings: Sequence[Recording], offer: Offer, answers: Answers) -> str:
-    """The input that a second column drives; empty: there is none."""
-    if all(len(r.others) == 1 for r in recordings) or not offer.inputs:
-        return ""
-    named = _named(recordings, offer.inputs)
-    why = "named like a column" if named else "the first one"
-    [driven] = answers.of(
-        Question(
-            key="input",
-            words="Which input of the FMU was recorded?",
-            options=offer.inputs,
-            default=tuple((named or list(offer.inputs))[:1]),
-            why="the only one" if len(offer.inputs) == 1 else why,
-        )
-    )
-    return driven
+def _trace(file: TraceFile, offer: Offer, output: str, driven: str) -> dict[str, Any]:
+    """The table of a trace: how its input moves, and whether its detector has a gain."""
+    made: dict[str, Any] = {"file": file.path}
+    if file.driven is not None:
+        how = noted(file.interpolation, MOVES[file.interpolation])
+        made |= {"input": driven, "interpolation": how}
+    if _is_scaled(file, offer, output):
+        words = f"{file.observed.unit} for the FMU's output: in proportion"
+        made["gain"] = noted(FIT, words)
+    if file.further:
+        made["further_inputs"] = [column.name for column in file.further]
+    return made | _columns(file, output, driven)
+
+
+def _columns(file: TraceFile, output: str, driven: str) -> dict[str, Any]:
+    """Names of columns that are not the usual ones, with units where the file has none."""
+    named = {"time": (file.time, "time"), "output": (file.observed, output)}
+    if file.driven is not None:
+        named["input"] = file.driven, driven
+    columns = {}
+    for key, (column, usual_name) in named.items():
+        name = in_file(column) + (f" ({column.unit})" if file.is_silent(column) else "")
+        if name != usual_name:
+            columns[key] = name
+    return {"columns": columns} if columns else {}
+
+
+def _is_scaled(file: TraceFile, offer: Offer, output: str) -> bool:
+    """Whether a detector is between the output and what was recorded, by their units."""
+    unit, observed = offer.description.variables[output].unit, file.observed.unit
+    return bool(observed and unit) and not same_kind(observed or "", unit or "")
+
+
+def _described(files: Sequence[TraceFile], output: str, driven: str) -> list[str]:
+    """What files were taken for, in sentences."""
+    words, said = blocks("draft"), []
+    for file in files:
+        said.append(str(words.recording(file, output, driven)))
+        columns = [file.time, file.observed, *([file.driven] if file.driven else []), *file.further]
+        taken = [f"'{c.name}' in {c.unit}" for c in columns if file.is_silent(c)]
+        said += [str(words.assumed(taken))] if taken else []
+    return said
+
+
+def _called(channel: Channel, name: str) -> bool:
+    """Whether a column is called like a variable, alone or within a model, as "model.fmu.y"."""
+    return f".{channel.name.lower()}".endswith(f".{name.lower()}")
+
+
+def _in_unit_of(channel: Channel, unit: str) -> Channel:
+    """A column in the unit of the FMU's variable where it has none."""
+    return channel if channel.unit is not None else replace(channel, unit=unit)
+
+
+def _variable(key: str, recording: Recording, options: tuple[str, ...], answers: Answers) -> str:
+    """The output, or the input, that was recorded: the one that a column is called by."""
+    named = [name for name in options if recording.called(name) is not None]
+    first = "the first one with continuous values" if key == OUTPUT else "the first one"
+    why = "named like a column" if named else first
+    words = f"Which {key} of the FMU was recorded?"
+    return answers.one_of(key, words, options, (named or list(options))[0], why)
 
 
 def _told_columns(recording: Recording, columns: Mapping[str, str], offer: Offer) -> Recording:
@@ -211,7 +381,7 @@ def _told_columns(recording: Recording, columns: Mapping[str, str], offer: Offer
         return recording
     table = recording.table
     told = {table.column(name).name for name in columns.values()}
-    told |= {c.name for c in recording.others if any(called(c, name) for name in offer.inputs)}
+    told |= {c.name for c in recording.others if any(_called(c, name) for name in offer.inputs)}
     kept = tuple(c for c in table.channels if c.name in {*told, recording.time.name})
     return replace(recording, table=replace(table, channels=kept))
 
@@ -219,8 +389,8 @@ def _told_columns(recording: Recording, columns: Mapping[str, str], offer: Offer
 def _file(
     recording: Recording, output: str, driven: str, offer: Offer, columns: Mapping[str, str]
 ) -> TraceFile:
-    """Which columns are which: as told, by their names, else the input stands before the output."""
-    table = recording.table
+    """Which columns are which: as told, by their names, else the input is before the output."""
+    table, known = recording.table, offer.description.variables
     inputs = [name for name in offer.inputs if name != driven]
     further = tuple(c for c in recording.others if driven and c.name in inputs)
     others = [c for c in recording.others if c not in further]
@@ -228,145 +398,126 @@ def _file(
     source = recording.called(driven) if driven else None
     if driven and INPUT in columns:
         source = table.column(columns[INPUT])
-    left = _left(others, (seen, source), offer)
-    if (seen is None and not 1 <= len(left) <= 1 + (driven != "" and source is None)) or (
-        seen is not None and driven and source is None and len(left) > 1
+    # columns of the FMU's other variables are what they are called
+    free = [c for c in others if c.name not in [t.name for t in (seen, source) if t is not None]]
+    free = [c for c in free if not any(_called(c, name) for name in known)]
+    wants_input = driven != "" and source is None
+    if (seen is None and not 1 <= len(free) <= 1 + wants_input) or (
+        seen is not None and wants_input and len(free) > 1
     ):
-        raise _unmatched(recording, output if seen is None else driven, others, offer)
-    seen = left.pop() if seen is None else seen
-    if driven and source is None and left:
-        source = left[0]
-    seen = in_unit_of(seen, offer.unit(output))
+        wanted = output if seen is None else driven
+        key = OUTPUT if wanted in offer.outputs else INPUT
+        names = listed(f"'{c.name}'" for c in others) or "none"
+        column = others[-1].name if others else "y"
+        raise BadInput(
+            f"{table.path}: no column '{wanted}' among {names}; wanted one that is called like the "
+            f"FMU's {key}, or its name by --{key} {column}={wanted}"
+        )
+    seen = free.pop() if seen is None else seen
+    if wants_input and free:
+        source = free[0]
+    seen = _in_unit_of(seen, offer.unit(output))
     if source is None:
-        return TraceFile(recording, seen, None, LINEAR)
-    source = in_unit_of(source, offer.unit(driven))
+        return TraceFile(table, recording.time, seen)
     u = table.numbers(source)
     changes = np.count_nonzero(np.diff(u)) / max(1, u.size - 1)
-    how = HELD if changes <= CHANGES else LINEAR
-    further = tuple(in_unit_of(c, offer.unit(c.name)) for c in further)
-    return TraceFile(recording, seen, source, how, further)
-
-
-def _left(
-    others: Sequence[Channel], taken: Sequence[Channel | None], offer: Offer
-) -> list[Channel]:
-    """Columns that no name tells apart: those of the FMU's other variables are what they say."""
-    names = {c.name for c in taken if c is not None}
-    free = [c for c in others if c.name not in names]
-    return [c for c in free if not any(called(c, name) for name in offer.description.variables)]
-
-
-def _unmatched(
-    recording: Recording, wanted: str, others: Sequence[Channel], offer: Offer
-) -> BadInput:
-    """The complaint of a column that is not found, with how to name it."""
-    key = OUTPUT if wanted in offer.outputs else INPUT
-    names = listed(f"'{c.name}'" for c in others) or "none"
-    column = others[-1].name if others else "y"
-    return BadInput(
-        f"{recording.table.path}: no column '{wanted}' among {names}; wanted one that is called "
-        f"like the FMU's {key}, or its name by --{key} {column}={wanted}"
+    return TraceFile(
+        table,
+        recording.time,
+        seen,
+        _in_unit_of(source, offer.unit(driven)),
+        HELD if changes <= CHANGES else LINEAR,
+        tuple(_in_unit_of(c, offer.unit(c.name)) for c in further),
     )
 
 
 def _fitted(
-    file: TraceFile, source: Source, offer: Offer, output: str, driven: str
+    file: TraceFile, offer: Offer, output: str, driven: str
 ) -> tuple[tuple[str, ...], str, dict[str, float]]:
     """Parameters that the record shows, each by itself, why; others with their start values."""
     trace = _record(file, offer, driven)
     names = [n for n in offer.parameters if offer.description.variables[n].start]
-    starts = {n: float(offer.description.variables[n].start or 0.0) for n in names}
-    points: list[Mapping[str, Scalar]] = [{}]
-    points += [{n: (1.0 + STEP) * starts[n]} for n in names]
-    base, *seen = _simulated(trace, source, output, points)
-    if base is None:  # its own start values do not run: nothing is seen of any
+    base = _simulated(trace, offer, output, {})
+    if base is None:  # its own start values do not run
         return (), "the FMU fails with its own start values under the record", {}
-    slopes = {n: y - base for n, y in zip(names, seen, strict=True) if y is not None}
-    largest = max((float(np.linalg.norm(s)) for s in slopes.values()), default=0.0)
+    slopes, sizes = {}, {}
+    for name in names:
+        y = _simulated(trace, offer, output, {name: (1.0 + STEP) * offer.start(name)})
+        if y is not None:
+            slopes[name] = y - base
+            sizes[name] = float(np.linalg.norm(slopes[name]))
+    moved = [n for n in slopes if sizes[n] > SEEN * max(sizes.values())]
     taken: list[str] = []
     basis = np.empty((base.size, 0))
-    for name in sorted(slopes, key=lambda n: -float(np.linalg.norm(slopes[n]))):
-        size = float(np.linalg.norm(slopes[name]))
+    for name in sorted(moved, key=lambda n: -sizes[n]):
         rest = slopes[name] - basis @ (basis.T @ slopes[name])
         own = float(np.linalg.norm(rest))
-        if size > SEEN * largest and own > APART * size:
+        if own > APART * sizes[name]:
             taken.append(name)
             basis = np.column_stack([basis, rest / own])
-    ordered = tuple(n for n in names if n in taken)
-    moved = [n for n in names if n in slopes and np.linalg.norm(slopes[n]) > SEEN * largest]
     alike = [n for n in moved if n not in taken]
-    left_out = f"; not {listed(alike)}, which look like others there" if alike else ""
-    why = "each changes the output otherwise than the others, at the FMU's start values" + left_out
-    return ordered, why, {name: starts[name] for name in alike}
+    why = "each changes the output otherwise than the others, at the FMU's start values"
+    why += f"; not {listed(alike)}, which look like others there" if alike else ""
+    return tuple(n for n in names if n in taken), why, {n: offer.start(n) for n in alike}
 
 
 def _closer(
-    file: TraceFile,
-    source: Source,
-    offer: Offer,
-    output: str,
-    driven: str,
-    names: Sequence[str],
+    file: TraceFile, offer: Offer, output: str, driven: str, names: Sequence[str]
 ) -> dict[str, float]:
     """Start values of parameters from which the FMU follows the record closer than from its own."""
     trace, known = _record(file, offer, driven), offer.description.variables
-    unit, seen = known[output].unit, file.seen.unit
-    is_scaled = bool(unit and seen) and not same_kind(seen or "", unit or "")
-    values = trace.y
-    if seen and not is_scaled:  # as the campaign reads it: to base units where the FMU has none
-        zero, one = (convert(x, seen, unit, where=str(file.path)) for x in (0.0, 1.0))
-        values = zero + (one - zero) * values
+    is_scaled, unit, values = _is_scaled(file, offer, output), file.observed.unit, trace.y
+    if unit and not is_scaled:  # as the campaign reads it: to base units where the FMU has none
+        values = _converted(values, unit, known[output].unit, str(file.path))
+    return closer_starts(
+        values,
+        lambda starts: _simulated(trace, offer, output, starts),
+        {n: known[n] for n in names},
+        is_scaled=is_scaled,
+    )
 
-    def simulated(starts: Mapping[str, float]) -> FloatArray | None:
-        return _simulated(trace, source, output, [starts])[0]
 
-    return closer_starts(Record(values, is_scaled), simulated, {n: known[n] for n in names})
+def _converted(values: FloatArray, unit: str, wanted: str | None, where: str) -> FloatArray:
+    zero, one = (convert(x, unit, wanted, where=where) for x in (0.0, 1.0))
+    return np.asarray(zero + (one - zero) * values)
 
 
 def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:
     """The first samples of a recording, inputs in the units of the FMU."""
-    table, time = file.recording.table, file.recording.time
-    factor = convert(1.0, time.unit or "s", "s", where=str(table.path))
-    time_s = factor * table.numbers(time)[:LOOKED_AT]
+    time_s = file.time_s(LOOKED_AT)
 
     def driving(column: Channel, name: str) -> tuple[FloatArray, FloatArray]:
-        u, wanted = table.numbers(column)[:LOOKED_AT], offer.description.variables[name].unit
+        u, wanted = file.table.numbers(column)[:LOOKED_AT], offer.description.variables[name].unit
         if column.unit is not None:
-            ends = (convert(x, column.unit, wanted, where=str(table.path)) for x in (0.0, 1.0))
-            zero, one = ends
-            u = zero + (one - zero) * u
+            u = _converted(u, column.unit, wanted, str(file.path))
         return time_s, u
 
     return TraceRecord(
         time_s,
-        table.numbers(file.seen)[:LOOKED_AT],
+        file.table.numbers(file.observed)[:LOOKED_AT],
         input=driven if file.driven is not None else "",
         driven=None if file.driven is None else driving(file.driven, driven),
         further={column.name: driving(column, column.name) for column in file.further},
         interpolation=file.interpolation,
-        source=str(table.path),
+        source=str(file.path),
     )
 
 
 def _simulated(
-    trace: TraceRecord, source: Source, output: str, points: Sequence[Mapping[str, Scalar]]
-) -> list[FloatArray | None]:
+    trace: TraceRecord, offer: Offer, output: str, values: Mapping[str, Scalar]
+) -> FloatArray | None:
     """The output at start values; None where the FMU refuses them."""
     window = trace.window()
-    first = Run(
-        start_values={},
+    run = Run(
+        start_values=dict(values),
         settle_s=window.settle_s,
         sample_step_s=window.step_s,
         samples=window.samples,
         outputs=(output,),
         input_signal=trace.signal(1),
     )
-    found: list[FloatArray | None] = []
-    for values in points:
-        try:
-            [seen] = source.workers.run([replace(first, start_values=dict(values))])
-        except FmuFailure:
-            found.append(None)
-            continue
-        found.append(np.asarray(seen[:, 0]))
-    return found
+    try:
+        [seen] = offer.workers.run([run])
+    except FmuFailure:
+        return None
+    return np.asarray(seen[:, 0])

@@ -15,7 +15,7 @@ import pytest
 import fitting as ff
 from fitting.api.init import Question, drafted, init
 from fitting.cli.main import main
-from fitting.draft.ringdown import ringdown_of
+from fitting.draft.decays import ringdown_of
 from fitting.draft.two_modes import two_modes_of
 from fitting.fit.fit import Status
 from fitting.resonance.trace import trace_of

@@ -87,8 +87,8 @@ def test_five_sweeps_are_one_map_over_their_control(way: str, tmp_path: Path) ->
     found = series_of(paths, Columns(), options[1] if options else None, tmp_path, joint=False)
     assert found is not None
     shift = 3.0 if way == "file names, a unit alone" else 0.0
-    assert found.control.values == tuple(v + shift for v in VOLTS)
-    assert found.control.unit == "V"
+    assert found.map.found.settings[:, 0].tolist() == [v + shift for v in VOLTS]
+    assert found.map.found.controls[0].unit == "V"
     assert len(found.map.found.rows) == len(VOLTS)
 
 
