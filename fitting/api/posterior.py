@@ -600,7 +600,7 @@ class _Job:
         """What a reader must know of this posterior."""
         record, knowledge = self.problem.record, self._fit.values.knowledge
         held = [p.name for p in record.parameters if p.prior_sigma]
-        prior = "The prior is uniform in the box of the parameters"
+        prior = "The prior is uniform within the bounds of the parameters"
         told = f"; {listed(held)} have a Gaussian prior inside of it" if len(held) > 1 else ""
         told = told or (f"; {held[0]} has a Gaussian prior inside of it" if held else "")
         yield f"{prior}{told}."
