@@ -115,17 +115,23 @@ def test_a_line_prints_itself_as_the_command_does(
     assert isinstance(found, ff.Line)
 
 
-def callables() -> list[tuple[str, Callable[..., Any]]]:
-    """Public functions, classes, and the public methods of these."""
-    found: list[tuple[str, Callable[..., Any]]] = []
+def callables() -> list[tuple[str, Callable[..., Any], str]]:
+    """Public functions, classes, and the public methods of these, with their documentation.
+
+    What a method's arguments are may be explained where it is declared first, in a base.
+    """
+    found: list[tuple[str, Callable[..., Any], str]] = []
     for name in NAMES:
         public = getattr(ff, name)
         if not callable(public):
             continue
-        found.append((name, public))
+        found.append((name, public, inspect.getdoc(public) or ""))
         if inspect.isclass(public) and not issubclass(public, Exception):
             members = inspect.getmembers(public, callable)
-            found += [(f"{name}.{n}", m) for n, m in members if not n.startswith("_")]
+            for n, member in members:
+                texts = (inspect.getdoc(getattr(c, n, None)) or "" for c in public.__mro__)
+                if not n.startswith("_"):
+                    found.append((f"{name}.{n}", member, "\n".join(texts)))
     return found
 
 
@@ -134,10 +140,9 @@ MADE = ("Ensemble", "Fit", "Inference", "Line", "NoiseLine", "Ringdown", "Value"
 
 
 @pytest.mark.parametrize(
-    ("name", "public"), callables(), ids=lambda v: v if isinstance(v, str) else ""
+    ("name", "public", "text"), [pytest.param(*one, id=one[0]) for one in callables()]
 )
-def test_every_argument_is_explained(name: str, public: Callable[..., Any]) -> None:
-    text = inspect.getdoc(public) or ""
+def test_every_argument_is_explained(name: str, public: Callable[..., Any], text: str) -> None:
     assert len(text.splitlines()[0]) > 20, name
     if name in MADE or issubclass_of_exception(public):
         return
