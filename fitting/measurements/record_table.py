@@ -47,18 +47,19 @@ class RecordTable(MeasurementTable):
         """
         raise NotImplementedError
 
-    def bound(self, record: Record | None, binder: Binder, setup: Setup, label: str) -> Record:
-        """The record with settings and output in the names and units of the FMU.
+    def bound(self, binder: Binder, setup: Setup, label: str) -> Record:
+        """What the file holds, with settings and output in the names and units of the FMU.
 
         Args:
-            record: what the file holds; None: it is read here.
             binder: of the campaign to its FMU.
             setup: how the campaign drives the FMU.
             label: of the record.
         """
-        gathered(self.checks(binder, setup))
-        record = record or self.record(label)
-        return replace(record, **self.known(binder, setup))
+        # what is wrong in the file is reported with what is wrong in the table, and once
+        records: list[Record] = []
+        read = partial(self.record, label)
+        gathered((lambda: records.append(read()), *self.checks(binder, setup)))
+        return replace(records[0], **self.known(binder, setup))
 
     def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What examines each name and value by itself.
@@ -83,11 +84,8 @@ class RecordTable(MeasurementTable):
 
     @classmethod
     def read_together(cls, tables: Sequence[Self]) -> ReadRecords:
-        """The files of all tables, with the labels that they are told apart by."""
-        labels = labels_of(tables)
-        pairs = zip(tables, labels, strict=True)
-        records = gathered(partial(table.record, label) for table, label in pairs)
-        return ReadRecords(tuple(tables), labels, tuple(records))
+        """All tables, with the labels that distinguish them; their files are read when bound."""
+        return ReadRecords(tuple(tables), labels_of(tables))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,11 +107,10 @@ class StatedTable(RecordTable):
 
 @dataclass(frozen=True)
 class ReadRecords:
-    """All tables of one kind with their records, which may be empty: some are read when bound."""
+    """All tables of one kind; their files are read when they are bound."""
 
     tables: tuple[RecordTable, ...]
     labels: tuple[str, ...]
-    records: tuple[Record, ...] = ()
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -122,9 +119,8 @@ class ReadRecords:
 
     def bind(self, binder: Binder, setup: Setup) -> Together[Any]:
         """All records, in the names and units of the FMU, as one measurement."""
-        records = self.records or (None,) * len(self.tables)
-        trios = zip(self.tables, records, self.labels, strict=True)
-        bound = gathered(partial(t.bound, record, binder, setup, x) for t, record, x in trios)
+        pairs = zip(self.tables, self.labels, strict=True)
+        bound = gathered(partial(table.bound, binder, setup, label) for table, label in pairs)
         kind: Any = self.tables[0].TOGETHER
         return kind(setup=setup, **{kind.FIELD: tuple(bound)})  # type: ignore[no-any-return]
 

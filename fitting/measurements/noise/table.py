@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -38,8 +40,12 @@ from fitting.text.keys import (
 from fitting.text.units import convert, same_kind
 from fitting.text.written import above_zero
 
-#: What a campaign may tell of the resonator, with its unit.
-TOLD = {"temperature": "K", "mass": "kg", "spring_constant": "N/m"}
+#: What a campaign may state of the resonator: by key the field of a record, and its unit.
+STATED = {
+    "temperature": ("temperature_k", "K"),
+    "mass": ("mass_kg", "kg"),
+    "spring_constant": ("spring_constant", "N/m"),
+}
 #: Units of what is seen whose squares per Hz a density may have.
 SEEN_UNITS = ("m", "V", "m/s", "m/s**2", "A", "1")
 #: Words for what a column holds where its unit does not tell it.
@@ -132,16 +138,12 @@ class NoiseSpectrumTable(RecordTable):
             force = table.numbers(self._column(table, names.force, "force"))
         elif names.force:
             raise BadInput(f'{self.file}: columns.force has a meaning with force = "{COLOURED}"')
-        numbers = {key: above_zero(getattr(self, key), unit) for key, unit in TOLD.items()}
         return NoiseRecord(
             to_hz * table.numbers(frequency),
             read.numbers,
             averages=self.averages,
             force=self.force,
             force_density=force,
-            temperature_k=numbers["temperature"],
-            mass_kg=numbers["mass"],
-            spring_constant=numbers["spring_constant"],
             floor=self.floor,
             window=self.window,
             label=label,
@@ -149,10 +151,19 @@ class NoiseSpectrumTable(RecordTable):
             source=str(self.file),
         )
 
+    def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What examines each name and value by itself, what is stated of the resonator as well."""
+        yield from super().checks(binder, setup)
+        for key, (_, unit) in STATED.items():
+            yield partial(above_zero, getattr(self, key), unit)
+
     def known(self, binder: Binder, setup: Setup) -> dict[str, Any]:
-        """Settings, output, and whether the drive is a force."""
+        """Settings, output, what is stated of the resonator, whether the drive is a force."""
+        stated = {
+            name: above_zero(getattr(self, key), unit) for key, (name, unit) in STATED.items()
+        }
         drives_force = self._drives_force(binder, setup)
-        return super().known(binder, setup) | {"drives_force": drives_force}
+        return super().known(binder, setup) | stated | {"drives_force": drives_force}
 
     def _density(self, table: Recording, column: Channel) -> Density:
         """The column as a density, by its unit or by what the campaign says that it holds."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -13,8 +13,6 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
 from fitting.fmu.variables import VariableLike
-from fitting.measurements.record import Record
-from fitting.measurements.record_table import ReadRecords, labels_of
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     FIT,
@@ -214,12 +212,7 @@ class TraceTable(TimeTable):
         for name in self.further_inputs:
             yield partial(binder.real, name, f"{where} further_inputs", ("input",), "driven")
 
-    @classmethod
-    def read_together(cls, tables: Sequence[Self]) -> ReadRecords:
-        """All tables; their columns are read when bound: they have the names of outputs."""
-        return ReadRecords(tuple(tables), labels_of(tables))
-
-    def bound(self, record: Record | None, binder: Binder, setup: Setup, label: str) -> TraceRecord:
+    def bound(self, binder: Binder, setup: Setup, label: str) -> TraceRecord:
         """The trace in the names and units of the FMU."""
         columns: list[ReadTrace] = []
         read = partial(self.read_columns, setup.output)
