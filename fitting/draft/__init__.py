@@ -1,1 +1,1 @@
-"""A first campaign from files and an FMU: what they are is looked at, guessed, asked and said."""
+"""A first campaign from files and an FMU: their kinds are determined, guessed or asked."""

@@ -172,7 +172,7 @@ def _control(file: MapFile, offer: Offer) -> Channel:
     if len(found.controls) > 1:
         raise file.refused("a draft has one control")
     if len(found.rows) < LEAST_SPECTRA:
-        raise file.refused(f"wanted {LEAST_SPECTRA} spectra at least, which tell a law")
+        raise file.refused(f"wanted {LEAST_SPECTRA} spectra at least, which determine a law")
     [channel] = found.controls
     if channel.name in [taken.name for taken in file.roles.all]:
         raise file.refused("no other column seems the amplitude, wanted its name by --amplitude")

@@ -1,4 +1,4 @@
-"""Two modes that meet over a control: a closed form through a map tells where a fit may start.
+"""Two modes that meet over a control: a closed form through a map gives start values.
 
     q1 = N2/(N1 N2 - l^4)      N_i = f_i^2 - u^2 + i u d_i      f1, f2 polynomials of the control
 
@@ -102,7 +102,7 @@ class Spectra:
         return np.asarray((self.control - self.middle) / self.half)
 
     def tells(self, power: int) -> bool:
-        """Whether there are values of the control enough to tell a power of it."""
+        """Whether there are values of the control enough to determine a power of it."""
         return int(np.unique(self.control).size) > power + 1
 
     @cached_property

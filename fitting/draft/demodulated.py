@@ -50,8 +50,8 @@ QUESTION = Question(
     words="at which frequency was it demodulated, as 1.2 MHz?",
     options=(),
     default=(),
-    why="does not tell at which frequency it was demodulated; wanted it by --demodulated-at, as "
-    '"1.2 MHz"',
+    why="does not contain the frequency at which it was demodulated; wanted it by "
+    '--demodulated-at, as "1.2 MHz"',
     unit="Hz",
 )
 
@@ -194,7 +194,7 @@ def modes_of(file: DemodulatedFile) -> int:
 
 
 def _with_reference(file: DemodulatedFile, answers: Answers) -> DemodulatedFile:
-    """The file with the frequency that was demodulated at, as it tells, or as is answered."""
+    """The file with the frequency that was demodulated at, of the file, or as is answered."""
     if math.isfinite(file.record.reference_hz) and QUESTION.key not in answers.told:
         return file
     words, why = (f"{file.path}: {text}" for text in (QUESTION.words, QUESTION.why))

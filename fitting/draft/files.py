@@ -255,7 +255,7 @@ def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files
 
 
 def _with_units(path: Path, columns: Columns, answers: Answers) -> Columns:
-    """What is told of a file's columns, with the units that a person tells of it."""
+    """What is told of a file's columns, with the units that a person answers."""
     if answers.ask is None:
         return columns
     try:

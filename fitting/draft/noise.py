@@ -66,7 +66,7 @@ class NoiseLook:
 
     @property
     def is_sure(self) -> bool:
-        """Whether unit or name tell it, so that nobody need be asked."""
+        """Whether it follows from unit or name, so that no question is needed."""
         return self.by in (BY_UNIT, BY_NAME)
 
     @property
@@ -143,7 +143,7 @@ def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> No
 
 
 def _by_scatter(numbers: FloatArray, unit: str | None, f: FloatArray) -> NoiseLook | None:
-    """The same where neither unit nor name tell it: the closer of density and root."""
+    """The same without unit or name: the closer of density and root."""
     looks = {way: _look(relative_density(numbers, unit, way), f, "", way) for way in HOLDS}
     # of a density that is read as a root the squares scatter twice as much
     left = {
@@ -184,7 +184,7 @@ def _scatters_by_a_share(look: NoiseLook, numbers: FloatArray, unit: str | None)
 
 
 def kind_question(name: str, look: NoiseLook) -> Question:
-    """Whether a file is a noise spectrum or a sweep, where nothing tells it for sure.
+    """Whether a file is a noise spectrum or a sweep, where that is not sure.
 
     Args:
         name: of the file.
@@ -199,5 +199,5 @@ def kind_question(name: str, look: NoiseLook) -> Question:
         why=f"a guess: its points scatter by the same share of themselves everywhere, as "
         f"the {look.column} of noise does"
         if seen
-        else "neither unit, name nor scatter say noise",
+        else "neither unit, name nor scatter indicates noise",
     )

@@ -131,7 +131,7 @@ def series_of(
             names = listed(path.name for path in paths[:3]) + (", ..." if len(paths) > 3 else "")
             raise BadInput(
                 f"{how_many(len(paths), 'sweep')} of amplitudes, {names}: neither their names nor "
-                "the lines above their tables tell one quantity that differs from file to file; "
+                "the lines above their tables contain one quantity that differs from file to file; "
                 "wanted it by --control, as --control Vg=-6:6:1 in the order of the files, or one "
                 "sweep"
             )
@@ -204,14 +204,14 @@ def _found(
             return where, CONTROL if name.startswith(CONTROL) else name, unit, values
     if wanted is not None:
         raise BadInput(
-            f"--control: neither names nor heads of the files tell a value of '{wanted}' in each; "
-            "wanted its values, too, as Vg=-6:6:1"
+            f"--control: neither names nor heads of the files contain a value of '{wanted}' "
+            "in each; wanted its values, too, as Vg=-6:6:1"
         )
     return None
 
 
 def _differing(files: Sequence[_Told]) -> dict[str, tuple[str, tuple[float, ...]]]:
-    """Units and values of quantities that every file tells, in one unit, with different values."""
+    """Units and values of quantities that every file has, in one unit, with different values."""
     made = {}
     for name, (_, unit) in files[0].items():
         known = [each[name] for each in files if name in each and each[name][1] == unit]

@@ -96,7 +96,7 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
     one_line = files.two is None or len(offer.places) < 2
     if measured and offer.is_model and line is None and one_line:
         trouble = next((sweep.trouble for sweep in files.sweeps), "")
-        raise BadInput(trouble or "wanted a sweep as well, which tells frequency and width")
+        raise BadInput(trouble or "wanted a sweep as well, which determines frequency and width")
     output = _output(files, offer, answers)
     tones, driven = _driven(files, offer, answers)
     start: dict[str, tuple[Scalar, str]] = {}
@@ -173,7 +173,7 @@ def _boxes(
     more: Sequence[str],
     start: Mapping[str, Scalar],
 ) -> list[Box]:
-    """Boxes of what is fitted; ``more`` are what is fitted of two modes beside their lines."""
+    """Boxes of what is fitted; ``more`` are what is fitted of two modes besides their lines."""
     lines = lines_shown(files.line, files.two, files.where)
     boxes = boxes_of(offer, fitted, _by_name(fitted, offer, lines), start)
     if more and files.modes is not None:
@@ -403,7 +403,7 @@ def _amplitude(files: Files, answers: Answers) -> str:
             words="Are the amplitudes in the files peak values or rms?",
             options=("peak", "rms"),
             default=("peak",),
-            why="no file tells which they are, and a scale takes it out where all mean the same",
+            why="no file states which they are, and a scale takes it out where all mean the same",
         )
     )
     return meaning(units, kind)
@@ -498,11 +498,11 @@ def _sweep(sweep: SweepFile, amplitude: str, *, fitted: bool) -> dict[str, Any]:
     if amplitude == "dBm":
         guess = "a guess: of the input; plays no part in a fitted scale"
         made["impedance"] = noted(LOAD, guess)
-    beside = "" if sweep.driven_line is None else sweep.driven_line.forms[0].name
-    if beside == FANO:
+    form = "" if sweep.driven_line is None else sweep.driven_line.forms[0].name
+    if form == FANO:
         made["background"] = noted("complex", "of the line by itself, found by comparing")
-    elif beside in BESIDE and fitted:
-        made["background"] = noted(*BESIDE[beside])
+    elif form in BESIDE and fitted:
+        made["background"] = noted(*BESIDE[form])
     return made
 
 

@@ -163,7 +163,7 @@ def recordings_of(
 
 
 def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) -> Channel | None:
-    """The column of times, in a unit that it tells, is told, or that FMI has; None: there is none.
+    """The column of times, in its own unit, one that is told, or that of FMI; None: there is none.
 
     A response over frequency is no recording, unless its column of times is told.
     """
@@ -255,7 +255,7 @@ def _ringdowns(
     folder: Path,
     decay: tuple[tuple[Shown, ...], tuple[Shown, ...], tuple[Box, ...]],
 ) -> Draft:
-    """A campaign of ringdowns from a state that nobody knows, which a pulse at the input spans."""
+    """A campaign of ringdowns from an unknown state, which a pulse at the input spans."""
     shown, lines, boxes = decay
     default, why = offer.outputs[0], "the first one with continuous values"
     named = [name for name in offer.outputs if recordings[0].called(name) is not None]
