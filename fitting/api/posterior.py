@@ -51,7 +51,7 @@ from fitting.inference.posterior.summary import (
 from fitting.lab.true_values import nearest, true_values
 from fitting.report.posterior import draws_csv, write_report
 from fitting.result.result import Result
-from fitting.signal.residual_tests import TOLD, Structure
+from fitting.signal.residual_tests import NOTABLE, Structure
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
@@ -617,7 +617,7 @@ class _Job:
                 "Noise that was not stated has one size, which is integrated out with the prior "
                 "1/σ."
             )
-        if self.structure is not None and self.structure.widening > TOLD:
+        if self.structure is not None and self.structure.widening > NOTABLE:
             found, wider = listed(self.structure.found), number(self.structure.widening, 3)
             yield (
                 f"The residuals of the fit {found}: its errors are {wider} times as wide for it, "

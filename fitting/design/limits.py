@@ -118,7 +118,7 @@ def refuse_wider(
     if "phases" in table.said and limits.phases and not own.phases:
         raise BadInput(
             f"{where('phases')}: found true, wanted false as in {table.where('phases')}: the "
-            "detector tells none"
+            "detector measures none"
         )
     more = [name for name in limits.outputs if name not in own.outputs]
     if "outputs" in table.said and more:
@@ -343,7 +343,7 @@ def _width(bound: BoundCampaign) -> float:
         return half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
     raise BadInput(
         f"{bound.path}: [design]: wanted frequency_step, least_spacing and farthest: neither drive "
-        "frequencies nor a sweep tell them"
+        "frequencies nor a sweep determine them"
     )
 
 

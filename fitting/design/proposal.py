@@ -261,7 +261,7 @@ def _sentences(
     if np.isfinite(weighed.spread):
         said.append(
             f"Before anything is measured, {goal.target} is taken to be known to its standard "
-            "deviation over these points, where the linearised prior says more."
+            "deviation over these points, where the linearised prior is wider."
         )
     highest = max(weighed.setups[weighed.setup_of[i]].level for i in chosen)
     if highest > 1.0:
@@ -273,7 +273,7 @@ def _sentences(
         said.append(
             f"Drive levels up to {highest:g} times the campaign's are proposed; {how}. "
             "Whether source and resonator bear it, where an output that is not observed may be "
-            "resonant, is for the laboratory to say: [design] levels."
+            "resonant, has to be stated by [design] levels."
         )
     if limits.sweeps is not None:
         said.append(
@@ -284,7 +284,8 @@ def _sentences(
         said.append(
             "A new recording begins, or is driven, as the trace that it repeats was, and noise is "
             "taken to be that of a sample whatever the spacing, independent from one to the next: "
-            "where a filter or the recorder makes neighbours alike, finer samples tell less than "
+            "where a filter or the recorder makes neighbours alike, finer samples determine less "
+            "than "
             "that."
         )
     if limits.setting_sigmas:
@@ -321,7 +322,7 @@ def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
         **_time(limits),
     }
     if limits.phases:
-        words["phases"] = "told, against a reference phase that is unknown"
+        words["phases"] = "measured, against a reference phase that is unknown"
     for name, values in limits.settings.items():
         words[name] = listed(str(v) for v in values)
     return words

@@ -386,7 +386,8 @@ class RecordingsToSimulate:
         if singular[-1] < ALIKE * singular[0] or off > OFF * float(np.max(np.abs(shown.values))):
             raise BadInput(
                 f"{where}: the samples that a recording every {record.spacing_s:.9g} s has in "
-                f"common with '{old.label}' do not tell how it begins; wanted a spacing that is "
+                f"common with '{old.label}' do not determine how it begins; wanted a spacing "
+                f"that is "
                 "nearer to that one's, a multiple or a part of it"
             )
         more = design @ c

@@ -102,7 +102,8 @@ def sweep_limits(
     for key in OF_TONES:
         if key in table.said:
             raise BadInput(
-                f"{table.where(key)}: has no meaning beside sweeps, which are proposed in place of "
+                f"{table.where(key)}: has no meaning together with sweeps, which are proposed in "
+                f"place of "
                 "tones"
             )
     first = min(s.frequency_hz[0] for s in so_far.sweeps)
@@ -204,7 +205,7 @@ def _noise(so_far: Continued, table: DesignTable) -> tuple[float, float]:
     relative = float(found[1]) if said.relative_noise is None else said.relative_noise
     if not (floor > 0.0 or relative > 0.0):
         raise BadInput(
-            f"{table.where('noise_floor')}: is not there and [{so_far.table}] tells no noise; "
+            f"{table.where('noise_floor')}: is not there and [{so_far.table}] states no noise; "
             "wanted that of a point of a sweep"
         )
     return floor, relative

@@ -51,14 +51,15 @@ def trace_limits(bound: BoundCampaign, table: DesignTable) -> Limits:
 
     Raises:
         BadInput: no traces, or some whose repetition nothing is known of, an unknown name, a value
-            of the wrong unit, traces of several units, a key that has no meaning beside traces.
+            of the wrong unit, traces of several units, a key that does not apply to traces.
     """
     so_far, said = traces_of(bound), table.keys
     asked = said.traces or WrittenTraces()
     for key in OF_OTHERS:
         if key in table.said:
             raise BadInput(
-                f"{table.where(key)}: has no meaning beside traces, which are proposed in place of "
+                f"{table.where(key)}: has no meaning together with traces, which are proposed in "
+                f"place of "
                 "tones"
             )
     own = next((p.name for p in bound.parameters if p.experiments), None)

@@ -242,7 +242,7 @@ def _known(
     useful = [p for p, v in zip(others, spread_values[1:], strict=True) if np.isfinite(v)]
     eligible = useful if goal.criterion == "target" else others
     places = spread_out(parameters, given, eligible, PLACES, prior)
-    progress(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
+    progress(f"{len(others)} points of equal fit; what the data determine at {len(places)} of them")
     gradients = _gradients(data, goal.target, places)
     new = [_new_nuisances(data.bound, way) for way in ways]
     unit = np.append(prior, [_scale_sigma(data), *(sigma for each in new for sigma in each)])

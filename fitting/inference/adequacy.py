@@ -31,7 +31,7 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size
-from fitting.signal.residual_tests import STRUCTURED, TOLD, Structure, innovations
+from fitting.signal.residual_tests import NOTABLE, STRUCTURED, Structure, innovations
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.notation import freedom_words, number
 
@@ -263,7 +263,7 @@ def adequacy_sentences(
     said = f"χ² = {square} on {freedom_words(freedom)}"
     if not adequacy.describes:
         return (misfit_sentence(adequacy),)
-    if structure is not None and structure.widening > TOLD:
+    if structure is not None and structure.widening > NOTABLE:
         return (
             f"The residuals of the curve {' and '.join(structure.found)}: errors are "
             f"{structure.widening:.3g} times as wide, so that its points weigh as the equal and "

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fitting.fit.fit import Status
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset
-from fitting.signal.residual_tests import TOLD, Structure
+from fitting.signal.residual_tests import NOTABLE, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import freedom_words, number
 
@@ -90,9 +90,9 @@ def ending_of(
     if adequacy is not None and adequacy.noise_factor > 1.0:
         factor = f"{adequacy.noise_factor:.3g}"
         said.append(f"uncorrelated noise {factor} times as large as stated, errors scaled by it")
-    elif inflation > TOLD:
+    elif inflation > NOTABLE:
         said.append(f"errors {inflation:.3g} times as wide for residuals beyond the noise")
-    if structure is not None and structure.widening > TOLD:
+    if structure is not None and structure.widening > NOTABLE:
         found = " and ".join(structure.found)
         said.append(f"errors {structure.widening:.3g} times as wide for residuals that {found}")
         seen = extent

@@ -36,7 +36,7 @@ from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.signal.peaks import DETECTION_SIGMA
-from fitting.signal.residual_tests import TOLD
+from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -175,7 +175,7 @@ def residual_findings(
     found = []
     if adequacy.is_correlated:
         kind, more = Kind.correlated_residuals, {"widening": widening}
-        urgent: Severity = "warning" if widening > TOLD else "note"
+        urgent: Severity = "warning" if widening > NOTABLE else "note"
         found.append(Finding(kind=kind, severity=urgent, subject=subject, numbers=numbers | more))
     if adequacy.noise_factor > 1.0:
         kind, more = Kind.noise_underestimated, {"factor": adequacy.noise_factor}
@@ -221,7 +221,7 @@ def _of_structure(solution: Solution) -> Iterator[Finding]:
             "count": float(count),
             "can_state": float(structure.is_unequal and can_state),
         },
-        names={"tests": (structure.told,)},
+        names={"tests": (structure.departure,)},
     )
 
 

@@ -29,7 +29,7 @@ from fitting.signal.peaks import (
     Resonance,
     fit_resonance,
 )
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOLD, Structure
+from fitting.signal.residual_tests import NOTABLE, SMALLEST_RESIDUAL, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.estimate import Estimate
@@ -229,7 +229,7 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
             severity="warning",
             subject="sweep",
             numbers={"widening": structure.widening, "points": structure.points},
-            names={"tests": (structure.told,)},
+            names={"tests": (structure.departure,)},
         )
     if depends_on_background(line):
         plain, full = line.forms[0], line.forms[-1]
@@ -286,7 +286,7 @@ def line_sentences(line: SweepLine) -> list[str]:
     for form in line.forms:
         if form.name != line.background:
             sentences.append(f"The same sweep {_form_words(form)}.")
-        elif form.structure.widening > TOLD:
+        elif form.structure.widening > NOTABLE:
             sentences.append(f"{_structure_words(form.structure).capitalize()}.")
     return sentences
 
@@ -309,7 +309,7 @@ def _or_mirrored(line: SweepLine) -> str:
 
 def _structure_words(structure: Structure) -> str:
     return (
-        f"a single line leaves residuals that {structure.told}: the "
+        f"a single line leaves residuals that {structure.departure}: the "
         f"points are worth {structure.points:.3g} independent and equal ones, and the errors are "
         f"{structure.widening:.3g} times as wide for it"
     )

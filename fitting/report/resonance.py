@@ -35,8 +35,8 @@ from fitting.resonance.ringdown import ALONE, FORM_WORDS, MOVING, NOISE, Ringdow
 from fitting.signal.line_record import TriedForm
 from fitting.signal.noise_lines import COUPLED, TOGETHER
 from fitting.signal.peaks import TAIL
+from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
-from fitting.signal.residual_tests import TOLD
 from fitting.text.estimate import Estimate
 from fitting.text.notation import hertz, number, percent, prefixed, quantity, with_error
 from fitting.text.once import made_once
@@ -119,7 +119,7 @@ def _rendered(result: MeasuredLine, part: str) -> list[str]:
 def _blocks() -> Any:
     """The template's blocks, compiled once."""
     templates = environment(escaped=False)
-    templates.globals.update(told=TOLD, **{f.__name__: f for f in FILTERS})
+    templates.globals.update(notable=NOTABLE, **{f.__name__: f for f in FILTERS})
     return templates.get_template("resonance.txt.j2").module
 
 
@@ -137,7 +137,7 @@ def _of_line(line: Line) -> dict[str, Any]:
         and abs(second.mirrored - second.share) > SECOND_DIFFERS * second.share,
         "further": [hertz(f, digits=6) for f in line.further_hz],
         "moving": _moving(line),
-        "rivals": bool(line.rivals) and line.rivals_widening > TOLD,
+        "rivals": bool(line.rivals) and line.rivals_widening > NOTABLE,
         "faults": [sentence(fault_finding(fault)) for fault in line.faults],
         "instrument": _instrument(line),
     }

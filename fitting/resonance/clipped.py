@@ -28,7 +28,7 @@ CLOSE = 3.0
 #: Steps of the scale over noise, up to which three largest points are not equal by chance.
 FINE = 0.1
 #: What is missing at the top over its error, from which that needs no such scale.
-TOLD = 2.0
+NOTABLE = 2.0
 #: Forms of the line that decide which points are close to the limit.
 FORMS = (TRANSMISSION, OFFSET, SLOPED)
 #: Rounds in which the points close to the limit are found.
@@ -157,7 +157,7 @@ def _no_chance(a: FloatArray, form: FittedForm) -> bool:
 
 def _is_below(limit: float, form: FittedForm) -> bool:
     """Whether a limit is below the top of a line by more than its error."""
-    return form.amplitude.value + form.background.real - limit > TOLD * form.amplitude.std
+    return form.amplitude.value + form.background.real - limit > NOTABLE * form.amplitude.std
 
 
 def _line(f: FloatArray, a: FloatArray, source: str) -> FittedForm | None:

@@ -38,8 +38,8 @@ MOST_EXPLAINED = 1e-7
 DRAWS, SEED = 400, 20
 #: What residuals do that are not noise of one size, as all sentences say it.
 TOGETHER, UNEQUAL = "are correlated", "are heteroscedastic"
-#: Widening of the errors from which it is told: what would be printed as one is not.
-TOLD = 1.05
+#: Widening of the errors from which it is reported: what would be printed as one is not.
+NOTABLE = 1.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ class Structure:
         )
 
     @property
-    def told(self) -> str:
+    def departure(self) -> str:
         """What they do, with the probabilities of it."""
         return found_words(self.p_value, self.sizes_p)
 

@@ -242,7 +242,7 @@ class _Planner:
             grid = accepted_grid(step_s, self.probe, settings)
             if grid is None:
                 raise
-            self._go_by(grid, Basis.OTHER_STEPS, told=grid.step_s == step_s)
+            self._go_by(grid, Basis.OTHER_STEPS, is_declared=grid.step_s == step_s)
             return
         if rests_on_steps(self.probe, settings, QUIET * self._share(Kind.SOLVER)):
             first_s = FIRST_PERIODS / self.probe.fastest_hz
@@ -271,8 +271,8 @@ class _Planner:
             except (BadInput, FmuFailure):  # no samples on this grid tell the tones apart
                 continue
             if found.steady and found.repeats < BETTER * settled.repeats:
-                told = grid.step_s == step_s
-                numbers = {"repeats": settled.repeats, "told": told}
+                is_declared = grid.step_s == step_s
+                numbers = {"repeats": settled.repeats, "is_declared": is_declared}
                 self._add(grid_decision(grid, Basis.OWN_STEP, numbers))
                 self.limits = limits
                 return found

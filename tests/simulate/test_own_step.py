@@ -79,7 +79,7 @@ def test_a_step_that_is_told_wrongly_is_found_by_watching(tmp_path: Path) -> Non
     plan = planned(build_own_step_fmu(tmp_path, "LATE_CLOCK", told=True))
     assert grid_of(plan).numbers["step_s"] == 1.001e-3
     assert off(plan, 1.001e-3) <= plan.promised <= 1e-6
-    assert not grid_of(plan).numbers["told"]
+    assert not grid_of(plan).numbers["is_declared"]
 
 
 @pytest.fixture(scope="module")

@@ -119,7 +119,7 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
     """Draw the expected standard deviation of the target by kinds of candidates.
 
     Bars go from the best to the worst tones of a kind as the only measurement; a diamond is its
-    best as the last beside the other proposed ones.
+    best as the last, with the other proposed ones.
 
     Args:
         design: a proposal, drawn in the target's unit, average over points that fit as well.
@@ -139,7 +139,7 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
             linestyle="none",
             color=ORANGE,
             markersize=5,
-            label="as the last beside the other proposed ones" if first else None,
+            label="as the last, with the other proposed ones" if first else None,
         )
     axes.axvline(
         design.before.mean / factor, color=ink(), linestyle=DASHED, linewidth=0.9, label="so far"
