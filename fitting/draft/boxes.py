@@ -120,7 +120,11 @@ def _box(offer: Offer, name: str, line: Shown | None, values: Mapping[str, Scala
     """A place within widths of its line, a width within a factor; else about the own value."""
     wide, own = name in offer.widths, offer.start(name)
     what = "width" if wide else "frequency"
-    start, slope, why = math.nan, 1.0, "nothing in the files tells it: the FMU's own start value"
+    start, slope, why = (
+        math.nan,
+        1.0,
+        "nothing in the files determines it: the FMU's own start value",
+    )
     if line is not None and (wide or name in offer.places):
         target = line.width_hz if wide else line.frequency_hz
         words = line.width_words if wide else line.frequency_words
@@ -129,7 +133,7 @@ def _box(offer: Offer, name: str, line: Shown | None, values: Mapping[str, Scala
         if known is not None:
             start, why = known, words
         elif not output:
-            why = f"no output tells the {what}: the FMU's own start value"
+            why = f"no output has the {what}: the FMU's own start value"
         else:
             start, slope = _solved(offer, name, output, target, values)
             why = f"with it {output} is the {words}"

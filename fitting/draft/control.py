@@ -122,7 +122,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
             measured["impedance"] = noted(LOAD, "plays no part either")
     measured |= columns_of(file.roles)
     measured |= phase_keys(turned=turned, delayed=delayed)
-    taken = "nobody measured it: leave it out where you know it to be so"
+    taken = "not measured: leave it out where you know it to be so"
     read = "what the detector reads: both modes" if shared else "what the detector sees: mode 1"
     tables: dict[str, Any] = {
         "title": file.path.stem,
@@ -149,7 +149,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     said = (*sentence_lines(lead(file.roles)), *str(found).splitlines(), *answers.said)
     head = (
         "A first campaign, written by fmu-fit init from this map: it runs as it is.",
-        f"What a remark calls a guess is one; {PAGE} tells more of maps.",
+        f"What a remark calls a guess is one; {PAGE} describes maps.",
     )
     return draft_from(tables, offer, folder, (*said, *starts_words(boxes)), (head, ""))
 

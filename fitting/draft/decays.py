@@ -36,7 +36,7 @@ DECAYS, CROSSINGS = 0.8, 8
 LOOKED_AT, SHOWS = 2000, 0.3
 #: Why the tones of an FMU have no amplitude, and why a parameter that is not fitted has its value.
 OFF = "off: nothing drives while it rings down"
-OWN = "the FMU's own start value, which nobody measured"
+OWN = "the FMU's own start value, not measured"
 SPECTRUM = "the highest line of the record's spectrum"
 HALVES = "from how the record decays from its first half to its second"
 FITTED = "from lines that decay, fitted to the record"

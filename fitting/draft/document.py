@@ -43,14 +43,14 @@ CONTINUATION: Mapping[str, Any] = {
 FIRST = "A first campaign, written by fmu-fit init from these files: it runs as it is."
 HEAD = (
     FIRST,
-    "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
+    "What a remark calls a guess is one; docs/reference/campaign.md lists every key.",
 )
 #: Letters in a line of the head.
 HEAD_WIDTH = 98
 #: Before each line of a table that is missing.
 MARK = "#: "
 #: The remark on start values that are taken.
-TAKEN = "nobody measured these: leave out what you know to be so"
+TAKEN = "not measured: leave out what you know to be so"
 #: Start values of an FMU by name, each with its reason.
 Starts = Mapping[str, tuple[Scalar, str]]
 

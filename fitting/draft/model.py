@@ -19,7 +19,7 @@ ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
 #: The parameter that couples the two; what makes them two lines beside each other, with reasons.
 COUPLING = "lambda12"
 UNCOUPLED: Mapping[str, tuple[Scalar, str]] = {
-    COUPLING: (0.0, "each line is a mode of its own: they do not tell a coupling"),
+    COUPLING: (0.0, "each line is a mode of its own: they do not determine a coupling"),
     "readout2": (1.0, "the detector sees both modes"),
 }
 #: Names and descriptions of what drives, and of what belongs to the solver or to a pump.

@@ -193,7 +193,7 @@ def kind_question(name: str, look: NoiseLook) -> Question:
     seen = look.by == BY_SCATTER
     return Question(
         key="kind",
-        words=f"{name}: is it a noise spectrum that nobody drove, or a sweep of amplitudes?",
+        words=f"{name}: is it a noise spectrum without a drive, or a sweep of amplitudes?",
         options=KINDS,
         default=(NOISE,) if seen else (SWEEP,),
         why=f"a guess: its points scatter by the same share of themselves everywhere, as "

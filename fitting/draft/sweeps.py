@@ -60,14 +60,14 @@ BEYOND = (FANO, FLOOR, RICE, TAIL)
 #: Backgrounds of complex sweeps, and of amplitudes with the remark on them, by the line's form.
 BACKGROUNDS = {FANO: "constant", SLOPED: "slope"}
 BESIDE = {
-    OFFSET: (OFFSET, "a constant beside the line: solved inside"),
-    SLOPED: (SLOPE, "with a slope, beside the line: solved inside"),
+    OFFSET: (OFFSET, "a constant besides the line: solved inside"),
+    SLOPED: (SLOPE, "with a slope, besides the line: solved inside"),
 }
 #: What a campaign without measurements lacks, as remarks that become its table.
 MISSING = f"""
 # MISSING: what was measured. With a file of it, all of this is found by itself:
 #     fmu-fit init {{fmu}} SWEEP.csv --out FOLDER
-# By hand: put the file beside this one, and take the marks from the lines below.
+# By hand: put the file into this folder, and take the marks from the lines below.
 {MARK}[sweep]
 {MARK}file = "sweep.csv" # a column of frequencies and one of amplitudes
 {MARK}layout = "csv"
@@ -104,7 +104,7 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
         start[offer.steady] = True, "the FMU begins on its periodic orbit"
     for frequency, amplitude in offer.tones:
         if tones and (frequency, amplitude) not in tones:
-            start[amplitude] = 0.0, f"no drive at {frequency}, which nobody measured with"
+            start[amplitude] = 0.0, f"no drive at {frequency}, which was not measured with"
     values = {name: value for name, (value, _) in start.items()}
     response = None
     if table is None and line is not None and offer.steady and tones:
@@ -518,10 +518,10 @@ def _complex(sweep: SweepFile, count: int) -> dict[str, Any]:
     if count > 1:
         made["label"] = sweep.path.stem
     if sweep.two is not None:
-        made["background"] = noted("constant", "complex, beside the lines: solved inside")
+        made["background"] = noted("constant", "complex, besides the lines: solved inside")
     made |= phase_keys(turned=sweep.phases_reversed, delayed=False)
     if background:
-        made["background"] = noted(background, "complex, beside the line: found by comparing")
+        made["background"] = noted(background, "complex, besides the line: from a comparison")
     return made | phase_keys(turned=False, delayed=bool(line and line.forms[0].delayed))
 
 
@@ -545,16 +545,16 @@ def _noise(sweep: SweepFile, count: int) -> dict[str, Any]:
     roles, own = sweep.roles, sweep.has_own_forces
     of_whole_file(roles, "noise_spectrum")
     made = {
-        "file": noted(sweep.path, "averages = N tells how many periodograms were averaged"),
+        "file": noted(sweep.path, "averages = N states how many periodograms were averaged"),
         "force": noted(
             THERMAL if own else WHITE,
-            "heat moves each mode; temperature and mass tell the read-out"
+            "heat moves each mode; temperature and mass determine the read-out"
             if own
-            else '"thermal", with temperature and mass, tells the read-out',
+            else '"thermal", with temperature and mass, determines the read-out',
         ),
     }
     if sweep.noise is not None and sweep.noise.holds:
-        made["holds"] = noted(sweep.noise.holds, "the unit does not tell it")
+        made["holds"] = noted(sweep.noise.holds, "the unit does not state it")
     if count > 1:
         made["label"] = sweep.path.stem
     density = "" if roles.sizes is None else in_file(roles.sizes)

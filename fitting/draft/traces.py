@@ -281,7 +281,7 @@ def _ringdowns(
         made: dict[str, Any] = {
             "file": file.path,
             "input": noted(offer.inputs[0], SPANS),
-            "start": noted(UNKNOWN, "solved for: nobody knows where a ringdown starts"),
+            "start": noted(UNKNOWN, "solved for: the start of a ringdown is not known"),
         }
         if len(lines) > 1:
             made["states"] = noted(STATES_OF_ONE * len(lines), "two for each mode")

@@ -152,8 +152,8 @@ def test_a_drafted_campaign_has_the_row_that_was_told(tmp_path: Path) -> None:
     ended = told("init", path, "--header-row", "1", "--out", tmp_path / "o", "--yes")
     assert ended.code == 0, ended.err
     campaign = ff.read_campaign(tmp_path / "o" / "campaign.toml")
-    [curve] = cast(Any, campaign.measurements["complex_sweep"]).records
-    np.testing.assert_allclose(curve.u_hz, F, rtol=1e-9)
+    [table] = cast(Any, campaign.measurements["complex_sweep"]).tables
+    np.testing.assert_allclose(table.record("").u_hz, F, rtol=1e-9)
 
 
 def test_elements_of_arrays_are_no_units(tmp_path: Path) -> None:
