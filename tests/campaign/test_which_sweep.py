@@ -149,8 +149,8 @@ def test_a_drafted_campaign_reads_the_sweep_that_was_chosen(tmp_path: Path) -> N
     path, _ = init(tmp_path / "a.h5", out=tmp_path / "o", columns=columns(names, "warm", {}))
     [table] = tomllib.loads(path.read_text("utf-8"))["complex_sweep"]
     assert set(table["columns"].values()) == {name.format("warm") for name in names}
-    [curve] = cast(Any, ff.read_campaign(path).measurements["complex_sweep"]).records
-    assert float(np.mean(curve.u_hz)) == pytest.approx(LINES["warm"][0], rel=1e-4)
+    [read] = cast(Any, ff.read_campaign(path).measurements["complex_sweep"]).tables
+    assert float(np.mean(read.record("").u_hz)) == pytest.approx(LINES["warm"][0], rel=1e-4)
 
 
 def test_a_drafted_campaign_reads_the_block_that_was_chosen(tmp_path: Path) -> None:

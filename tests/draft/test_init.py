@@ -320,7 +320,7 @@ def test_remarks_say_where_every_guess_comes_from_and_paths_are_relative(tmp_pat
     assert tables["complex_sweep"][0]["file"] == "../../lock-in.csv"
     assert tables["complex_sweep"][0]["background"] == "constant"
     assert tables["fmu"]["start"] == {"periodic_start": True, "A2": 0.0}
-    for remark in ("nobody measured with", "frequency of the line in the sweep", "as they were"):
+    for remark in ("was not measured with", "frequency of the line in the sweep", "as they were"):
         assert remark in text
     assert ff.read_campaign(path).file.title == "lock-in"
     assert any("f = 30000.0" in sentence for sentence in said)
