@@ -145,7 +145,7 @@ bool model_begin(struct slave *slave, double t, struct report *report)
             return false;
     }
     if (settings.upper && !periodic)
-        warn(report, "branch = 1 says nothing of a start at rest; set periodic_start to true");
+        warn(report, "branch = 1 does not apply to a start at rest; set periodic_start to true");
     return true;
 }
 

@@ -175,7 +175,7 @@ def test_columns_without_names_or_units_are_asked_for(tmp_path: Path) -> None:
     path.write_text(text("", "fr", " "))
     with pytest.raises(
         BadInput,
-        match=r"frequency; .* = \"column 1 \(Hz\)",
+        match=r"frequencies; .* = \"column 1 \(Hz\)",
     ):
         read_trace(path, None)
     with pytest.raises(BadInput, match=r"'column 9 \(Hz\)'"):

@@ -112,7 +112,7 @@ def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Pa
     assert data["parameters"]["theta"]["std"] is None
     assert data["derived"]["lambda"]["std"] is None
     assert data["derived"]["lambda"]["ci95"][0] > 0.0
-    words = ("not known", "linearised only")
+    words = ("not known", "covariance")
     told = {line.split()[0]: line for line in detail_lines(result) if any(w in line for w in words)}
     for name in ("theta", "lambda"):  # a range, and neither a value nor an error
         assert told[name].split()[1] == told[name].split()[3] == "-"

@@ -97,7 +97,7 @@ def test_start_values_of_another_number_are_refused(path: Path) -> None:
 def test_check_and_simulate_take_elements(
     path: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert main(["check", str(path)]) == 0
+    assert main(["check", str(path), "--verbose"]) == 0
     assert "A[1,1]" in capsys.readouterr().out
     words = ["--input", "u[1]", "--drive", "0.5 Hz", "--output", "y[1]", "--accuracy", "1e-4"]
     assert main(["simulate", str(path), *words, "--out", str(tmp_path / "o")]) == 0

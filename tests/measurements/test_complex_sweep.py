@@ -273,7 +273,7 @@ def test_exchanged_quadratures_are_told(swift: ff.Fmu, swift_fmu: Path, tmp_path
     y = measured(0.01)
     path = _campaign(tmp_path, swift_fmu, y.imag + 1j * y.real)
     with pytest.raises(BadInput, match=r" 999\.9"):
-        ff.read_campaign(path)
+        ff.Problem.of(ff.read_campaign(path), swift).record  # noqa: B018
     path = _campaign(tmp_path, swift_fmu, np.conj(y), "conjugate = true")
     read = ff.Problem.of(ff.read_campaign(path), swift)
     path = _campaign(tmp_path, swift_fmu, y, "scale = 'own'")

@@ -271,7 +271,7 @@ def changed(path: Path, old: str, new: str) -> None:
         pytest.param("campaign.toml", '"b"', '"b"\nmodes = 0', "modes", id="no modes"),
         pytest.param("campaign.toml", '"b"', '"b"\nsigma = "0 V"', "more than zero", id="sigma"),
         pytest.param(
-            "campaign.toml", '"level" }', '"level", X = "X" }', "beside X or Y", id="both"
+            "campaign.toml", '"level" }', '"level", X = "X" }', "together with X or Y", id="both"
         ),
     ],
 )

@@ -208,7 +208,7 @@ def test_the_plan_is_printed_and_nothing_written(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["simulate", str(swift_fmu), "--accuracy", "1e-4", "--plan"]) == 0
+    assert main(["simulate", str(swift_fmu), "--accuracy", "1e-4", "--plan", "--verbose"]) == 0
     said = capsys.readouterr().out
     assert "settling: " in said
     assert "whole periods" in said
