@@ -376,7 +376,7 @@ def _measurement(
     target = target_of(result, left)
     if not target or knowledge is None:
         if any(f.kind in STRUCTURED and f.severity != "note" for f in result.findings):
-            return "fit a background, or use another model: what the residuals show is no noise", ""
+            return "fit a background, or use another model: the residuals are structured", ""
         return "none needed: every requested value is determined", ""
     if "cost" in result.profiled[target].closed_by:
         return _larger_budget(result)
