@@ -117,7 +117,7 @@ def test_published_pair_has_the_closed_amplitudes(
 
 def test_a_model_goes_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "CoupledOscillator", "--accuracy", "1e-3", "--plan"]) == 0
-    assert "requested 1.0e-03" in capsys.readouterr().out
+    assert "goal 1.0e-03" in capsys.readouterr().out
 
 
 def test_what_help_says_is_wanted_is_what_is_planned_for(
@@ -287,7 +287,7 @@ def test_a_start_at_rest_keeps_what_is_promised(
     arguments = ["--accuracy", accuracy, *AT_REST, *settle, "--out", str(tmp_path), "--verbose"]
     assert main(["simulate", str(swift_fmu), *arguments]) == 0
     said = capsys.readouterr().out
-    promised = float(re.findall(r"accuracy (\S+) \(requested", said)[0])
+    promised = float(re.findall(r"accuracy (\S+) \(goal", said)[0])
     _, peaks = read(tmp_path / "peaks.csv")
     truth = [closed_form(tone, 1.9498, 120.0, 90.0, (6.94026e6, 7.0276e6))[0] for tone in PAIR]
     assert np.max(np.abs(peaks[:, 1] / truth - 1.0)) <= promised <= float(accuracy)

@@ -111,7 +111,7 @@ def test_a_linear_fmu_has_one_curve_and_it_is_the_closed_form(
     said = capsys.readouterr().out
     assert "hysteresis" not in said
     assert "A2 = 0: u2 " in said
-    assert "requested 1.0e-04" in said
+    assert "goal 1.0e-04" in said
 
 
 def test_one_way_and_the_time_that_is_found(swift_fmu: Path, tmp_path: Path) -> None:

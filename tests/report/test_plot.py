@@ -299,7 +299,7 @@ def test_a_design_is_drawn_in_the_unit_of_its_target(axes: Axes) -> None:
     assert line(axes, "average over equal fits")[1] == pytest.approx([1.1, 0.11])
     axes.clear()
     drawn("candidates", axes)
-    assert line(axes, "as the last beside the other proposed ones")[0] == pytest.approx([0.11])
+    assert line(axes, "as the last, with the other proposed ones")[0] == pytest.approx([0.11])
 
 
 def test_a_single_tone_has_no_beating() -> None:
