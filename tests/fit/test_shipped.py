@@ -206,6 +206,8 @@ def test_the_shipped_series_start_and_end_below_what_is_published(
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     assert after < before < published["mean_deviation_before"]
     assert after < published["mean_deviation_after"]
+    said = " ".join(run.printed.split())
+    assert f"mean deviation {before:.4g} with the start parameters, {after:.4g} with" in said
     width = result.derived["width_plus" if series == "q1" else "width_minus"]
     bench = string_bench(series)
     assert abs(width.value - true_width(bench)) < 2 * width.std
