@@ -64,7 +64,7 @@ def check_lines(found: Check, *, verbose: bool = False, report: Path | None = No
         report: the page, if one was written.
     """
     careful = [f for f in found.findings if f.severity is Severity.CAREFUL]
-    urgent = [phrase("check", "finding", f).partition(": ")[2] for f in careful]
+    urgent = [phrase("check", "described", f) for f in careful]
     urgent += [f"the FMU reports: {warning}" for warning in found.warnings]
     numbers = {**CHECKED, "urgent": urgent}
     listed = table("variables", variables=variables_of(found.description), meaning=False)
