@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
@@ -17,6 +17,8 @@ from fitting.measurements.record import Record
 from fitting.measurements.together import Together
 from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import FileName, Text, Value
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +57,19 @@ class RecordTable(MeasurementTable):
             setup: how the campaign drives the FMU.
             label: of the record.
         """
-        # what is wrong in the file is reported with what is wrong in the table, and once
-        records: list[Record] = []
-        read = partial(self.record, label)
-        gathered((lambda: records.append(read()), *self.checks(binder, setup)))
-        return replace(records[0], **self.known(binder, setup))
+        record = self.checked(partial(self.record, label), binder, setup)
+        return replace(record, **self.known(binder, setup))
+
+    def checked(self, read: Callable[[], Made], binder: Binder, setup: Setup) -> Made:
+        """What is read of the file: what is wrong in it and in the table is reported together.
+
+        Args:
+            read: reads the file.
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+        """
+        made: list[Any] = gathered((read, *self.checks(binder, setup)))
+        return cast("Made", made[0])
 
     def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What examines each name and value by itself.

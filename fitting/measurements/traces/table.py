@@ -28,7 +28,7 @@ from fitting.measurements.traces.time_table import TimeTable
 from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, gathered
+from fitting.text.errors import BadInput
 from fitting.text.keys import (
     Count,
     FileName,
@@ -214,10 +214,8 @@ class TraceTable(TimeTable):
 
     def bound(self, binder: Binder, setup: Setup, label: str) -> TraceRecord:
         """The trace in the names and units of the FMU."""
-        columns: list[ReadTrace] = []
-        read = partial(self.read_columns, setup.output)
-        gathered((lambda: columns.append(read()), *self.checks(binder, setup)))
-        [trace], variables = columns, binder.variables
+        trace = self.checked(partial(self.read_columns, setup.output), binder, setup)
+        variables = binder.variables
         seen = variables[self.output or setup.output]
         driven: tuple[FloatArray, FloatArray] | Waveform | None = None
         if self.input is not None and self.signal is not None:
