@@ -166,6 +166,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tries", type=int, default=17, help="of each kind and command (17)")
     parser.add_argument("--jobs", type=int, default=1, help="tries at a time (1)")
+    parser.add_argument("--only", nargs="+", metavar="COMMAND", help="these commands alone")
     parser.add_argument("--seed", type=int, default=1, help="of the times (1)")
     args = parser.parse_args()
     for number, how in ignored_ends().items():  # jobs hand it on; threads may not change it
@@ -174,6 +175,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="bench-kills-") as name:
         print("| command | kind | tried | survived |\n|---|---|---|---|")
         for bench in prepared(Path(name)):
+            if args.only and bench.command not in args.only:
+                continue
             print(f"{bench.command}: {bench.seconds:.1f} s undisturbed", file=sys.stderr)
             for k, (kind, attempt) in enumerate(KINDS.items()):
                 times = [rng.uniform(0.0, bench.seconds) for _ in range(args.tries)]
