@@ -167,6 +167,7 @@ def main() -> None:
     parser.add_argument("--tries", type=int, default=17, help="of each kind and command (17)")
     parser.add_argument("--jobs", type=int, default=1, help="tries at a time (1)")
     parser.add_argument("--only", nargs="+", metavar="COMMAND", help="these commands alone")
+    parser.add_argument("--kind", default="", help="word in the name of the kind of ending")
     parser.add_argument("--seed", type=int, default=1, help="of the times (1)")
     args = parser.parse_args()
     for number, how in ignored_ends().items():  # jobs hand it on; threads may not change it
@@ -179,6 +180,8 @@ def main() -> None:
                 continue
             print(f"{bench.command}: {bench.seconds:.1f} s undisturbed", file=sys.stderr)
             for k, (kind, attempt) in enumerate(KINDS.items()):
+                if args.kind not in kind:
+                    continue
                 times = [rng.uniform(0.0, bench.seconds) for _ in range(args.tries)]
                 folders = [bench.folder / f"{k}-{i}" for i in range(args.tries)]
                 resumed = [bool(i % 2) for i in range(args.tries)]
