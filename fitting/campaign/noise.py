@@ -22,6 +22,7 @@ from fitting.signal.scale import laboratory_maximum
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.numbers import LEAST, MOST
 from fitting.text.written import in_unit
 
 #: Repeats tell the scatter from this many degrees of freedom on (to a third of it).
@@ -53,8 +54,10 @@ class Noise:
     def __post_init__(self) -> None:
         if not 0.0 <= self.relative < 1.0:
             raise BadInput(f"noise: relative {self.relative:g}, wanted a share from 0 to below 1")
-        if not 0.0 <= self.absolute_v < math.inf:
-            raise BadInput(f"noise: absolute {self.absolute_v:g}, wanted zero or more")
+        if self.absolute_v != 0.0 and not LEAST <= self.absolute_v <= MOST:
+            raise BadInput(
+                f"noise: absolute {self.absolute_v:g}, wanted zero or {LEAST:g} to {MOST:g}"
+            )
         if self.outliers not in OUTLIERS:
             raise BadInput(
                 f"noise: outliers '{self.outliers}', wanted one of {', '.join(OUTLIERS)}"

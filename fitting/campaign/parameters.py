@@ -125,6 +125,11 @@ class Parameter(ParameterTable[float]):
             raise BadInput(f"{who}: period = {self.period!r}; wanted a positive number")
         if self.prior is not None and self.prior <= 0.0:
             raise BadInput(f"{who}: prior = {self.prior!r}; wanted a positive number")
+        if self.prior is not None and not 1.0 / WIDEST <= self.prior / self.scale <= WIDEST:
+            raise BadInput(
+                f"{who}: prior = {self.prior!r} for a scale of {self.scale!r}; "
+                f"wanted a prior within a factor of {WIDEST:g} of that"
+            )
 
     @property
     def prior_sigma(self) -> float | None:
