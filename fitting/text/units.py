@@ -211,8 +211,13 @@ def _factor(source: pint.Unit, target: pint.Unit) -> Decimal | None:
     """What values of a unit are multiplied by, as files have thousands; None where that is not all.
 
     Degrees Celsius have an offset besides.
+
+    Raises:
+        TypeError: a logarithmic unit, by pint itself (0.25) or for what it makes of it (0.26).
     """
-    zero, one = (_by_pint(Decimal(value), source, target) for value in (0, 1))
+    zero, one, two = (_by_pint(Decimal(value), source, target) for value in (0, 1, 2))
+    if not math.isclose(two - one, one - zero, rel_tol=1e-9):
+        raise TypeError(f"{source} to {target} is not a linear conversion")
     return None if zero else one
 
 

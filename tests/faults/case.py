@@ -43,10 +43,10 @@ class Case:
 
     ``about`` are words of which every complaint has to hold one: file, key or option (none: nobody
     hears it). ``codes`` are the exit codes that are right. ``says``: words that the only complaint
-    has to hold, all of them, beside what is wanted. ``shell``: the word is a line for a shell, in
-    which {run} is the command. ``during``: what the machine does while it runs. ``writes``: whether
-    files that are whole may be left by a command that was refused, as those before a disk is full.
-    ``call``: of Python, in place of words.
+    has to hold, all of them, beside what is wanted (the first one of ``complaints``). ``shell``:
+    the word is a line for a shell, in which {run} is the command. ``during``: what the machine does
+    while it runs. ``writes``: whether files that are whole may be left by a command that was
+    refused, as those before a disk is full. ``call``: of Python, in place of words.
     """
 
     kind: str
@@ -56,6 +56,7 @@ class Case:
     about: tuple[str, ...]
     codes: tuple[int, ...] = DOCUMENTED
     says: tuple[str, ...] = ()
+    complaints: int = 1
     shell: bool = False
     during: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext
     writes: bool = False
@@ -152,14 +153,14 @@ def judged(case: Case, ending: Ending) -> list[str]:
             found.append(f"{len(lines)} lines of an interrupt")
     elif lines and ending.code in case.codes:
         found.append(f"exit code {ending.code}, but stderr: {ending.complained[:300]}")
-    return found + (_unsaid(case.says, lines) if case.says else [])
+    return found + (_unsaid(case, lines) if case.says else [])
 
 
-def _unsaid(says: Sequence[str], lines: Sequence[str]) -> list[str]:
-    """What the one sentence that there has to be does not name."""
-    if len(lines) != 1:
-        return [f"{len(lines)} lines, wanted one: {' | '.join(lines)[:600]}"]
-    missing = [word for word in says if word not in lines[0]]
+def _unsaid(case: Case, lines: Sequence[str]) -> list[str]:
+    """What the first of the sentences that there have to be does not name."""
+    if len(lines) != case.complaints:
+        return [f"{len(lines)} lines, wanted {case.complaints}: {' | '.join(lines)[:600]}"]
+    missing = [word for word in case.says if word not in lines[0]]
     return [f"does not say {missing}: {lines[0][:600]}"] if missing else []
 
 

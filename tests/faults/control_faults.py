@@ -70,7 +70,7 @@ FORMULAS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "zero over zero": ("e0*(V/V0)/(V/V0)", ("no finite value", "V (V) = 0")),
     "nan as a name": ("e0 + nan*e1", ("'nan' is neither a parameter nor a constant",)),
     "inf as a name": ("e0 + inf*e1", ("'inf' is neither a parameter nor a constant",)),
-    "1e999": ("e0 + 1e999*e1", ("no finite value", "e0 (Hz)")),
+    "1e999": ("e0 + 1e999*e1", ("found inf", "wanted a number below 1e308")),
     "a caret": ("e0 + e1*(V/V0)^2", ("(V / V0) ^ 2", "+ - * / **")),
     "an unknown function": ("e0 + e1*sine(V/V0)", ("no function 'sine'", "did you mean 'sin'")),
     "numpy's function": ("e0 + e1*np.sin(V/V0)", ("np.sin(V / V0)", "wanted a formula of")),
@@ -178,7 +178,8 @@ def coefficient_faults() -> Iterator[Fault]:
         ),
     }
     for name, (change, says) in further.items():
-        yield Fault(f"laws: {name}", scenes.control(change), says)
+        without = name in ("laws without anything", "no laws")  # the control is unknown as well
+        yield Fault(f"laws: {name}", scenes.control(change), says, 2 if without else 1)
 
 
 # --- maps over a control ---------------------------------------------------------------------

@@ -53,11 +53,15 @@ def response(f: FloatArray, eta_hz: float = ETA_HZ) -> ComplexArray:
 
 @dataclass(frozen=True)
 class Fault:
-    """A campaign with a fault, and the words that its sentence has to hold, all of them."""
+    """A campaign with a fault, and the words that its sentence has to hold, all of them.
+
+    ``complaints`` are more than one where what is missing is missed at several places.
+    """
 
     name: str
     files: Files
     says: tuple[str, ...]
+    complaints: int = 1
 
 
 #: Faults by their name: what is told, or the columns, and the words that the sentence has to hold.

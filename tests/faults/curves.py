@@ -32,6 +32,7 @@ def cases(count: int, seed: int) -> Iterator[Case]:
             about=(HERE,),
             codes=(2,),
             says=fault.says,
+            complaints=fault.complaints,
         )
 
 

@@ -77,15 +77,15 @@ def phase_faults() -> Iterator[Fault]:
     columns: Corrupted = {
         "degrees called radians": (
             {**polar, p: np.degrees(radians).tolist()},
-            ("said to be in rad", "wanted radians", "deg"),
+            ("declared to be in rad", "wanted radians", "deg"),
         ),
         "radians called degrees": (
             renamed(polar, p, "phase (deg)"),
-            ("said to be in deg", "wanted degrees", "rad"),
+            ("declared to be in deg", "wanted degrees", "rad"),
         ),
         "unwrapped over 4,000 rad": (
             {**polar, p: (radians - turns).tolist()},
-            ("said to be in rad", "4003", "wanted"),
+            ("declared to be in rad", "4003", "wanted"),
         ),
         "a cable that nobody told": (
             scenes.polar_columns(cable),
@@ -217,7 +217,7 @@ def tone_key_faults() -> Iterator[Fault]:
         made = scenes.parts(said("experiments", told))
         yield Fault(f"tones: {name}", made, says)
     alone = scenes.tones(lambda t: t["experiments"].pop("phases"))
-    yield Fault("tones: no phases", alone, ("unknown", "beside 'phases'"))
+    yield Fault("tones: no phases", alone, ("unknown", "together with 'phases'"))
 
 
 def tone_phase_faults() -> Iterator[Fault]:
