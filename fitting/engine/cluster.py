@@ -59,25 +59,6 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _no_scheduler(address: str, why: str) -> str:
-    return (
-        f"scheduler: found {address!r}, {why}; wanted the address of a dask scheduler, as "
-        "tcp://10.0.0.1:8786"
-    )
-
-
-def _require_address(address: str) -> None:
-    """A host and a port: a client that is made without waits for a minute when it goes."""
-    try:
-        parts = urlsplit(address if "://" in address else f"tcp://{address}")
-        # one of the same process, as "inproc://10.0.0.1/7/1", has no port
-        known = parts.scheme == "inproc" or None not in (parts.hostname, parts.port)
-    except ValueError as error:
-        raise BadInput(_no_scheduler(address, str(error))) from error
-    if not known:
-        raise BadInput(_no_scheduler(address, "which has no host and port"))
-
-
 @contextmanager
 def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
     """The workers of a scheduler, each with its copy of some files.
@@ -92,13 +73,23 @@ def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
     Raises:
         BadInput: no scheduler there, or a worker that cannot be used.
     """
-    _require_address(scheduler)
+    place = f"scheduler: found {scheduler!r}"
+    wanted = "wanted the address of a dask scheduler, as tcp://10.0.0.1:8786"
+    # a host and a port: a client that is made without waits for a minute when it goes
+    try:
+        parts = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
+        # one of the same process, as "inproc://10.0.0.1/7/1", has no port
+        known = parts.scheme == "inproc" or None not in (parts.hostname, parts.port)
+    except ValueError as error:
+        raise BadInput(f"{place}, {error}; {wanted}") from error
+    if not known:
+        raise BadInput(f"{place}, which has no host and port; {wanted}")
     contents = {file: read_whole(Path(file.path)) for file in files}
     name = f"fmu-fit-{secrets.token_hex(8)}"  # of this ensemble alone, which takes it back
     try:
         client = Client(scheduler, timeout=CONNECTING_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise BadInput(_no_scheduler(scheduler, str(error) or "no answer")) from error
+        raise BadInput(f"{place}, {str(error) or 'no answer'}; {wanted}") from error
     with _quiet(), client:
         try:
             client.register_plugin(Files(contents), name=name)

@@ -6,44 +6,30 @@ import contextlib
 import pickle
 import traceback
 from multiprocessing import connection
-from typing import NamedTuple
+from typing import Any
 
 from fitting.engine.process import messages
 
 
-class Answer(NamedTuple):
-    """What a call returned, or what it raised; ``where`` is its traceback."""
-
-    result: object = None
-    error: BaseException | None = None
-    where: str = ""
-
-
 def serve(pipe: connection.Connection) -> None:
-    """Do what is asked until the caller sends None; leave when the caller is gone.
+    """Answer calls with (result, error, traceback) until the caller sends None, or is gone.
 
     Args:
         pipe: the process's end.
     """
-    # calls as bytes: one that cannot be read here is answered for, and does not end the reading
+    # calls as bytes: one that cannot be read here is answered, and does not end the reading
     arriving = messages(pipe)
     while (call := arriving.get()) is not None:
-        answer = _answer(call)
+        answer: tuple[Any, BaseException | None, str]
+        try:
+            work, arguments, names = pickle.loads(call)  # noqa: S301 - from the caller's own pipe
+            answer = work(*arguments, **names), None, ""
+        except Exception as error:
+            answer = None, error, traceback.format_exc()
+        try:
+            data = pickle.dumps(answer)
+        except Exception as error:  # of whatever kind: the caller learns what no pickle can carry
+            what = f"{type(answer[1] or answer[0]).__name__} cannot be handed over: {error}"
+            data = pickle.dumps((None, RuntimeError(what), answer[2]))
         with contextlib.suppress(OSError):  # the caller is gone, which the other thread deals with
-            pipe.send_bytes(_packed(answer))
-
-
-def _answer(call: bytes) -> Answer:
-    try:
-        work, arguments, names = pickle.loads(call)  # noqa: S301 - from the caller's own pipe
-        return Answer(work(*arguments, **names))
-    except Exception as error:
-        return Answer(error=error, where=traceback.format_exc())
-
-
-def _packed(answer: Answer) -> bytes:
-    try:
-        return pickle.dumps(answer)
-    except Exception as error:  # of whatever kind: what cannot be told is told so
-        what = f"{type(answer.error or answer.result).__name__} cannot be handed over: {error}"
-        return pickle.dumps(Answer(error=RuntimeError(what), where=answer.where))
+            pipe.send_bytes(data)

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
 from typing import Any
@@ -60,9 +60,8 @@ def start(
     given = {n: v for n, v in os.environ.items() if not alone or n in PLAIN or n[:3] == "LC_"}
     ours, theirs = Pipe()
     try:
-        process = _started(
-            theirs, folder, {**given, **(ALONE if alone else {}), **(more or {})}, alone
-        )
+        environment = {**given, **(ALONE if alone else {}), **(more or {})}
+        process = _started(theirs, folder, environment, alone)
     except OSError:
         ours.close()
         raise
@@ -71,7 +70,7 @@ def start(
     try:
         # the import path by itself: what follows cannot be read before it is known
         for message in ([os.path.abspath(place) for place in sys.path], module):
-            with contextlib.suppress(OSError):  # it has ended: found out by who waits for an answer
+            with contextlib.suppress(OSError):  # it has ended: noticed by who waits for an answer
                 ours.send(message)
     except BaseException:
         end(process)
@@ -110,12 +109,16 @@ def end_marked(folder: Path) -> None:
     Args:
         folder: where their ``TMPDIR`` is.
     """
-    mark = b"TMPDIR=" + os.fsencode(folder) + b"\0"
+    mark = b"\0TMPDIR=" + os.fsencode(folder) + b"\0"
     for _ in range(MOST_ROUNDS):  # they may start others meanwhile
-        marked = [pid for pid in _processes() if mark in _environment(pid)]
-        for pid in marked:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.kill(pid, signal.SIGKILL)
+        marked = False
+        for name in os.listdir("/proc") if sys.platform == "linux" else ():
+            if name.isdigit() and int(name) != os.getpid():
+                # of another user, or gone: there is nothing to read, and nobody to kill
+                with contextlib.suppress(OSError):
+                    if mark in b"\0" + Path(f"/proc/{name}/environ").read_bytes() + b"\0":
+                        marked = True
+                        os.kill(int(name), signal.SIGKILL)
         if not marked:
             return
 
@@ -134,23 +137,6 @@ def goes_on(pid: int) -> bool:
     return not int(state[state.rindex(b")") + 2 :].split()[6]) & ENDING
 
 
-def _processes() -> list[int]:
-    """Processes of this user, without this one; none where the system does not tell."""
-    if sys.platform != "linux":
-        return []
-    return [
-        int(name) for name in os.listdir("/proc") if name.isdigit() and int(name) != os.getpid()
-    ]
-
-
-def _environment(pid: int) -> bytes:
-    """The environment that a process was started with; empty where it is not told, or has ended."""
-    try:
-        return Path(f"/proc/{pid}/environ").read_bytes() + b"\0"
-    except OSError:
-        return b""
-
-
 def messages(
     pipe: connection.Connection, orphaned: Callable[[], None] = lambda: None
 ) -> queue.SimpleQueue[Any]:
@@ -166,6 +152,15 @@ def messages(
     arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
     caller = os.getppid()
 
+    def is_orphan() -> bool:
+        # the caller closes its pipe a moment before it is gone; or closes that alone
+        until = time.monotonic() + GOING_S
+        while sys.platform != "win32" and os.getppid() == caller:
+            if time.monotonic() > until:
+                return False
+            time.sleep(LOOK_S)
+        return True
+
     def read() -> None:
         try:
             while True:
@@ -175,31 +170,17 @@ def messages(
                         raise EOFError
                 arrived.put(pipe.recv())
         except (EOFError, OSError):
-            if _is_orphan(caller):
+            if is_orphan():
                 orphaned()
         except BaseException:
             traceback.print_exc()
-        _end_group()
+        # with those that it has started, where it heads their group
+        if sys.platform != "win32" and os.getpgrp() == os.getpid():
+            os.killpg(os.getpid(), signal.SIGKILL)
         os._exit(1)
 
     threading.Thread(target=read, daemon=True).start()
     return arrived
-
-
-def _is_orphan(caller: int) -> bool:
-    """Whether the caller has gone, and not the pipe alone: it closes that a moment earlier."""
-    until = time.monotonic() + GOING_S
-    while sys.platform != "win32" and os.getppid() == caller:
-        if time.monotonic() > until:
-            return False
-        time.sleep(LOOK_S)
-    return True
-
-
-def _end_group() -> None:
-    """End this process with those that it has started, where it heads their group."""
-    if sys.platform != "win32" and os.getpgrp() == os.getpid():
-        os.killpg(os.getpid(), signal.SIGKILL)
 
 
 def _started(
@@ -213,56 +194,36 @@ def _started(
         environment: all its variables.
         alone: whether they are not the caller's.
     """
-    python, more = _interpreter()
-    handle = theirs.fileno()
-    # -P: neither the current folder nor that of the program is a place to import from
-    command = [python, "-P", child.__file__, str(handle)]
-    options: dict[str, Any]
+    # `multiprocessing.set_executable` is heeded, for embedded interpreters
+    python = os.fsdecode(spawn.get_executable())
+    if os.path.dirname(python):  # the process has another current folder
+        python = os.path.abspath(python)
+    handle, options, held = theirs.fileno(), dict[str, Any](), None
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, True)
-        options = {
-            "startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]}),
-            "creationflags": subprocess.CREATE_NEW_PROCESS_GROUP,
-        }
+        options["startupinfo"] = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})
+        options["creationflags"] = subprocess.CREATE_NEW_PROCESS_GROUP
+        # python.exe of a virtual environment only starts another process, which would outlive it
+        base = getattr(sys, "_base_executable", python)
+        if python == sys.executable != base:
+            python, environment = base, {**environment, "__PYVENV_LAUNCHER__": python}
     else:
         # a session of its own: what a terminal sends when keys are pressed or it closes is for the
         # caller to deal with
         options = {"pass_fds": (handle,), "start_new_session": True}
-    with _signals_held():
+        # no signal asks it to end before it can ignore that
+        held = signal.pthread_sigmask(signal.SIG_BLOCK, child.IGNORED)
+    try:
+        # -P: neither the current folder nor that of the program is a place to import from
         return subprocess.Popen(  # noqa: S603
-            command,
+            [python, "-P", child.__file__, str(handle)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             cwd=folder,
-            env={**environment, **more},
+            env=dict(environment),
             **options,
         )
-
-
-def _interpreter() -> tuple[str, dict[str, str]]:
-    """Path of Python, and the variables that it wants.
-
-    On Windows, python.exe of a virtual environment only starts another process, which would outlive
-    it when it is killed. `multiprocessing.set_executable` is heeded, for embedded interpreters.
-    """
-    python = os.fsdecode(spawn.get_executable())
-    if os.path.dirname(python):  # the process has another current folder
-        python = os.path.abspath(python)
-    base = getattr(sys, "_base_executable", python)
-    if sys.platform == "win32" and python == sys.executable != base:
-        return base, {"__PYVENV_LAUNCHER__": python}
-    return python, {}
-
-
-@contextlib.contextmanager
-def _signals_held() -> Iterator[None]:
-    """A process that is started meanwhile is not asked to end before it can ignore that."""
-    if sys.platform == "win32":
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, child.IGNORED)
-    try:
-        yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if held is not None and sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_SETMASK, held)

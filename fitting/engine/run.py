@@ -15,6 +15,7 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass
+from itertools import islice
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -53,16 +54,10 @@ class Ended(Generic[Item, Result]):
         return f"its worker was lost, again when it was repeated: {self.lost}"
 
 
-@dataclass(frozen=True)
-class _Try(Generic[Item]):
-    item: Item
-    number: int = 0
-
-
 def run(
     work: Callable[[Item], Result], items: Iterable[Item], place: Place
 ) -> Iterator[Ended[Item, Result]]:
-    """Results of independent items, as they end; what has not begun is left when nobody asks on.
+    """Results of independent items, as they end; what has not started is left when nobody asks on.
 
     Args:
         work: a function of a module, called in the executor with each item.
@@ -74,35 +69,31 @@ def run(
         Exception: whatever ``work`` raises.
     """
     coming = iter(items)
-    under_way: dict[Future[Result], _Try[Item]] = {}
+    running: dict[Future[Result], tuple[Item, int]] = {}  # items, and how often each was lost
 
-    def hand_over(one: _Try[Item]) -> None:
-        under_way[place.executor.submit(work, one.item)] = one
+    def submit(item: Item, lost: int = 0) -> None:
+        running[place.executor.submit(work, item)] = item, lost
 
     try:
         while True:
-            while len(under_way) < place.ahead:
-                try:
-                    item = next(coming)
-                except StopIteration:
-                    break
-                hand_over(_Try(item))
-            if not under_way:
+            for item in islice(coming, place.ahead - len(running)):
+                submit(item)
+            if not running:
                 return
-            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
-                tried = under_way.pop(future)
+                item, lost = running.pop(future)
                 try:
                     result = future.result()
-                except place.losses as lost:
-                    if tried.number < place.repeats:
-                        hand_over(_Try(tried.item, tried.number + 1))
+                except place.losses as loss:
+                    if lost < place.repeats:
+                        submit(item, lost + 1)
                     else:
-                        yield Ended(tried.item, None, str(lost) or type(lost).__name__)
+                        yield Ended(item, None, str(loss) or type(loss).__name__)
                     continue
-                except CancelledError:  # nobody here has cancelled what is waited for
+                except CancelledError:  # nothing here has cancelled what is waited for
                     raise BrokenExecutor("it has given up what it had been handed") from None
-                yield Ended(tried.item, result)
+                yield Ended(item, result)
     finally:
-        for future in under_way:
+        for future in running:
             future.cancel()
