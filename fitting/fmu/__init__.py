@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fitting.fmu.annotation import read_accuracy_annotation
+    from fitting.fmu.accuracy import read_accuracy_annotation
     from fitting.fmu.description import (
         FmuDescription,
         FmuVariable,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fitting.fmu.runs import Counts, HeldSignal, InputSignal, Run, Segment, row_times
 else:
     _MODULES = {
-        "annotation": ("read_accuracy_annotation",),
+        "accuracy": ("read_accuracy_annotation",),
         "description": ("FmuDescription", "FmuVariable", "read_description", "validation_problems"),
         "pool": ("FmuWorkers",),
         "runs": ("Counts", "HeldSignal", "InputSignal", "Segment", "Run", "row_times"),

@@ -1,14 +1,36 @@
-"""The accuracy annotation of an FMU: how it is told to be accurate, and what may be left out."""
+"""The accuracy annotation of an FMU: how it is made accurate, and what may be left out.
+
+    <VendorAnnotations><Tool name="fmu-fit"><Accuracy tolerance="..." substep="...">
+      <Full><Set name="solver" value="2"/></Full>
+      <Reduction name="..." bound="{output}_error" cost="0.5">
+        <Set name="..." value="..."/>
+      </Reduction>
+    </Accuracy></Tool></VendorAnnotations>
+
+In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. Without one nothing is known of an
+FMU but, where its equations are integrated here, the tolerance of that.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import TYPE_CHECKING
 
+from fitting.fmu.description import INTEGRATOR_TOLERANCE, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.keys import Keys, Text, Texts
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+TOOL = "fmu-fit"
+PLACES = (
+    f"VendorAnnotations/Tool[@name='{TOOL}']/Accuracy",
+    f"Annotations/Annotation[@type='{TOOL}']/Accuracy",
+)
 
 
 @dataclass(frozen=True)
@@ -54,7 +76,7 @@ class AccuracyNames(Keys):
 
 @dataclass(frozen=True, kw_only=True)
 class AccuracyAnnotation(AccuracyNames):
-    """What is known of an FMU: how it is told to be accurate, and what makes it cheaper.
+    """What is known of an FMU: how it is made accurate, and what makes it cheaper.
 
     `tolerance` and `substep` name the parameters that bound its solver's relative error and its
     substep (s); `full` are start values of the model with nothing left out; `force` and `forbid`
@@ -73,16 +95,16 @@ class AccuracyAnnotation(AccuracyNames):
         if len(set(names)) < len(names):
             raise BadInput(f"reductions {', '.join(names)}: two have one name")
         if self.reductions:
-            self.check_names()
+            self._check_names()
         both = sorted(set(self.force) & set(self.forbid))
         if both:
             raise BadInput(f"'{both[0]}' is both in force and in forbid")
 
-    def check_names(self) -> None:
+    def _check_names(self) -> None:
         """BadInput for a name in `force` or `forbid` that is none of the reductions."""
         names = [r.name for r in self.reductions]
-        for key, wanted in (("force", self.force), ("forbid", self.forbid)):
-            for name in wanted:
+        for key in ("force", "forbid"):
+            for name in getattr(self, key):
                 if name not in names:
                     known = ", ".join(names) or "none"
                     raise BadInput(f"{key}: no reduction '{name}', wanted one of: {known}")
@@ -100,5 +122,58 @@ class AccuracyAnnotation(AccuracyNames):
             full=self.full or own.full,
             reductions=self.reductions or own.reductions,
         )
-        merged.check_names()
+        merged._check_names()
         return merged
+
+
+def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
+    """The accuracy annotation in an FMU, in its names and units.
+
+    Args:
+        description: of the FMU.
+
+    Raises:
+        BadInput: the annotation names a variable that is not there, or a value of another kind.
+    """
+    root = description.xml()
+    element = next((e for place in PLACES for e in root.iterfind(place)), None)
+    if element is None:
+        integrated = INTEGRATOR_TOLERANCE.name if description.exchange is not None else None
+        return AccuracyAnnotation(tolerance=integrated)
+    for name in (element.get("tolerance"), element.get("substep")):
+        if name is not None:
+            description.variable(name)
+    where = f"{description.path}: its annotation for {TOOL}"
+
+    def settings(part: Element | None) -> dict[str, Scalar]:
+        values: dict[str, Scalar] = {}
+        for each in part.iterfind("Set") if part is not None else ():
+            name, text = each.get("name", ""), each.get("value", "")
+            kind = description.variable(name).kind
+            try:
+                if kind == "Boolean":
+                    values[name] = {"true": True, "false": False}[text]
+                elif kind == "Integer":
+                    values[name] = int(text)
+                else:
+                    values[name] = text if kind == "String" else float(text)
+            except (ValueError, KeyError):
+                raise BadInput(f"{where} sets {name} = {text!r}, wanted a {kind}") from None
+        return values
+
+    reductions = []
+    for part in element.iterfind("Reduction"):
+        name, cost = part.get("name", ""), part.get("cost", "0.5")
+        try:
+            share = float(cost)
+        except ValueError:
+            raise BadInput(
+                f"{where} declares cost = {cost!r} of the reduction {name!r}, wanted a number"
+            ) from None
+        reductions.append(Reduction(name, settings(part), bound=part.get("bound"), cost=share))
+    return AccuracyAnnotation(
+        tolerance=element.get("tolerance"),
+        substep=element.get("substep"),
+        full=settings(element.find("Full")),
+        reductions=tuple(reductions),
+    )

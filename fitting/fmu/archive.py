@@ -62,20 +62,18 @@ def unpack(path: Path, folder: Path) -> None:
                     f"{_megabytes(room)} MB (set TMPDIR)"
                 )
             for member in archive.infolist():
-                _extract(archive, member, folder, path)
+                try:
+                    archive.extract(member, folder)
+                except OSError:
+                    raise
+                except _DAMAGED as error:
+                    raise BadInput(
+                        f"{path}: {member.filename} in it is damaged ({error})"
+                    ) from error
         except OSError as error:
             raise BadInput(
                 f"{path}: cannot be unpacked to {folder.parent}: {error.strerror} (set TMPDIR)"
             ) from error
-
-
-def _extract(archive: zipfile.ZipFile, member: zipfile.ZipInfo, folder: Path, path: Path) -> None:
-    try:
-        archive.extract(member, folder)
-    except OSError:
-        raise
-    except _DAMAGED as error:
-        raise BadInput(f"{path}: {member.filename} in it is damaged ({error})") from error
 
 
 def _opened(path: Path) -> zipfile.ZipFile:
@@ -86,48 +84,41 @@ def _opened(path: Path) -> zipfile.ZipFile:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
     except Exception as error:  # half a dozen kinds for a damaged list of members
         raise BadInput(f"{path}: is not an FMU ({error})") from error
-    try:
-        _check(archive.infolist(), path)
-    except BaseException:
+    why = _refusal(archive.infolist())
+    if why:
         archive.close()
-        raise
+        raise BadInput(f"{path}: {why}")
     return archive
 
 
-def _check(members: list[zipfile.ZipInfo], path: Path) -> None:
+def _refusal(members: list[zipfile.ZipInfo]) -> str:
+    """Why an archive is not unpacked; empty: it is."""
     if len(members) > MOST_MEMBERS:
-        raise BadInput(f"{path}: holds {len(members)} files, wanted {MOST_MEMBERS} at most")
+        return f"holds {len(members)} files, wanted {MOST_MEMBERS} at most"
     size = sum(member.file_size for member in members)
     if size > MOST_UNPACKED:
-        raise BadInput(
-            f"{path}: unpacks to {_megabytes(size)} MB, wanted {_megabytes(MOST_UNPACKED)} MB at "
-            "most"
-        )
+        return f"unpacks to {_megabytes(size)} MB, wanted {_megabytes(MOST_UNPACKED)} MB at most"
     for member in members:
+        name, method = member.filename, member.compress_type
         if member.flag_bits & _ENCRYPTED:
-            raise BadInput(f"{path}: {member.filename} in it is encrypted, wanted a plain one")
-        if member.compress_type not in _KNOWN:
-            raise BadInput(
-                f"{path}: {member.filename} in it is packed by method {member.compress_type}, "
-                "which is unknown here; wanted deflate"
+            return f"{name} in it is encrypted, wanted a plain one"
+        if method not in _KNOWN:
+            return (
+                f"{name} in it is packed by method {method}, which is unknown here; wanted deflate"
             )
-        if _leaves(member.filename):
-            raise BadInput(f"{path}: {member.filename} in it would be written outside its folder")
+        windows = PureWindowsPath(name)  # on any system
+        if windows.drive or windows.root or ".." in windows.parts:
+            return f"{name} in it would be written outside its folder"
     names = [PurePosixPath(member.filename) for member in members]
     often, count = Counter(names).most_common(1)[0] if names else (PurePosixPath(), 0)
     if count > 1:
-        raise BadInput(f"{path}: holds {often} {count} times, wanted once")
+        return f"holds {often} {count} times, wanted once"
     files = {n for n, member in zip(names, members, strict=True) if not member.is_dir()}
-    for name in names:
-        inside = next((folder for folder in name.parents if folder in files), None)
+    for path in names:
+        inside = next((folder for folder in path.parents if folder in files), None)
         if inside is not None:
-            raise BadInput(f"{path}: {inside} in it is a file and the folder of {name}")
-
-
-def _leaves(name: str) -> bool:
-    """Whether the name of a member points out of the folder, on any system."""
-    windows = PureWindowsPath(name)
-    return bool(windows.drive or windows.root) or ".." in windows.parts
+            return f"{inside} in it is a file and the folder of {path}"
+    return ""
 
 
 def _megabytes(size: int) -> str:

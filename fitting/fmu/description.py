@@ -5,15 +5,15 @@ from __future__ import annotations
 import difflib
 import hashlib
 import math
-from collections.abc import Iterable, Mapping
+import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
+from xml.etree import ElementTree
 
 from fitting.fmu.archive import member_names
-from fitting.fmu.loadable import Loadable
-from fitting.fmu.own_steps import OwnSteps
 from fitting.text.arrays import Scalar
 from fitting.text.choices import INTERFACES
 from fitting.text.errors import BadInput, shown
@@ -34,6 +34,19 @@ _KINDS: dict[str, Kind] = {
 
 #: Elements of an array (FMI 3.0) up to which each is a variable here.
 MOST_ELEMENTS = 1000
+
+
+class OwnSteps(NamedTuple):
+    """Steps that an FMU was made for, by its description, in s.
+
+    ``internal_s`` is the fixed step of its own solver (``fixedInternalStepSize`` of FMI 3.0), of
+    which communication steps have to be whole multiples; ``usual_s`` that of its default
+    experiment; None where it has none. ``of_any_length``: communication steps may differ in length.
+    """
+
+    internal_s: float | None = None
+    usual_s: float | None = None
+    of_any_length: bool = True
 
 
 class Element(NamedTuple):
@@ -70,9 +83,8 @@ class FmuVariable:
     @property
     def can_be_started(self) -> bool:
         """Whether the variable may be set before initialisation; a size of an array stays."""
-        if self.variability == "constant" or self.causality == "calculatedParameter":
-            return False
-        if self.is_size:
+        fixed = self.variability == "constant" or self.causality == "calculatedParameter"
+        if fixed or self.is_size:
             return False
         return self.causality in ("parameter", "input", "structuralParameter") or (
             self.initial in ("exact", "approx")
@@ -100,15 +112,20 @@ INTEGRATOR_TOLERANCE = FmuVariable(
 
 
 @dataclass(frozen=True, kw_only=True)
-class FmuDescription(Loadable):
-    """What an FMU file says of itself; ``variables`` by name in the order of the file.
+class FmuDescription:
+    """What an FMU file declares; ``variables`` by name in the order of the file.
 
     ``own_steps`` are the steps that it was made for, ``offers`` the interfaces that it has, of
-    INTERFACES.
+    INTERFACES. ``exchange``: numbers of states and event indicators where it is run by model
+    exchange: its equations are then integrated here; None: co-simulation.
     """
 
     path: Path
     model_name: str
+    fmi_version: str
+    guid: str
+    model_identifier: str
+    one_instance_per_process: bool
     sha256: str
     generation_tool: str
     description: str
@@ -116,6 +133,7 @@ class FmuDescription(Loadable):
     needs_execution_tool: bool
     variables: Mapping[str, FmuVariable] = field(repr=False)
     own_steps: OwnSteps = field(default_factory=OwnSteps)
+    exchange: tuple[int, int] | None = None
     offers: tuple[str, ...] = INTERFACES[:1]
     #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
     file: Path = field(init=False, repr=False, compare=False)
@@ -138,11 +156,12 @@ class FmuDescription(Loadable):
     @property
     def step_s(self) -> float | None:
         """The step that it was made for, s: of its own solver, else of its default experiment."""
-        return self.own_steps.step_s
+        own = self.own_steps
+        return own.usual_s if own.internal_s is None else own.internal_s
 
     @property
     def fixed_step(self) -> bool:
-        """Whether it tells the fixed step of its own solver."""
+        """Whether it declares the fixed step of its own solver."""
         return self.own_steps.internal_s is not None
 
     @property
@@ -155,6 +174,14 @@ class FmuDescription(Loadable):
             for v in numbers
             if v.causality == "local" and v.variability in ("continuous", "discrete")
         )
+
+    def xml(self) -> ElementTree.Element:
+        """Its modelDescription.xml; BadInput if that cannot be read."""
+        try:
+            with zipfile.ZipFile(self.file) as archive:
+                return ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
+        except (ElementTree.ParseError, ValueError, LookupError) as error:  # alphabets, too
+            raise BadInput(f"{self.path}: modelDescription.xml: {error}") from error
 
     def variable(self, name: str) -> FmuVariable:
         """The variable ``name``; BadInput with the nearest names if there is none."""
@@ -187,9 +214,17 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         model = fmpy.read_model_description(str(path), validate=False)
     except Exception as error:  # fmpy has no exception of its own for a broken file
         raise BadInput(f"{path}: is not an FMU ({error})") from error
-    if model.fmiVersion != "2.0" and not model.fmiVersion.startswith("3."):
-        raise BadInput(f"{path}: is an FMU of FMI {model.fmiVersion}, wanted FMI 2.0 or 3.0")
-    offered = _offered(path, model)
+    version = model.fmiVersion
+    if version != "2.0" and not version.startswith("3."):
+        raise BadInput(f"{path}: is an FMU of FMI {version}, wanted FMI 2.0 or 3.0")
+
+    both = zip(INTERFACES, (model.coSimulation, model.modelExchange), strict=True)
+    offered = {name: declared for name, declared in both if declared is not None}
+    if not offered:
+        raise BadInput(
+            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
+            "of them (scheduled execution alone cannot be driven)"
+        )
     chosen = interface or next(iter(offered))
     if chosen not in INTERFACES:
         raise BadInput(f"interface: found {chosen!r}, wanted {' or '.join(INTERFACES)}")
@@ -197,39 +232,54 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         raise BadInput(
             f"{path}: offers {' and '.join(offered)} alone, wanted {chosen} as interface"
         )
-    by_exchange = chosen == INTERFACES[1]
-    told = offered[chosen]
-    identifier = told.modelIdentifier
-    _require_binary(path, model.fmiVersion, identifier, names)
+    declared = offered[chosen]
+
+    folders = [name.split("/") for name in names]
+    platforms = {f[1] for f in folders if f[0] == "binaries" and len(f) > 2 and f[2]}
+    platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
+    wanted = f"binaries/{platform}/{declared.modelIdentifier}{fmpy.sharedLibraryExtension}"
+    if wanted not in names:
+        raise BadInput(
+            f"{path}: no binary for this platform; wanted {wanted}, found binaries for: "
+            f"{', '.join(sorted(platforms)) or 'none'}"
+        )
+
+    # of model exchange any step is as good as another
+    own_steps, exchange = OwnSteps(), None
+    if chosen == INTERFACES[1]:
+        exchange = int(model.numberOfContinuousStates), int(model.numberOfEventIndicators)
+    else:
+        steps = {
+            "fixedInternalStepSize": getattr(declared, "fixedInternalStepSize", None),
+            "DefaultExperiment stepSize": getattr(model.defaultExperiment, "stepSize", None),
+        }
+        numbers = [_number(text, f"{path}: {key}") for key, text in steps.items()]
+        own_steps = OwnSteps(
+            *(n if n is not None and 0.0 < n < math.inf else None for n in numbers),
+            of_any_length=bool(declared.canHandleVariableCommunicationStepSize),
+        )
+    sizes = {id(d.variable) for v in model.modelVariables for d in v.dimensions}
     return FmuDescription(
         path=path,
         model_name=model.modelName,
         guid=model.guid,
         sha256=hashlib.sha256(content).hexdigest(),
-        fmi_version=model.fmiVersion,
-        model_identifier=identifier,
+        fmi_version=version,
+        model_identifier=declared.modelIdentifier,
         generation_tool=model.generationTool or "",
         description=model.description or "",
-        platforms=_platforms(names),
-        one_instance_per_process=bool(told.canBeInstantiatedOnlyOncePerProcess),
-        needs_execution_tool=bool(told.needsExecutionTool),
-        variables=_all_variables(path, model),
-        own_steps=OwnSteps() if by_exchange else _own_steps(path, model),
-        exchange=_sizes(model) if by_exchange else None,
+        platforms=tuple(sorted(platforms)),
+        one_instance_per_process=bool(declared.canBeInstantiatedOnlyOncePerProcess),
+        needs_execution_tool=bool(declared.needsExecutionTool),
+        variables={
+            each.name: replace(each, is_size=id(v) in sizes)
+            for v in model.modelVariables
+            for each in _variables(path, version, v)
+        },
+        own_steps=own_steps,
+        exchange=exchange,
         offers=tuple(offered),
     )
-
-
-def _offered(path: Path, model: Any) -> dict[str, Any]:
-    """What the description tells of each interface that the FMU has, by INTERFACES."""
-    both = zip(INTERFACES, (model.coSimulation, model.modelExchange), strict=True)
-    offered = {name: told for name, told in both if told is not None}
-    if not offered:
-        raise BadInput(
-            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
-            "of them (scheduled execution alone cannot be driven)"
-        )
-    return offered
 
 
 def validation_problems(path: Path | str) -> list[str]:
@@ -241,52 +291,6 @@ def validation_problems(path: Path | str) -> list[str]:
     from fmpy.validation import validate_fmu
 
     return [str(problem) for problem in validate_fmu(str(path))]
-
-
-def _sizes(model: Any) -> tuple[int, int]:
-    return int(model.numberOfContinuousStates), int(model.numberOfEventIndicators)
-
-
-def _own_steps(path: Path, model: Any) -> OwnSteps:
-    """The steps that its co-simulation tells; of model exchange any step is as good as another."""
-
-    def step_s(text: str | None, key: str) -> float | None:
-        found = _number(text, f"{path}: {key}")
-        return found if found is not None and 0.0 < found < math.inf else None
-
-    fixed = getattr(model.coSimulation, "fixedInternalStepSize", None)
-    usual = getattr(model.defaultExperiment, "stepSize", None)
-    return OwnSteps(
-        internal_s=step_s(fixed, "fixedInternalStepSize"),
-        usual_s=step_s(usual, "DefaultExperiment stepSize"),
-        of_any_length=bool(model.coSimulation.canHandleVariableCommunicationStepSize),
-    )
-
-
-def _platforms(names: Iterable[str]) -> tuple[str, ...]:
-    parts = (name.split("/") for name in names)
-    return tuple(sorted({p[1] for p in parts if p[0] == "binaries" and len(p) > 2 and p[2]}))
-
-
-def _require_binary(path: Path, version: str, identifier: str, names: list[str]) -> None:
-    import fmpy
-
-    platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
-    wanted = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
-    if wanted not in names:
-        found = ", ".join(_platforms(names)) or "none"
-        raise BadInput(
-            f"{path}: no binary for this platform; wanted {wanted}, found binaries for: {found}"
-        )
-
-
-def _all_variables(path: Path, model: Any) -> dict[str, FmuVariable]:
-    sizes = {id(d.variable) for v in model.modelVariables for d in v.dimensions}
-    return {
-        each.name: replace(each, is_size=id(v) in sizes)
-        for v in model.modelVariables
-        for each in _variables(path, model.fmiVersion, v)
-    }
 
 
 def _variables(path: Path, version: str, variable: Any) -> list[FmuVariable]:
@@ -305,14 +309,13 @@ def _variables(path: Path, version: str, variable: Any) -> list[FmuVariable]:
             f"{path}: variable {variable.name!r}: {len(starts)} start values, wanted {size}, one "
             "for each element"
         )
-    places = product(*(range(1, n + 1) for n in shape))
     return [
         replace(
             _variable(path, version, variable, kind, starts[k] if starts else None),
             name=f"{variable.name}[{','.join(map(str, place))}]",
             element=Element(k, size),
         )
-        for k, place in enumerate(places)
+        for k, place in enumerate(product(*(range(1, n + 1) for n in shape)))
     ]
 
 

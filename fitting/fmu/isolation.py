@@ -79,16 +79,19 @@ def lacks(*, kept: bool = True, filtered: bool = True) -> tuple[str, ...]:
         filtered: whether its calls are refused, where the system has that.
     """
     version = landlock_version() if kept else 0
-    found = []
+    missing = []
     if version < 1:
-        found.append("it may write files elsewhere, control devices and send signals")
+        missing.append("it may write files elsewhere, control devices and send signals")
     elif version < SIGNALS:
         may = "send signals to your other processes"
         may = may if version >= CONTROLS else f"control devices, and {may}"
-        found.append(f"it may {may if version >= TRUNCATES else f'empty files elsewhere, {may}'}")
-    if not (filtered and _has_filter()):
-        found.append("it may use the network, and change what belongs to files and to the machine")
-    return tuple(found)
+        missing.append(f"it may {may if version >= TRUNCATES else f'empty files elsewhere, {may}'}")
+    can_filter = sys.platform == "linux" and platform.machine() in PROCESSORS
+    if not (filtered and can_filter and ctypes.CDLL(None).prctl(GET_SECCOMP, 0, 0, 0, 0) >= 0):
+        missing.append(
+            "it may use the network, and change what belongs to files and to the machine"
+        )
+    return tuple(missing)
 
 
 def landlock_version() -> int:
@@ -96,10 +99,3 @@ def landlock_version() -> int:
     if sys.platform != "linux":
         return 0
     return int(ctypes.CDLL(None).syscall(CREATE_RULESET, None, ctypes.c_size_t(0), VERSION))
-
-
-def _has_filter() -> bool:
-    """Whether system calls can be refused."""
-    if sys.platform != "linux" or platform.machine() not in PROCESSORS:
-        return False
-    return int(ctypes.CDLL(None).prctl(GET_SECCOMP, 0, 0, 0, 0)) >= 0

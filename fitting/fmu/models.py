@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -64,28 +64,24 @@ def built_ahead(campaigns: Sequence[Path]) -> Iterator[None]:
     """Build the models that campaigns name while whoever reads them loads; for `provide_fmu`.
 
     Args:
-        campaigns: their files; what is wrong with one is said by who reads it.
+        campaigns: their files; who reads them finds what is wrong with one.
 
     Raises:
         BadInput: no folder for temporary files.
     """
-    models = sorted({model for path in campaigns if (model := _named(path))})
+    models = set()
+    for path in campaigns:
+        with suppress(BadInput):
+            fmu = read_toml(path).get("fmu")
+            model = fmu.get("model") if isinstance(fmu, dict) else None
+            if model and isinstance(model, str):
+                models.add(model)
     with Scratch() as folder, ThreadPoolExecutor(1) as thread:
-        _ahead.update({model: thread.submit(_build, model, folder) for model in models})
+        _ahead.update({model: thread.submit(_build, model, folder) for model in sorted(models)})
         try:
             yield
         finally:
             _ahead.clear()
-
-
-def _named(campaign: Path) -> str | None:
-    """The model that a campaign file names, if it is one that does."""
-    try:
-        fmu = read_toml(campaign).get("fmu")
-    except BadInput:
-        return None
-    model = fmu.get("model") if isinstance(fmu, dict) else None
-    return model if isinstance(model, str) else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,16 +114,15 @@ def rebuilt(fmu: Path, wanted: Rebuilding, out: Path) -> Path | None:
             return None
         if same.read_bytes() != fmu.read_bytes():
             return None
-        named = ["--name", wanted.name, "--history", wanted.history]
-        values = [f"{name}={_start(value)}" for name, value in wanted.start_values.items()]
-        asked = [*like, *named, *(["--set", *values] if values else [])]
-        built = thread.submit(_builder, asked, folder).result()
+        words = [*like, "--name", wanted.name, "--history", wanted.history]
+        if wanted.start_values:
+            words.append("--set")
+        for name, value in wanted.start_values.items():
+            text = str(value).lower() if isinstance(value, bool) else repr(value)
+            words.append(f"{name}={text}")
+        built = thread.submit(_builder, words, folder).result()
         write_whole(out / built.name, built.read_bytes())
         return out / built.name
-
-
-def _start(value: Scalar) -> str:
-    return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def _build(model: str, folder: Path) -> Path:
@@ -151,6 +146,5 @@ def _builder(words: Sequence[str], folder: Path) -> Path:
     )
     lines = built.stdout.strip().splitlines()
     if built.returncode != 0 or not lines:
-        said = built.stderr.strip().splitlines() or ["no message"]
-        raise BadInput(said[-1])
+        raise BadInput((built.stderr.strip().splitlines() or ["no message"])[-1])
     return Path(lines[-1])

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
-from fitting.fmu.description import FmuDescription, FmuVariable
+from fitting.fmu.description import FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import read_whole
@@ -52,11 +52,19 @@ def parameter_set(title: str, values: Sequence[SetValue], description: FmuDescri
     """
     root = _element("ssv:ParameterSet", version="1.0", name=title, generationTool=TOOL)
     table = _element("ssv:Parameters", root)
-    defined = {str(unit.get("name")): unit for unit in _units(description)}
+    defined = {str(u.get("name")): u for u in description.xml().findall("UnitDefinitions/Unit")}
     used: dict[str, ElementTree.Element] = {}
     for value in values:
         parameter = _element("ssv:Parameter", table, name=value.name)
-        kind, text = _written(value.value, description.variable(value.name))
+        kind: str = description.variable(value.name).kind
+        if kind == "Boolean":
+            text = str(bool(value.value)).lower()
+        elif kind == "Integer":
+            text = str(int(value.value))
+        elif kind == "Real":
+            text = repr(float(value.value))
+        else:
+            kind, text = "String", str(value.value)
         attributes = {"value": text}
         if kind == "Real" and value.unit in defined:  # the standard wants it defined in the file
             attributes["unit"] = value.unit
@@ -65,20 +73,13 @@ def parameter_set(title: str, values: Sequence[SetValue], description: FmuDescri
         if value.notes:
             note = _element("ssc:Annotation", _element("ssv:Annotations", parameter), type=TOOL)
             ElementTree.SubElement(note, "Known", dict(value.notes))
-    if used:
-        units = _element("ssv:Units", root)
-        for unit in used.values():
-            _unit(unit, units)
+    # the same definitions by SSP, whose base units are those of FMI
+    units = _element("ssv:Units", root) if used else None
+    for name, unit in used.items():
+        base = unit.find("BaseUnit")
+        place = _element("ssc:Unit", units, name=name)
+        _element("ssc:BaseUnit", place, **({} if base is None else base.attrib))
     return _text(root)
-
-
-def _written(value: Scalar, variable: FmuVariable) -> tuple[str, str]:
-    """The type in a parameter set, and the value as text."""
-    if variable.kind == "Boolean":
-        return "Boolean", str(bool(value)).lower()
-    if variable.kind == "Integer":
-        return "Integer", str(int(value))
-    return ("Real", repr(float(value))) if variable.kind == "Real" else ("String", str(value))
 
 
 def system_structure(fmu: Path, values: str, description: FmuDescription) -> bytes:
@@ -125,40 +126,23 @@ def read_parameter_set(path: Path) -> list[SetValue]:
 
     content = read_whole(path, "a parameter set (.ssv)")
     try:
-        found = read_ssv(io.BytesIO(content))
+        parameters = read_ssv(io.BytesIO(content)).parameters
     except Exception as error:  # of fmpy, without a class of its own
-        told = " ".join(str(error).replace("SystemStructure.ssd", "the file").split())
-        raise BadInput(f"{path}: is no parameter set (.ssv): {told}") from error
-    return [
-        SetValue(name=p.name, value=_value(p.type, p.value, f"{path}: {p.name}"), unit=p.unit)
-        for p in found.parameters
-    ]
-
-
-def _value(kind: str, text: str, where: str) -> Scalar:
-    if kind == "Real":
-        return float(text)
-    if kind == "Integer":
-        return int(text)
-    if kind == "Boolean":
-        return text in ("true", "1")
-    if kind == "String":
-        return text
-    raise BadInput(f"{where}: found a value of type {kind}, wanted a number, a Boolean or a text")
-
-
-def _units(description: FmuDescription) -> list[ElementTree.Element]:
-    """The definitions of units in the FMU, by FMI."""
-    with zipfile.ZipFile(description.file) as archive:
-        root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
-    return root.findall("UnitDefinitions/Unit")
-
-
-def _unit(defined: ElementTree.Element, units: ElementTree.Element) -> None:
-    """The same definition by SSP, whose base units are those of FMI."""
-    base = defined.find("BaseUnit")
-    unit = _element("ssc:Unit", units, name=str(defined.get("name")))
-    _element("ssc:BaseUnit", unit, **({} if base is None else base.attrib))
+        why = " ".join(str(error).replace("SystemStructure.ssd", "the file").split())
+        raise BadInput(f"{path}: is no parameter set (.ssv): {why}") from error
+    readers: dict[str, Callable[[str], Scalar]] = {
+        "Real": float,
+        "Integer": int,
+        "Boolean": lambda text: text in ("true", "1"),
+        "String": str,
+    }
+    for p in parameters:
+        if p.type not in readers:
+            raise BadInput(
+                f"{path}: {p.name}: found a value of type {p.type}, wanted a number, a Boolean or "
+                "a text"
+            )
+    return [SetValue(name=p.name, value=readers[p.type](p.value), unit=p.unit) for p in parameters]
 
 
 def _element(

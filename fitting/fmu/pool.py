@@ -9,22 +9,21 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing import connection
 from pathlib import Path
 from threading import RLock
 from types import TracebackType
-from typing import Any, Literal
+from typing import Literal
 
 from fitting.engine.turns import pass_on
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.isolation import Isolation
-from fitting.fmu.loadable import Loadable
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
-from fitting.fmu.worker.answers import NotAnAnswer
-from fitting.fmu.worker.messages import Reply, Task, UnpackedFmu
+from fitting.fmu.worker.messages import NotAnAnswer, Reply, Task
 from fitting.fmu.worker.process import WorkerProcess
 from fitting.fmu.worker.reuse import ANEW, Verdict, refused
 from fitting.text.arrays import FloatArray
@@ -38,6 +37,8 @@ POLL_S = 0.1
 CLOSING_S = 2.0
 #: How long others may go on with a batch that has failed: about what it takes to start them anew.
 SPARED_S = 0.3
+#: The runs before have left it so: those under way are not to blame.
+AFTER_FAILURE = "it did not get over a run that failed"
 MEDDLED = "wrote into the pipe by which its process answers"
 MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
 #: Runs that a worker is sent at once: it holds all of them, and what they gave.
@@ -47,13 +48,13 @@ MOST_WORKERS = 256
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
 
 
-@dataclass
 class _Open:
     """What has to be closed: processes by number, the unpacked FMU, and whose they are."""
 
-    processes: list[WorkerProcess | None]
-    scratch: Scratch | None = None
-    owner: int = field(default_factory=os.getpid)
+    def __init__(self, workers: int) -> None:
+        self.processes: list[WorkerProcess | None] = [None] * workers
+        self.scratch: Scratch | None = None
+        self.owner = os.getpid()
 
     def close(self) -> None:
         """End the processes and remove the unpacked FMU; nothing in a fork of the owner."""
@@ -141,7 +142,7 @@ class FmuWorkers:
         self._turn = RLock()
         self._requests = RunRequests(self.description)
         self._under_way: _Job | None = None
-        self._open = _Open([None] * workers)
+        self._open = _Open(workers)
         self._finaliser = weakref.finalize(self, self._open.close)
         never = self._reuse == "never"
         self._verdicts = [refused("so it was asked for") if never else Verdict()] * workers
@@ -155,17 +156,16 @@ class FmuWorkers:
         with self._turn:
             yield
 
-    def __reduce__(self) -> tuple[Callable[..., FmuWorkers], tuple[FmuDescription, dict[str, Any]]]:
-        return _opened_anew, (
+    def __reduce__(self) -> tuple[Callable[..., FmuWorkers], tuple[()]]:
+        return partial(
+            FmuWorkers,
             self.description,
-            {
-                "workers": len(self._open.processes),
-                "timeout_s": self._timeout_s,
-                "reuse": self._reuse,
-                "timeout_name": self._timeout_name,
-                "isolation": self._isolation,
-            },
-        )
+            workers=len(self._open.processes),
+            timeout_s=self._timeout_s,
+            reuse=self._reuse,
+            timeout_name=self._timeout_name,
+            isolation=self._isolation,
+        ), ()
 
     def __enter__(self) -> FmuWorkers:
         """Start the processes, so that they load while the caller prepares."""
@@ -225,29 +225,30 @@ class FmuWorkers:
         of that run; BadInput for names and values that do not fit the FMU.
         """
         with self._own_turn():
-            return self._run(runs)
+            requests = self._requests.take_all(runs)
+            if self._under_way is not None:  # of another piece of work, whose turn it was before
+                self._complete(self._under_way)
+            self.latest_warnings = ()
+            # dealt in turn: runs of one measurement may cost many times another's
+            n, count = len(requests), len(self._open.processes)
+            todo = {number: list(range(number, n, count)) for number in range(min(n, count))}
+            job = _Job(runs=runs, requests=requests, results={}, todo=todo)
+            self._under_way = job
+            with self._guarded(job):
+                self._start_missing()
+                for number in todo:
+                    self._send(number, job)
+            pass_on()
+            self._complete(job)
+            if job.failure is not None:
+                raise job.failure
+            return [job.results[i] for i in range(n)]
 
-    def _run(self, runs: Sequence[Run]) -> list[FloatArray]:
-        requests = self._requests.take_all(runs)
-        if self._under_way is not None:  # of another piece of work, whose turn it was before
-            self._complete(self._under_way)
-        job = self._begin(runs, requests)
-        pass_on()
-        self._complete(job)
-        if job.failure is not None:
-            raise job.failure
-        return [job.results[i] for i in range(len(requests))]
-
-    def _begin(self, runs: Sequence[Run], requests: list[RunRequest]) -> _Job:
-        """Send what the workers can take at once."""
-        self.latest_warnings = ()
-        job = _Job(runs=runs, requests=requests, results={}, todo=self._shares(len(requests)))
-        self._under_way = job
-        with self._guarded(job):
-            self._start_missing()
-            for number in job.todo:
-                self._send(number, job)
-        return job
+    def close(self) -> None:
+        """End the processes and remove the unpacked FMU."""
+        with self._own_turn():
+            self._under_way = None
+            self._open.close()
 
     def _complete(self, job: _Job) -> None:
         """Wait for the results of a batch, or its failure."""
@@ -272,80 +273,29 @@ class FmuWorkers:
             self._under_way = None
             raise
 
-    def _drop(self, job: _Job) -> None:
-        """End the workers that are at a batch that nobody waits for."""
-        for number in job.todo:
-            self._kill(number)
-        job.todo.clear()
-
-    def close(self) -> None:
-        """End the processes and remove the unpacked FMU."""
-        with self._own_turn():
-            self._under_way = None
-            self._open.close()
-
-    def _spare(self, job: _Job) -> None:
-        """Let the others answer, so that they can take the next batch, where that is soon."""
-        until = time.monotonic() + SPARED_S
-        while (left := until - time.monotonic()) > 0.0:
-            busy = {n: w for n in job.todo if (w := self._open.processes[n]) is not None}
-            if not busy:
-                break
-            for number, worker in busy.items():
-                if worker.pipe in connection.wait([worker.pipe], timeout=left / len(busy)):
-                    try:
-                        reply = worker.receive()
-                    except (EOFError, NotAnAnswer):
-                        self._kill(number)
-                    else:
-                        if reply is None:
-                            continue
-                        self._account(number, reply)
-                        _keep(number, reply, job)
-                    del job.todo[number]
-
-    def _account(self, number: int, reply: Reply) -> None:
-        """What a reply says of its worker, whatever became of the runs."""
-        self._verdicts[number], self._trials[number] = reply.verdict, reply.trials
-        self.counts += reply.counts
-        self.memory_bytes = reply.memory
-        self.warnings = _added(self.warnings, reply.warnings)
-        self.latest_warnings = _added(self.latest_warnings, reply.warnings)
-        worker = self._open.processes[number]
-        if worker is not None:
-            worker.has_failed = reply.failure is not None
-        if reply.used_up:
-            _log.info("worker %d: replaced, its process wants to do no more runs", number + 1)
-            self._kill(number)
-
-    def _shares(self, n: int) -> dict[int, list[int]]:
-        """Runs by worker, dealt in turn: those of one measurement may cost many times another's."""
-        count = len(self._open.processes)
-        return {number: list(range(number, n, count)) for number in range(min(n, count))}
-
     def _start_missing(self) -> None:
         for number, worker in enumerate(self._open.processes):
             if worker is None:
                 self._start(number)
 
     def _start(self, number: int) -> WorkerProcess:
+        description = self.description
         if self._open.scratch is None:
-            self._open.scratch = _unpack(self.description)
-        home, d = self._open.scratch.path, self.description
-        told = {field.name: getattr(d, field.name) for field in fields(Loadable)}
-        fmu = UnpackedFmu(folder=str(home / "fmu"), **told)
+            self._open.scratch = _unpack(description)
+        home = self._open.scratch.path
+        task = Task(
+            fmu=replace(description, variables={}),
+            folder=str(home / "fmu"),
+            verdict=self._verdicts[number],
+            trials=self._trials[number],
+            pulse_path=str(home / f"worker{number}.pulse"),
+            isolation=self._isolation,
+        )
         try:
-            worker = WorkerProcess(
-                Task(
-                    fmu=fmu,
-                    verdict=self._verdicts[number],
-                    trials=self._trials[number],
-                    pulse_path=str(home / f"worker{number}.pulse"),
-                    isolation=self._isolation,
-                )
-            )
+            worker = WorkerProcess(task)
         except OSError as error:
-            raise FmuFailure(f"no worker process could be started: {error}", {}, d.path) from error
+            text = f"no worker process could be started: {error}"
+            raise FmuFailure(text, {}, description.path) from error
         self._open.processes[number] = worker
         self.counts += Counts(processes=1)
         _log.debug("worker %d: process %d started", number + 1, worker.pid)
@@ -363,24 +313,24 @@ class FmuWorkers:
 
     def _wait(self, job: _Job) -> None:
         """Take what has arrived, and look after who is late."""
-        busy = {number: self._open.processes[number] for number in job.todo}
-        pipes = {worker.pipe: (number, worker) for number, worker in busy.items() if worker}
-        for pipe in connection.wait(list(pipes), timeout=POLL_S):
-            number, worker = pipes[pipe]  # type: ignore[index]
-            try:
-                reply = worker.receive()
-            except EOFError:
-                self._ended(number, worker, job)
-            except NotAnAnswer as error:
-                self._blame(number, worker, job, f"{MEDDLED} ({error})", NoAnswer)
-            else:
-                if reply is None:  # but its beginning
-                    continue
-                self._take(number, reply, job)
-            del pipes[worker.pipe]
-        for number, worker in pipes.values():
+        busy = {n: w for n in job.todo if (w := self._open.processes[n]) is not None}
+        arrived = connection.wait([worker.pipe for worker in busy.values()], timeout=POLL_S)
+        for number, worker in busy.items():
+            if worker.pipe in arrived:
+                try:
+                    reply = worker.receive()
+                except EOFError:
+                    self._replace_ended(number, worker, job)
+                except NotAnAnswer as error:
+                    self._blame(number, worker, job, f"{MEDDLED} ({error})", NoAnswer)
+                else:
+                    if reply is not None:  # else it has begun to arrive
+                        self._take(number, reply, job)
+                        continue
+            if self._open.processes[number] is not worker:
+                continue
             if worker.is_gone:
-                self._ended(number, worker, job)
+                self._replace_ended(number, worker, job)
             elif text := worker.written_too_much():
                 self._blame(number, worker, job, text, FmuFailure)
             elif worker.is_late(self._timeout_s):
@@ -389,59 +339,103 @@ class FmuWorkers:
                 self._blame(number, worker, job, text, NoAnswer)
 
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
-        self._account(number, reply)
-        left = _keep(number, reply, job)
+        """Results of a reply, and its failure."""
+        remaining = self._keep(number, reply, job)
         if reply.failure is not None:
             del job.todo[number]
-            raise self._failure(reply.failure, job, left[0])
-        if left:
+            raise self._failure(reply.failure, job, remaining[0])
+        if remaining:
             self._send(number, job)
         else:
             del job.todo[number]
 
-    def _ended(self, number: int, worker: WorkerProcess, job: _Job) -> None:
+    def _keep(self, number: int, reply: Reply, job: _Job) -> list[int]:
+        """Take what a reply holds; numbers of the runs that its worker has still to do."""
+        self._verdicts[number], self._trials[number] = reply.verdict, reply.trials
+        self.counts += reply.counts
+        self.memory_bytes = reply.memory
+        self.warnings = _added(self.warnings, reply.warnings)
+        self.latest_warnings = _added(self.latest_warnings, reply.warnings)
+        worker = self._open.processes[number]
+        if worker is not None:
+            worker.has_failed = reply.failure is not None
+        if reply.used_up:
+            _log.info("worker %d: replaced, its process wants to do no more runs", number + 1)
+            self._kill(number)
+        todo, position = job.todo[number], 0
+        for i in todo[: reply.done]:
+            shape = (job.requests[i].rows, len(job.runs[i].outputs))
+            size = shape[0] * shape[1]
+            job.results[i] = reply.results[position : position + size].reshape(shape)
+            position += size
+        job.todo[number] = todo[reply.done :]
+        return job.todo[number]
+
+    def _spare(self, job: _Job) -> None:
+        """Let the others answer, so that they can take the next batch, where that is soon."""
+        until = time.monotonic() + SPARED_S
+        while (remaining_s := until - time.monotonic()) > 0.0:
+            busy = {n: w for n in job.todo if (w := self._open.processes[n]) is not None}
+            if not busy:
+                break
+            for number, worker in busy.items():
+                if worker.pipe in connection.wait([worker.pipe], timeout=remaining_s / len(busy)):
+                    try:
+                        reply = worker.receive()
+                    except (EOFError, NotAnAnswer):
+                        self._kill(number)
+                    else:
+                        if reply is None:
+                            continue
+                        self._keep(number, reply, job)
+                    del job.todo[number]
+
+    def _drop(self, job: _Job) -> None:
+        """End the workers that are at a batch that nobody waits for."""
+        for number in job.todo:
+            self._kill(number)
+        job.todo.clear()
+
+    def _replace_ended(self, number: int, worker: WorkerProcess, job: _Job) -> None:
         """Do again once what somebody has killed; what the FMU itself has ended, it would again."""
-        if worker.has_failed:  # the runs before have left it so: these are not to blame
-            self._replace(number, job)
+        if worker.has_failed:
+            self._replace(number, job, AFTER_FAILURE)
             return
-        death = worker.death()
-        if not death.killed_by:
+        how, killed_by, goes_on = worker.death()
+        if not killed_by:
             # what has become another program does that whatever its values are
-            kind = NoAnswer if death.goes_on else FmuFailure
-            self._blame(number, worker, job, death.how, kind)
+            self._blame(number, worker, job, how, NoAnswer if goes_on else FmuFailure)
         elif number in job.repeated:
-            text = (
-                f"had its process killed ({death.killed_by}) twice in the same runs, by somebody "
+            raise self._failure(
+                f"the FMU had its process killed ({killed_by}) twice in the same runs, by somebody "
+                "or by the system for want of memory",
+                job,
+                _run_of(number, worker, job),
+                NoAnswer,
             )
-            text += "or by the system for want of memory"
-            at = _run_of(number, worker, job)
-            raise self._failure(f"the FMU {text}", job, at, NoAnswer)
         else:
             job.repeated.add(number)
-            _log.info("worker %d: killed (%s), replaced", number + 1, death.killed_by)
-            self._kill(number)
-            self._send(number, job)
+            self._replace(number, job, f"killed ({killed_by})")
 
     def _blame(
         self, number: int, worker: WorkerProcess, job: _Job, how: str, kind: type[FmuFailure]
     ) -> None:
         """Go on without reuse if a reset was only being tried; else fail."""
         if worker.has_failed:
-            self._replace(number, job)
+            self._replace(number, job, AFTER_FAILURE)
             return
         at, in_trial = _run_of(number, worker, job), worker.in_trial
         if worker.is_freeing:
             how = f"was to free an instance and {how}"
-        self._kill(number)
         if not in_trial:
+            self._kill(number)
             raise self._failure(f"the FMU {how}", job, at, kind)
         reason = f"when its reset was tried the FMU {how}"
         self._verdicts[number], self._trials[number] = refused(reason, ended=True), b""
-        _log.info("worker %d: replaced, when its reset was tried the FMU %s", number + 1, how)
-        self._send(number, job)
+        self._replace(number, job, reason)
 
-    def _replace(self, number: int, job: _Job) -> None:
-        _log.info("worker %d: replaced, it did not get over a run that failed", number + 1)
+    def _replace(self, number: int, job: _Job, reason: str) -> None:
+        _log.info("worker %d: replaced, %s", number + 1, reason)
         self._kill(number)
         self._send(number, job)
 
@@ -453,27 +447,10 @@ class FmuWorkers:
         return failure
 
 
-def _opened_anew(description: FmuDescription, options: dict[str, Any]) -> FmuWorkers:
-    return FmuWorkers(description, **options)
-
-
 def _run_of(number: int, worker: WorkerProcess, job: _Job) -> int:
     """Number of the run that the process was at."""
-    left = job.todo[number]
-    return left[min(worker.at_run, len(left) - 1)]
-
-
-def _keep(number: int, reply: Reply, job: _Job) -> list[int]:
-    """Take the results of a reply; numbers of the runs that its worker has still to do."""
     todo = job.todo[number]
-    position = 0
-    for i in todo[: reply.done]:
-        shape = (job.requests[i].rows, len(job.runs[i].outputs))
-        size = shape[0] * shape[1]
-        job.results[i] = reply.results[position : position + size].reshape(shape)
-        position += size
-    job.todo[number] = left = todo[reply.done :]
-    return left
+    return todo[min(worker.at_run, len(todo) - 1)]
 
 
 def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 A layout is what many runs share: which variables are set and read. A variable that any layout sets
 is set by all of them (to its declared start value where the run does not name it), so that nothing
-hangs on what an FMU does to its parameters on reset.
+depends on what an FMU does to its parameters on reset.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fitting.text.errors import BadInput, shown
 from fitting.text.notation import listed
 
 if TYPE_CHECKING:
-    from fitting.fmu.description import Element, FmuDescription, FmuVariable
+    from fitting.fmu.description import FmuDescription, FmuVariable
 
 #: The causality of what FMI 3.0 sets in a mode of its own, before all other variables.
 STRUCTURAL = "structuralParameter"
@@ -28,6 +28,13 @@ _RANGES = {
     "Integer": (-(2**31), 2**31 - 1),
     **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+#: What fits a variable, by its kind.
+_FITTING: Mapping[str, tuple[type, ...]] = {
+    "Real": (int, float, np.integer),
+    "Integer": (int, np.integer),
+    "Boolean": (bool,),
+    "String": (str,),
 }
 
 
@@ -57,15 +64,12 @@ class Layout(NamedTuple):
     moved: Group | None = None
 
 
-class Handled(NamedTuple):
-    """How the instance of a run is handled: see `Handling`."""
-
-    before: RunRequest | None
-    freed: bool
-
-
 class RunRequest(NamedTuple):
-    """One run: ``values`` for each group of the layout's ``sets``."""
+    """One run: ``values`` for each group of the layout's ``sets``.
+
+    ``handled``: the run that goes before on the same instance, and whether that is freed at the
+    end; see `Handling`.
+    """
 
     layout: int
     values: tuple[tuple[Scalar, ...], ...]
@@ -78,7 +82,7 @@ class RunRequest(NamedTuple):
     step_s: float = 0.0
     segments: tuple[Segment, ...] = ()
     held: HeldSignal | None = None
-    handled: Handled | None = None
+    handled: tuple[RunRequest | None, bool] | None = None
     longest_step_s: float = 0.0
 
     @property
@@ -100,7 +104,7 @@ class RunRequests:
         self._known = description.settable
         self._numbers: dict[_Key, int] = {}
         self._defaults: dict[str, Scalar] = {}  # of every variable that any run has set
-        self._beside: dict[str, Scalar] = {}  # of elements beside them in an array
+        self._elements: dict[str, Scalar] = {}  # of the others in an array with one of them
         self._fitting: set[tuple[str, tuple[Scalar, ...]]] = set()  # whole numbers, by type
 
     def take_all(self, runs: Sequence[Run]) -> list[RunRequest]:
@@ -123,23 +127,32 @@ class RunRequests:
         Raises BadInput for a name that the FMU does not have, a variable that cannot be set or
         read, and a value of the wrong type.
         """
-        signal = run.input_signal
+        signal, handling = run.input_signal, run.handling
         inputs = signal.names if signal else ()
-        bare = run.handling is not None
-        key = (tuple(run.start_values), run.outputs, inputs, run.moved, bare)
+        key = (tuple(run.start_values), run.outputs, inputs, run.moved, handling is not None)
         number = self._numbers.get(key)
         if number is None:
             number = self._add(key, run.start_values)
-        held = signal if isinstance(signal, HeldSignal) else None
-        tones = () if signal is None or isinstance(signal, HeldSignal) else signal.tones
-        given = {**self._beside, **self._defaults, **run.start_values}
+        given = {**self._elements, **self._defaults, **run.start_values}
         groups = self.layouts[number].sets
         values = tuple([tuple(map(given.__getitem__, group.names)) for group in groups])
         for group, numbers in zip(groups, values, strict=True):
             # nearly all runs of a fit set whole numbers alike
             if group.fmi_type in _RANGES and (group.fmi_type, numbers) not in self._fitting:
-                self._require_range(group, numbers)
+                # what does not fit into the bytes of a type would be set to something else
+                low, high = _RANGES[group.fmi_type]
+                for name, value in zip(group.names, numbers, strict=True):
+                    if not low <= int(value) <= high:
+                        wanted = f"wanted {low} to {high}, as {group.fmi_type} has it"
+                        raise self._bad(f"{name} = {shown(value)}, {wanted}")
                 self._fitting.add((group.fmi_type, numbers))
+        handled = None
+        if handling is not None:
+            before = None
+            if handling.before is not None:
+                first = replace(run, start_values=handling.before, handling=Handling())
+                before = self.take(first)
+            handled = before, handling.freed
         return RunRequest(
             layout=number,
             values=values,
@@ -148,38 +161,39 @@ class RunRequests:
             samples=run.samples,
             start_time_s=run.start_time_s,
             allow_nan=run.allow_nan,
-            tones=tones,
+            tones=() if signal is None or isinstance(signal, HeldSignal) else signal.tones,
             step_s=signal.step_s if signal else 0.0,
             segments=run.segments,
-            held=held,
-            handled=self._handled(run),
+            held=signal if isinstance(signal, HeldSignal) else None,
+            handled=handled,
             longest_step_s=run.longest_step_s,
         )
 
-    def _handled(self, run: Run) -> Handled | None:
-        handling = run.handling
-        if handling is None:
-            return None
-        if handling.before is None:
-            return Handled(None, handling.freed)
-        first = replace(run, start_values=handling.before, handling=Handling())
-        return Handled(self.take(first), handling.freed)
-
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:
+        """A new layout; from now on all layouts set what it sets."""
         names, outputs, inputs, moved, bare = key
         for name in (*names, *inputs):
-            if bare:
-                self._variable_to_set(name)
-            elif name not in self._defaults and self._remember(self._variable_to_set(name)):
-                self._numbers.clear()  # from now on every layout sets this one as well
-                self._grown = True
+            if bare or name not in self._defaults:
+                start = self._settable(name).start
+                if not bare and start is not None:  # else nothing is known that it could be set to
+                    self._defaults[name] = start
+                    self._numbers.clear()
+                    self._grown = True
         for name, value in start_values.items():
-            self._require_type(self._known[name], value)
-        covered = self._whole_arrays(names if bare else (*names, *self._defaults))
-        gets = self._grouped([self._variable_to_read(name) for name in outputs])
+            kind = self._known[name].kind
+            fits = isinstance(value, _FITTING[kind])
+            if not fits or (isinstance(value, bool) and kind != "Boolean"):
+                raise self._bad(f"{name} = {value!r}, wanted a {kind}")
+
+        read = [self._description.variable(name) for name in outputs]
+        for variable in read:
+            if variable.kind not in ("Real", "Integer", "Boolean"):
+                found = f"{variable.name!r} is of type {variable.fmi_type}"
+                raise self._bad(f"{found}, wanted a number to read")
+        gets = _grouped(read)
         self.layouts.append(
             Layout(
-                sets=self._grouped(covered),
+                sets=_grouped(self._whole_arrays(names if bare else (*names, *self._defaults))),
                 gets=gets,
                 columns=tuple(tuple(outputs.index(name) for name in g.names) for g in gets),
                 outputs=outputs,
@@ -190,47 +204,52 @@ class RunRequests:
         self._numbers[key] = len(self.layouts) - 1
         return self._numbers[key]
 
+    def _settable(self, name: str) -> FmuVariable:
+        variable = self._description.variable(name)
+        if variable.kind == "other":
+            raise self._bad(
+                f"{name!r} is of type {variable.fmi_type}, or a large array or one of texts; "
+                "wanted a Real, Integer, Boolean or String"
+            )
+        if not variable.can_be_started:
+            why = " as arrays have its size" if variable.is_size else ""
+            raise self._bad(
+                f"{name!r} is a {variable.variability} {variable.causality} that cannot be set"
+                f"{why}, wanted a parameter or an input"
+            )
+        return variable
+
     def _whole_arrays(self, names: Iterable[str]) -> list[FmuVariable]:
-        """Variables, each once, and what stands beside an element in its array."""
-        asked = [self._known[name] for name in dict.fromkeys(names)]
-        arrays = {v.value_reference for v in asked if v.element is not None}
-        found = [v for v in asked if v.element is None]
-        if not arrays:
-            return found
+        """Variables, each once, with all elements of an array that one of them is in."""
+        given = [self._known[name] for name in dict.fromkeys(names)]
+        arrays = {v.value_reference for v in given if v.element is not None}
         elements = [v for v in self._known.values() if v.element and v.value_reference in arrays]
         for element in elements:
-            if element.start is None and element.name not in names:
-                raise BadInput(
-                    f"{self._description.path}: {element.name!r} has no start value, wanted one: "
-                    "an array is set as a whole"
-                )
-        self._beside |= {v.name: v.start for v in elements if v.start is not None}
-        return [*found, *elements]
-
-    def _remember(self, variable: FmuVariable) -> bool:
-        if variable.start is None:
-            return False  # nothing is known that it could be set to
-        self._defaults[variable.name] = variable.start
-        return True
+            if element.start is not None:
+                self._elements[element.name] = element.start
+            elif element not in given:
+                what = f"{element.name!r} has no start value, wanted one"
+                raise self._bad(f"{what}: an array is set as a whole")
+        return [*(v for v in given if v.element is None), *elements]
 
     def _inputs(self, names: Sequence[str]) -> Group:
         variables = [self._description.variable(name) for name in names]
         for variable in variables:
             if variable.causality != "input" or variable.kind != "Real":
-                raise BadInput(
-                    f"{self._description.path}: {variable.name!r} is a {variable.kind} "
-                    f"{variable.causality}, wanted a Real input for the drive"
+                raise self._bad(
+                    f"{variable.name!r} is a {variable.kind} {variable.causality}, wanted a Real "
+                    "input for the drive"
                 )
-        groups = self._grouped(variables)
+        groups = _grouped(variables)
         for group in groups:
             if group.places != tuple(range(group.size)):
-                raise BadInput(
-                    f"{self._description.path}: {listed(group.names)} are not all elements of the "
-                    "array in their order, wanted all as inputs: an array is set as a whole"
+                raise self._bad(
+                    f"{listed(group.names)} are not all elements of the array in their order, "
+                    "wanted all as inputs: an array is set as a whole"
                 )
         if len(groups) > 1:
-            raise BadInput(
-                f"{self._description.path}: inputs {', '.join(names)} are of the types "
+            raise self._bad(
+                f"inputs {', '.join(names)} are of the types "
                 f"{', '.join(g.fmi_type for g in groups)}; wanted one type"
             )
         return groups[0]
@@ -239,93 +258,41 @@ class RunRequests:
         variable = self._description.variable(name)
         free = variable.causality == "input" or variable.variability == "tunable"
         if variable.kind != "Real" or not free:
-            raise BadInput(
-                f"{self._description.path}: {name!r} is a {variable.variability} {variable.kind} "
-                f"{variable.causality}, wanted a tunable Real parameter to move during a run"
+            raise self._bad(
+                f"{name!r} is a {variable.variability} {variable.kind} {variable.causality}, "
+                "wanted a tunable Real parameter to move during a run"
             )
         if variable.element is not None and variable.element.size > 1:
-            raise BadInput(
-                f"{self._description.path}: {name!r} is an element of an array, which is set as a "
-                "whole; wanted a single variable to move during a run"
+            raise self._bad(
+                f"{name!r} is an element of an array, which is set as a whole; wanted a single "
+                "variable to move during a run"
             )
-        [group] = self._grouped([variable])
-        return group
+        return _grouped([variable])[0]
 
-    def _variable_to_set(self, name: str) -> FmuVariable:
-        variable = self._description.variable(name)
-        if variable.kind == "other":
-            raise BadInput(
-                f"{self._description.path}: {name!r} is of type {variable.fmi_type}, or a large "
-                "array or one of texts; wanted a Real, Integer, Boolean or String"
-            )
-        if not variable.can_be_started:
-            why = " as arrays have its size" if variable.is_size else ""
-            raise BadInput(
-                f"{self._description.path}: {name!r} is a {variable.variability} "
-                f"{variable.causality} that cannot be set{why}, "
-                "wanted a parameter or an input"
-            )
-        return variable
+    def _bad(self, what: str) -> BadInput:
+        return BadInput(f"{self._description.path}: {what}")
 
-    def _variable_to_read(self, name: str) -> FmuVariable:
-        variable = self._description.variable(name)
-        if variable.kind not in ("Real", "Integer", "Boolean"):
-            raise BadInput(
-                f"{self._description.path}: {name!r} is of type {variable.fmi_type}, wanted a "
-                "number to read"
-            )
-        return variable
 
-    def _require_type(self, variable: FmuVariable, value: object) -> None:
-        fits = {
-            "Real": isinstance(value, int | float | np.integer) and not isinstance(value, bool),
-            "Integer": isinstance(value, int | np.integer) and not isinstance(value, bool),
-            "Boolean": isinstance(value, bool),
-            "String": isinstance(value, str),
-        }[variable.kind]
-        if not fits:
-            raise BadInput(
-                f"{self._description.path}: {variable.name} = {value!r}, wanted a {variable.kind}"
-            )
-
-    def _require_range(self, group: Group, numbers: tuple[Scalar, ...]) -> None:
-        """What does not fit into the bytes of a type would be set to something else."""
-        lowest, highest = _RANGES[group.fmi_type]
-        for name, number in zip(group.names, numbers, strict=True):
-            if not lowest <= int(number) <= highest:
-                raise BadInput(
-                    f"{self._description.path}: {name} = {shown(number)}, wanted {lowest} to "
-                    f"{highest}, as {group.fmi_type} has it"
-                )
-
-    @staticmethod
-    def _grouped(variables: list[FmuVariable]) -> tuple[Group, ...]:
-        """Single variables by their types, structural ones first, then each array by itself."""
-        single: dict[tuple[bool, str], list[FmuVariable]] = {}
-        for v in variables:
-            if v.element is None:
-                single.setdefault((v.causality != STRUCTURAL, v.fmi_type), []).append(v)
-        groups = [
-            Group(
-                fmi_type,
-                tuple(v.name for v in alike),
-                tuple(v.value_reference for v in alike),
-                structural=not later,
-            )
-            for (later, fmi_type), alike in sorted(single.items(), key=lambda each: each[0][0])
-        ]
-        arrays: dict[int, list[tuple[FmuVariable, Element]]] = {}
-        for v in variables:
-            if v.element is not None:
-                arrays.setdefault(v.value_reference, []).append((v, v.element))
-        groups += [
-            Group(
-                fmi_type=array[0][0].fmi_type,
-                names=tuple(v.name for v, _ in array),
-                references=(reference,),
-                size=array[0][1].size,
-                places=tuple(element.place for _, element in array),
-            )
-            for reference, array in arrays.items()
-        ]
-        return tuple(groups)
+def _grouped(variables: Sequence[FmuVariable]) -> tuple[Group, ...]:
+    """Single variables by their types, structural ones first, then each array by itself."""
+    alike: dict[tuple[bool, int, str], list[FmuVariable]] = {}
+    for v in variables:
+        if v.element is None:
+            key = v.causality != STRUCTURAL, -1, v.fmi_type
+        else:
+            key = True, v.value_reference, ""
+        alike.setdefault(key, []).append(v)
+    return tuple(
+        Group(
+            fmi_type=group[0].fmi_type,
+            names=tuple(v.name for v in group),
+            references=tuple(v.value_reference for v in group[:1] if v.element)
+            or tuple(v.value_reference for v in group),
+            size=group[0].element.size if group[0].element else 0,
+            places=tuple(v.element.place for v in group if v.element),
+            structural=not later,
+        )
+        for (later, reference, _), group in sorted(
+            alike.items(), key=lambda each: (each[0][0], each[0][1] >= 0)
+        )
+    )

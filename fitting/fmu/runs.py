@@ -5,16 +5,26 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 
+if TYPE_CHECKING:
+    from fitting.fmu.run_requests import RunRequest
+
 Tone = tuple[float, float, float]  # frequency in Hz, amplitude, phase in rad
 
 WHOLE = 1e-9  # a number of steps counts as whole within this
+
+
+def _require_time(name: str, time_s: float, *, zero: bool = False) -> None:
+    """BadInput unless a time is finite and positive, or ``zero`` where that is allowed."""
+    if not (math.isfinite(time_s) and (time_s > 0 or (zero and time_s == 0))):
+        wanted = "a time of at least 0" if zero else "a positive time"
+        raise BadInput(f"{name} is {time_s!r}, wanted {wanted}")
 
 
 @dataclass(frozen=True)
@@ -24,7 +34,7 @@ class InputSignal:
     ``tones`` rows (frequency in Hz, amplitude, phase in rad), ``step_s`` length of the
     communication steps. Over the step from t to t + h the input is held at
     Σ a cos(2π f (t + h/2) + φ) / sinc(f h), which makes the tone in the staircase exactly the tone
-    that was asked for; what is left are its images at 1/h ± f.
+    that was asked for; what remains are its images at 1/h ± f.
 
     Raises BadInput for fewer than four steps in a period of the fastest tone.
     """
@@ -34,8 +44,7 @@ class InputSignal:
     step_s: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.step_s) and self.step_s > 0):
-            raise BadInput(f"input {self.name}: step_s is {self.step_s!r}, wanted a positive time")
+        _require_time(f"input {self.name}: step_s", self.step_s)
         for frequency_hz, amplitude, phase in self.tones:
             if not all(map(math.isfinite, (frequency_hz, amplitude, phase))) or frequency_hz < 0:
                 raise BadInput(
@@ -72,8 +81,7 @@ class HeldSignal:
     seen: FloatArray
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.step_s) and self.step_s > 0):
-            raise BadInput(f"inputs: step_s is {self.step_s!r}, wanted a positive time")
+        _require_time("inputs: step_s", self.step_s)
         for values in (self.held, self.seen):
             if values.shape[1:] != (len(self.names),):
                 raise BadInput(f"inputs: values {values.shape}, wanted {len(self.names)} columns")
@@ -110,8 +118,7 @@ class Segment:
         numbers = (self.value, self.settle_s, self.sample_step_s)
         if not (all(map(math.isfinite, numbers)) and self.settle_s >= 0 and self.samples >= 1):
             raise BadInput(f"{self!r}: wanted finite numbers, a time and a sample at least")
-        if not self.sample_step_s > 0:
-            raise BadInput(f"sample_step_s is {self.sample_step_s!r}, wanted a positive time")
+        _require_time("sample_step_s", self.sample_step_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,65 +176,43 @@ class Run:
         return self.samples + sum(segment.samples for segment in self.segments)
 
     def __post_init__(self) -> None:
-        if self.segments and (self.input_signal is not None or self.moved not in self.start_values):
+        signal = self.input_signal
+        if self.segments and (signal is not None or self.moved not in self.start_values):
             raise BadInput(
                 f"segments move {self.moved!r}: wanted a start value of it, and no input signal"
             )
-        if not (math.isfinite(self.settle_s) and self.settle_s >= 0):
-            raise BadInput(f"settle_s is {self.settle_s!r}, wanted a time of at least 0")
+        _require_time("settle_s", self.settle_s, zero=True)
         if self.samples < 1:
             raise BadInput(f"samples is {self.samples!r}, wanted at least 1")
-        if self.samples > 1 and not (math.isfinite(self.sample_step_s) and self.sample_step_s > 0):
-            raise BadInput(f"sample_step_s is {self.sample_step_s!r}, wanted a positive time")
-        if not (math.isfinite(self.longest_step_s) and self.longest_step_s >= 0):
-            raise BadInput(f"longest_step_s is {self.longest_step_s!r}, wanted at least 0")
+        times = {"settle_s": self.settle_s}
+        if self.samples > 1:
+            _require_time("sample_step_s", self.sample_step_s)
+            times["sample_step_s"] = self.sample_step_s
+        _require_time("longest_step_s", self.longest_step_s, zero=True)
         if not math.isfinite(self.start_time_s):
             raise BadInput(f"start_time_s is {self.start_time_s!r}, wanted a finite time")
         if not self.outputs or len(set(self.outputs)) != len(self.outputs):
             raise BadInput(f"outputs is {self.outputs!r}, wanted different names, one at least")
-        if self.input_signal is not None:
-            self._require_whole_steps(self.input_signal.step_s)
-        if isinstance(self.input_signal, HeldSignal):
-            self._require_values(self.input_signal)
-
-    def _require_values(self, signal: HeldSignal) -> None:
-        each = round(self.sample_step_s / signal.step_s) if self.samples > 1 else 0
-        steps = round(self.settle_s / signal.step_s) + each * (self.samples - 1)
-        if len(signal.held) != steps or len(signal.seen) != self.samples:
-            raise BadInput(
-                f"inputs: {len(signal.held)} values for {steps} steps, {len(signal.seen)} for "
-                f"{self.samples} samples"
-            )
-
-    def _require_whole_steps(self, step_s: float) -> None:
-        times = {"settle_s": self.settle_s}
-        if self.samples > 1:
-            times["sample_step_s"] = self.sample_step_s
+        if signal is None:
+            return
         for name, time_s in times.items():
-            count = time_s / step_s
+            count = time_s / signal.step_s
             if abs(count - round(count)) > WHOLE * max(1.0, count):
                 raise BadInput(
-                    f"{name} = {time_s!r} s is {count:.9g} steps of {step_s!r} s, wanted a whole "
-                    "number"
+                    f"{name} = {time_s!r} s is {count:.9g} steps of {signal.step_s!r} s, wanted a "
+                    "whole number"
+                )
+        if isinstance(signal, HeldSignal):
+            each = round(self.sample_step_s / signal.step_s) if self.samples > 1 else 0
+            steps = round(self.settle_s / signal.step_s) + each * (self.samples - 1)
+            if len(signal.held) != steps or len(signal.seen) != self.samples:
+                raise BadInput(
+                    f"inputs: {len(signal.held)} values for {steps} steps, {len(signal.seen)} for "
+                    f"{self.samples} samples"
                 )
 
 
-class Timed(Protocol):
-    """What times of samples follow from; a run, and what a worker makes of it."""
-
-    @property
-    def start_time_s(self) -> float: ...  # noqa: D102
-    @property
-    def settle_s(self) -> float: ...  # noqa: D102
-    @property
-    def sample_step_s(self) -> float: ...  # noqa: D102
-    @property
-    def samples(self) -> int: ...  # noqa: D102
-    @property
-    def segments(self) -> tuple[Segment, ...]: ...  # noqa: D102
-
-
-def row_times(run: Timed) -> list[float]:
+def row_times(run: Run | RunRequest) -> list[float]:
     """Time of every row of a run's result, s.
 
     Args:
@@ -241,13 +226,6 @@ def row_times(run: Timed) -> list[float]:
     return times
 
 
-class Stepped(Timed, Protocol):
-    """What the communication steps of a run without a signal follow from."""
-
-    @property
-    def longest_step_s(self) -> float: ...  # noqa: D102
-
-
 def parts(span_s: float, longest_s: float) -> int:
     """Into how many equal communication steps a time is divided.
 
@@ -258,18 +236,17 @@ def parts(span_s: float, longest_s: float) -> int:
     return max(1, math.ceil(span_s / longest_s * (1.0 - WHOLE))) if longest_s else 1
 
 
-def communication_steps(run: Stepped) -> int:
+def communication_steps(run: Run | RunRequest) -> int:
     """Communication steps of a run without a signal.
 
     Args:
         run: with settling, step and number of samples.
     """
-    stretches = [(run.settle_s, run.sample_step_s, run.samples)]
-    stretches += [(s.settle_s, s.sample_step_s, s.samples) for s in run.segments]
+    longest_s = run.longest_step_s
     return sum(
-        (parts(settle_s, run.longest_step_s) if settle_s else 0)
-        + (samples - 1) * parts(step_s, run.longest_step_s)
-        for settle_s, step_s, samples in stretches
+        (parts(part.settle_s, longest_s) if part.settle_s else 0)
+        + (part.samples - 1) * parts(part.sample_step_s, longest_s)
+        for part in (run, *run.segments)
     )
 
 
@@ -289,11 +266,5 @@ class Counts:
     processes: int = 0
 
     def __add__(self, other: Counts) -> Counts:
-        return Counts(
-            runs=self.runs + other.runs,
-            steps=self.steps + other.steps,
-            seconds=self.seconds + other.seconds,
-            processor_s=self.processor_s + other.processor_s,
-            instances=self.instances + other.instances,
-            processes=self.processes + other.processes,
-        )
+        names = (field.name for field in fields(self))
+        return Counts(**{name: getattr(self, name) + getattr(other, name) for name in names})

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fitting.fmu import read_description
-from fitting.fmu.own_steps import OwnSteps
+from fitting.fmu.description import OwnSteps
 from fitting.text.errors import BadInput
 from tests.support.cfmu_build import build_c_fmu, reworded
 
@@ -26,13 +26,6 @@ def test_own_steps_are_read(tmp_path: Path) -> None:
     none = read_description(reworded(build_c_fmu(tmp_path), {ANY_LENGTH: ""}))
     assert none.own_steps == OwnSteps(of_any_length=False)
     assert none.step_s is None
-
-
-def test_communication_steps_are_whole_multiples_of_the_own_one() -> None:
-    own = OwnSteps(internal_s=5e-4, usual_s=1.0)
-    assert own.aligned(1.2e-3) == 1e-3
-    assert own.aligned(1e-9) == 5e-4
-    assert OwnSteps().aligned(1.2e-3) == 1.2e-3
 
 
 def test_a_step_that_is_no_number_is_refused(tmp_path: Path) -> None:

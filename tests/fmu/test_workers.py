@@ -28,8 +28,8 @@ from fitting.fmu import (
     read_description,
     validation_problems,
 )
-from fitting.fmu.worker.input_signal import held_values
-from fitting.fmu.worker.pulse import BEGUN, open_pulse
+from fitting.fmu.worker.pulse import STARTED, open_pulse
+from fitting.fmu.worker.simulation import held_values
 from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
@@ -632,7 +632,7 @@ run = Run(
 )
 workers.run([run])
 [process] = workers._open.processes
-print(process.pid, workers._open.home, process._pulse.numbers[BEGUN], flush=True)
+print(process.pid, workers._open.home, process._pulse.numbers[STARTED], flush=True)
 if sys.argv[2] == "busy":
     run = Run(
         start_values={"misbehave": 1}, settle_s=0.0, sample_step_s=1.0, samples=2,
@@ -640,7 +640,7 @@ if sys.argv[2] == "busy":
     )
     workers.run([run])
 sys.stdin.read()
-""".replace("BEGUN", str(BEGUN))
+""".replace("STARTED", str(STARTED))
 
 
 def _pulse_of(caller: int, home: Path) -> Path:
@@ -682,7 +682,7 @@ def test_nothing_is_left_behind_when_the_caller_is_killed(
         if state == "busy":
             pulse = open_pulse(_pulse_of(caller.pid, Path(home)))
             # the batch, and the new instance or the reset before the run
-            wait_until(lambda: pulse.numbers[BEGUN] >= int(begun) + 2, "the run that never ends")
+            wait_until(lambda: pulse.numbers[STARTED] >= int(begun) + 2, "the run that never ends")
             pulse.close()
         caller.send_signal(how)
         wait_until(lambda: caller.poll() is not None, "the end of the caller")

@@ -23,7 +23,7 @@ from fmpy.fmi3 import (
 from fmpy.validation import validate_fmu
 
 import build_fmu
-from fitting.fmu.annotation import read_accuracy_annotation
+from fitting.fmu.accuracy import read_accuracy_annotation
 from fitting.fmu.description import read_description
 from fmu_src import native_binary
 from fmu_src.coupled_oscillator import CoupledOscillator

@@ -150,52 +150,48 @@ def filter_of(machine: str) -> bytes | None:
     if machine not in PROCESSORS:
         return None
     processor, place = PROCESSORS[machine]
+    allow, refuse = (ANSWER, 0, 0, ALLOW), (ANSWER, 0, 0, REFUSE)
+    kill = (ANSWER, 0, 0, KILL)
+
+    def argument(number: int) -> _Line:
+        # the lower half of it, which both processors have first
+        return (LOAD, 0, 0, ARGUMENTS + 8 * number)
+
+    network = [argument(1), (KEEP, 0, 0, KIND), (EQUAL, 0, 1, DATAGRAM), refuse, kill]
+    #: What is done at a call; it ends with an answer.
+    calls: list[tuple[tuple[int | None, int | None], list[_Line]]] = [
+        *((numbers, [refuse]) for numbers in REFUSED.values()),
+        *(
+            (numbers, [argument(process), (EQUAL, 1, 0, 0), refuse, allow])
+            for numbers, process in ON_PROCESSES.values()
+        ),
+        (SOCKET, [argument(0), (EQUAL, 2, 0, INET), (EQUAL, 1, 0, INET6), refuse, *network]),
+        # one of datagrams could be pointed at any other program's
+        (SOCKETPAIR, [argument(1), (KEEP, 0, 0, KIND), (EQUAL, 0, 1, DATAGRAM), refuse, allow]),
+        (CLONE, [argument(0), (ANY_BIT, 0, 1, NAMESPACES), refuse, allow]),
+        # its flags are out of a filter's sight: libraries take clone where it is not there
+        (CLONE3, [(ANSWER, 0, 0, UNKNOWN)]),
+        (
+            IOCTL,
+            [
+                argument(1),
+                (EQUAL, 0, 1, TERMINALS[0]),
+                refuse,
+                (EQUAL, 0, 1, TERMINALS[1]),
+                refuse,
+                allow,
+            ],
+        ),
+    ]
     lines: list[_Line] = [
         (LOAD, 0, 0, PROCESSOR),
         (EQUAL, 1, 0, processor),
-        (ANSWER, 0, 0, KILL),
+        kill,
         (LOAD, 0, 0, CALL),
         (AT_LEAST, 0, 1, FOREIGN),
-        (ANSWER, 0, 0, KILL),
+        kill,
     ]
-    for numbers in REFUSED.values():
-        lines += _on(numbers[place], [(ANSWER, 0, 0, REFUSE)])
-    for numbers, argument in ON_PROCESSES.values():
-        lines += _on(numbers[place], [_argument(argument), *_unless(0), *_allowed()])
-    network = [_argument(1), (KEEP, 0, 0, KIND), *_if(DATAGRAM), (ANSWER, 0, 0, KILL)]
-    family = [_argument(0), (EQUAL, 2, 0, INET), (EQUAL, 1, 0, INET6), (ANSWER, 0, 0, REFUSE)]
-    lines += _on(SOCKET[place], [*family, *network])
-    # one of datagrams could be pointed at any other program's
-    pair = [_argument(1), (KEEP, 0, 0, KIND), *_if(DATAGRAM), *_allowed()]
-    lines += _on(SOCKETPAIR[place], pair)
-    new = [_argument(0), (ANY_BIT, 0, 1, NAMESPACES), (ANSWER, 0, 0, REFUSE), *_allowed()]
-    lines += _on(CLONE[place], new)
-    # its flags are out of a filter's sight: libraries take clone where it is not there
-    lines += _on(CLONE3[place], [(ANSWER, 0, 0, UNKNOWN)])
-    lines += _on(IOCTL[place], [_argument(1), *_if(TERMINALS[0]), *_if(TERMINALS[1]), *_allowed()])
-    lines += _allowed()
-    return b"".join(struct.pack("=HBBI", *line) for line in lines)
-
-
-def _on(number: int | None, then: list[_Line]) -> list[_Line]:
-    """What is done at a call; it ends with an answer."""
-    return [] if number is None else [(EQUAL, 0, len(then), number), *then]
-
-
-def _argument(number: int) -> _Line:
-    """Load the lower half of an argument; both processors have that first."""
-    return (LOAD, 0, 0, ARGUMENTS + 8 * number)
-
-
-def _if(value: int) -> list[_Line]:
-    """Refuse where the loaded word has this value."""
-    return [(EQUAL, 0, 1, value), (ANSWER, 0, 0, REFUSE)]
-
-
-def _unless(value: int) -> list[_Line]:
-    """Refuse where the loaded word has another value."""
-    return [(EQUAL, 1, 0, value), (ANSWER, 0, 0, REFUSE)]
-
-
-def _allowed() -> list[_Line]:
-    return [(ANSWER, 0, 0, ALLOW)]
+    for numbers, then in calls:
+        if (number := numbers[place]) is not None:
+            lines += [(EQUAL, 0, len(then), number), *then]
+    return b"".join(struct.pack("=HBBI", *line) for line in [*lines, allow])

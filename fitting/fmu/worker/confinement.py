@@ -60,13 +60,33 @@ def confine(isolation: Isolation, folder: Path) -> tuple[str, ...]:
         isolation: limits.
         folder: in which alone it may write.
     """
-    _limit(isolation)
+    import resource
+
+    if hasattr(signal, "SIGXFSZ"):
+        signal.signal(signal.SIGXFSZ, signal.SIG_DFL)  # Python ignores it
+    try:  # what the worker itself has taken, some of it only set aside
+        own = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        own = 1000 * MB
+    for which, most in (
+        (resource.RLIMIT_FSIZE, int(isolation.written_mb * MB)),
+        (resource.RLIMIT_NOFILE, isolation.files),
+        (resource.RLIMIT_CORE, 0),
+        (resource.RLIMIT_AS, own + int(isolation.memory_mb * MB)),
+    ):
+        _, hard = resource.getrlimit(which)
+        limit = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(which, (limit, limit))
+
     kept = filtered = False
     if sys.platform == "linux":
         libc = ctypes.CDLL(None, use_errno=True)
         libc.prctl(SET_NO_NEW_PRIVS, 1, 0, 0, 0)
         kept = _keep_to(libc, folder)
-        _drop_capabilities(libc)
+        # be like any other user, also as the user who may do everything
+        for capability in range(MOST_CAPABILITIES):
+            libc.prctl(DROP_BOUNDING, capability, 0, 0, 0)
+        libc.capset(struct.pack("=Ii", CAPABILITIES_3, 0), bytes(24))
         filtered = _refuse_calls(libc)
     missing = lacks(kept=kept, filtered=filtered)
     return tuple(f"isolated, but this system cannot hold all of it: {words}" for words in missing)
@@ -98,31 +118,6 @@ def most_memory() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
-def _limit(isolation: Isolation) -> None:
-    import resource
-
-    def limit(which: int, most: int) -> None:
-        _, hard = resource.getrlimit(which)
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(which, (most, most))
-
-    if hasattr(signal, "SIGXFSZ"):
-        signal.signal(signal.SIGXFSZ, signal.SIG_DFL)  # Python ignores it
-    limit(resource.RLIMIT_FSIZE, int(isolation.written_mb * MB))
-    limit(resource.RLIMIT_NOFILE, isolation.files)
-    limit(resource.RLIMIT_CORE, 0)
-    limit(resource.RLIMIT_AS, _address_space() + int(isolation.memory_mb * MB))
-
-
-def _address_space() -> int:
-    """What the worker itself has taken, in bytes; some of it is only set aside."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-    except OSError:
-        return 1000 * MB
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
 def _keep_to(libc: ctypes.CDLL, folder: Path) -> bool:
     """Take the right to write anywhere else; whether that succeeded."""
     version = landlock_version()
@@ -148,14 +143,6 @@ def _keep_to(libc: ctypes.CDLL, folder: Path) -> bool:
         return int(libc.syscall(RESTRICT_SELF, rules, 0)) == 0
     finally:
         os.close(rules)
-
-
-def _drop_capabilities(libc: ctypes.CDLL) -> None:
-    """Be like any other user, also as the user who may do everything."""
-    for capability in range(MOST_CAPABILITIES):
-        libc.prctl(DROP_BOUNDING, capability, 0, 0, 0)
-    head = struct.pack("=Ii", CAPABILITIES_3, 0)
-    libc.capset(head, bytes(24))
 
 
 def _refuse_calls(libc: ctypes.CDLL) -> bool:

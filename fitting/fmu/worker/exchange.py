@@ -45,53 +45,53 @@ class _Buffer:
     """Numbers that an FMU reads or writes, and where they are."""
 
     def __init__(self, size: int) -> None:
-        array = (ctypes.c_double * size)()
-        self.values: FloatArray = np.ctypeslib.as_array(array) if size else np.empty(0)
-        self.pointer = array
+        self.pointer = (ctypes.c_double * size)()
+        self.values: FloatArray = np.ctypeslib.as_array(self.pointer) if size else np.empty(0)
 
 
 class ModelExchange(FmuInstance):
-    """What both versions of model exchange have in common; stands before one of their classes."""
+    """What both versions of model exchange have in common; listed before one of their classes."""
 
     derivatives: str
 
     def __init__(self, fmu: Any, log: Log) -> None:
         super().__init__(fmu, log)
         self._running = False
-        self._functions: dict[str, Any] = {}
-        self._event_s = math.inf
-        self._stiff, self._step_s = False, 0.0
-        self._drive: tuple[VariableAccess, tuple[Tone, ...]] | None = None
         self._tolerance = USUAL_TOLERANCE
-        self._nominal = self._seen = np.empty(0)
-        self._begin_anew()
+        self._stiff = False
+        self._input: VariableAccess | None = None
+
+    def instantiate(self) -> None:
+        """A new instance; variables are set without an event until it runs."""
+        self._running = False
+        super().instantiate()
+
+    def enter_initialisation(self, start_time: float) -> None:
+        """As in co-simulation; the time is kept, and nothing is known of the equations."""
+        self._start_s, self._event_s, self._step_s = start_time, math.inf, 0.0
+        self._input, self._tones = None, ()
+        self._equations: LinearEquations | None = None
+        self._curved, self._stale, self._integrate_to = False, False, -math.inf
+        self._propagators: dict[float, FloatArray] = {}
+        super().enter_initialisation(start_time)
 
     def leave_initialisation(self) -> None:
         """Initial values, the first events, and the size of the states."""
         super().leave_initialisation()
         states, indicators = self._sizes()
         self._x, self._dx, self._z = (_Buffer(n) for n in (states, states, indicators))
-        self._nominal = self._seen = np.ones(states)
+        self._nominal = np.ones(states)
         if states:
             self._nominal = self._read("GetNominalsOfContinuousStates", self._x)
-        self._handle_events(self._start_s)
-
-    def enter_initialisation(self, start_time: float) -> None:
-        """As in co-simulation; the time is kept, which nobody tells it again."""
-        self._start_s, self._running, self._event_s = start_time, False, math.inf
-        self._drive, self._step_s = None, 0.0
-        self._begin_anew()
-        super().enter_initialisation(start_time)
+        self._seen = NOTHING * np.abs(self._nominal)  # sizes of the states so far
+        self._now_s = self._start_s
+        self._update_discrete_states()
+        self._running = True
 
     def terminate(self) -> None:
         """End the simulation."""
         self._running = False
         super().terminate()
-
-    def reset(self) -> None:
-        """Back to the state after instantiation."""
-        self._running = False
-        super().reset()
 
     def access(self, verb: str, group: Group) -> VariableAccess:
         """Function and buffers of a group of variables, or of the integrator's tolerance.
@@ -102,18 +102,12 @@ class ModelExchange(FmuInstance):
         """
         if group.fmi_type != INTEGRATOR_TOLERANCE.fmi_type:
             return super().access(verb, group)
-        return VariableAccess(
-            function=self._take_tolerance,
-            name="SetTolerance",
-            references=(),
-            n=1,
-            buffer=(ctypes.c_double * 1)(),
-            tail=(),
-        )
 
-    def _take_tolerance(self, _instance: Any, _references: Any, _n: int, buffer: Any) -> int:
-        self._tolerance = float(buffer[0])
-        return 0
+        def take(_instance: Any, _references: Any, _n: int, buffer: Any) -> int:
+            self._tolerance = float(buffer[0])
+            return 0
+
+        return VariableAccess(take, "SetTolerance", (), 1, (ctypes.c_double * 1)(), ())
 
     def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:
         """Set variables; during the simulation that is an event.
@@ -122,12 +116,11 @@ class ModelExchange(FmuInstance):
             access: variables of one kind.
             values: one per variable.
         """
-        if not self._running:
-            super().set(access, values)
-            return
-        self._call("EnterEventMode")
+        if self._running:
+            self.call("EnterEventMode")
         super().set(access, values)
-        self._discrete_states(self._now_s)
+        if self._running:
+            self._update_discrete_states()
 
     def follow(self, access: VariableAccess, tones: tuple[Tone, ...]) -> bool:
         """Set an input to tones wherever the equations are evaluated.
@@ -136,17 +129,9 @@ class ModelExchange(FmuInstance):
             access: to the input.
             tones: frequency in Hz, amplitude and phase of each.
         """
-        self._drive = access, tones
-        self._drive_input(self._start_s)
+        self._input, self._tones = access, tones
+        super().set(access, (self._input_at(self._start_s),))
         return True
-
-    def _drive_input(self, t: float) -> None:
-        if self._drive is not None:
-            super().set(self._drive[0], (self._input_at(t),))
-
-    @property
-    def _tones(self) -> tuple[Tone, ...]:
-        return () if self._drive is None else self._drive[1]
 
     def _phases(self, t: float) -> list[float]:
         return [TURN * ((f * t) % 1.0) + phase for f, _, phase in self._tones]
@@ -166,35 +151,52 @@ class ModelExchange(FmuInstance):
         while at < end:
             until = min(end, self._event_s) if self._event_s > at else end
             until = min(until, self._integrate_to) if self._integrate_to > at else until
-            equations = self._by_equations(at)
+            equations = self._linear_equations(at)
             if equations is None:
-                at, event = self._stretch(at, until)
+                at, event = self._integrate(at, until)
             else:
-                at, event = self._linear_stretch(equations, at, until)
+                at, event = self._propagate(equations, at, until)
             if event or at >= self._event_s:
-                self._call("EnterEventMode")
-                self._discrete_states(at)
+                self.call("EnterEventMode")
+                self._now_s = at
+                self._update_discrete_states()
 
-    def _stretch(self, at: float, until: float) -> tuple[float, bool]:
+    def _integrate(self, at: float, until: float) -> tuple[float, bool]:
         """Integrate to a time or the next state event; the time, and whether there is an event."""
         if not self._x.values.size:
             self._set_time(until)
             return until, self._completed()
         x = self._read("GetContinuousStates", self._x)
-        solver, steps = self._solver(at, x, until), 0
-        before = self._indicators(at, x)
+        # absolute tolerances by the largest value of a state so far, or a part of a nominal one
+        self._seen = np.maximum(self._seen, np.abs(x))
+        within = {"rtol": self._tolerance, "atol": np.asarray(self._tolerance * self._seen)}
+        solver: Any
+        if self._stiff:
+            solver = LSODA(self._rate, at, x, until, **within)
+        else:
+            # a first step of its own choice would cost more than a short stretch has steps
+            first_s = min(self._step_s, until - at) or None
+            solver = DOP853(self._rate, at, x, until, first_step=first_s, **within)
+        steps, before = 0, self._indicators(at, x)
         while solver.status == "running":
-            said, steps = solver.step(), steps + 1
+            message, steps = solver.step(), steps + 1
             if solver.status == "failed":
                 name = type(solver).__name__
-                raise self.stopped(float(solver.t), until, f"{name} cannot go on: {said}")
+                raise self.stopped(float(solver.t), until, f"{name} cannot go on: {message}")
             self._step_s = max(self._step_s, float(solver.t - solver.t_old))
             t, x = float(solver.t), np.array(solver.y)
             self._seen = np.maximum(self._seen, np.abs(x))
             after = self._indicators(t, x)
             if np.any((before > 0.0) != (after > 0.0)):
-                t = self._crossing(solver, before)
-                self._put(t, solver.dense_output()(t))
+                # the time just after the first change of sign of an indicator in this step
+                inside, low, t = solver.dense_output(), float(solver.t_old), float(solver.t)
+                for _ in range(BISECTIONS):
+                    middle = 0.5 * (low + t)
+                    if not low < middle < t:
+                        break
+                    signs = self._indicators(middle, inside(middle)) > 0.0
+                    low, t = (low, middle) if np.any(signs != (before > 0.0)) else (middle, t)
+                self._put(t, inside(t))
                 self._completed()
                 return t, True
             self._put(t, x)
@@ -206,55 +208,50 @@ class ModelExchange(FmuInstance):
                 return t, False
         return until, False
 
-    # -- linear equations ------------------------------------------------------------------------
-
-    def _begin_anew(self) -> None:
-        """Nothing is known of the equations."""
-        self._equations: LinearEquations | None = None
-        self._curved, self._stale, self._integrate_to = False, False, -math.inf
-        self._propagators: dict[float, FloatArray] = {}
-
-    def _by_equations(self, at: float) -> LinearEquations | None:
+    def _linear_equations(self, at: float) -> LinearEquations | None:
         """The equations where they are linear, as far as is known, from this time on."""
         if at < self._integrate_to or not self._x.values.size:
             return None
         if self._equations is None and not self._curved:
-            self._equations, self._propagators = self._asked(at), {}
-            self._curved = self._equations is None
+            x = self._read("GetContinuousStates", self._x)
+
+            def rate(there: FloatArray, u: float) -> FloatArray:
+                self._put(at, there)
+                if self._input is not None:
+                    FmuInstance.set(self, self._input, (u,))
+                return self._read(self.derivatives, self._dx)
+
+            try:
+                scales = np.where(self._nominal != 0.0, np.abs(self._nominal), 1.0)
+                driven = self._input is not None
+                self._equations = linear_equations(rate, scales, driven=driven)
+            except CallFailed:  # it does not take such states
+                self._equations = None
+            finally:  # the FMU is left as it was
+                self._put(at, x)
+            self._curved, self._propagators = self._equations is None, {}
         if self._equations is not None and self._stale:
             x = self._read("GetContinuousStates", self._x)
-            rate, self._stale = self._rate(at, x), False
-            self._equations = self._equations.with_constant(rate, x, self._input_at(at))
+            rates, self._stale = self._rate(at, x), False
+            self._equations = self._equations.with_constant(rates, x, self._input_at(at))
         return self._equations
 
-    def _asked(self, at: float) -> LinearEquations | None:
-        """The equations at a time; the FMU is left as it was."""
+    def _propagate(self, equations: LinearEquations, at: float, until: float) -> tuple[float, bool]:
+        """As `_integrate`, by linear equations, as far as the FMU is seen to follow them."""
         x = self._read("GetContinuousStates", self._x)
-
-        def rate(there: FloatArray, u: float) -> FloatArray:
-            self._put(at, there)
-            if self._drive is not None:
-                FmuInstance.set(self, self._drive[0], (u,))
-            return self._read(self.derivatives, self._dx)
-
-        try:
-            scales = np.where(self._nominal != 0.0, np.abs(self._nominal), 1.0)
-            return linear_equations(rate, scales, driven=self._drive is not None)
-        except CallFailed:  # it does not take such states
-            return None
-        finally:
-            self._put(at, x)
-
-    def _linear_stretch(
-        self, equations: LinearEquations, at: float, until: float
-    ) -> tuple[float, bool]:
-        """As `_stretch`, by the equations, as far as the FMU is seen to follow them."""
-        x = self._read("GetContinuousStates", self._x)
-        count = self._looks(equations, until - at)
+        fastest_hz = max([equations.fastest_hz, *(f for f, _, _ in self._tones)])
+        count = max(1, math.ceil(LOOKS * fastest_hz * (until - at)))
+        count = count if self._z.values.size else min(count, MOST_LOOKS)
         step = (until - at) / count
-        by = self._propagator(equations, step)
+        # steps that differ by the rounding of the time at their ends are one
+        key = float(f"{step:.13e}")
+        by = self._propagators.get(key)
+        if by is None:
+            if len(self._propagators) == MOST_KEPT:
+                self._propagators.clear()
+            by = self._propagators[key] = equations.propagator(step, self._tones)
         before, each = self._indicators(at, x), max(1, count // MOST_LOOKS)
-        now, known = at, (at, x)  # how far the FMU was seen to follow
+        now, followed = at, (at, x)  # how far the FMU was seen to follow
         for k in range(1, count + 1):
             then = at + k * step if k < count else until
             x, now = equations.moved(by, x, self._phases(now)), then
@@ -263,72 +260,24 @@ class ModelExchange(FmuInstance):
                 after = self._read("GetEventIndicators", self._z)
                 if np.any((before > 0.0) != (after > 0.0)):
                     self._integrate_to = now
-                    return self._back(known)
+                    break
                 before = after
             if k % each == 0 or k == count:
-                if not self._follows(equations, x, now):
+                rates = self._read(self.derivatives, self._dx)
+                if not equations.describe(rates, x, self._input_at(now)):
                     self._equations, self._curved = None, True
-                    return self._back(known)
-                known = now, x
+                    break
+                followed = now, x
                 if self._completed():
                     return now, True
-        return until, False
-
-    def _propagator(self, equations: LinearEquations, step_s: float) -> FloatArray:
-        """Over a step; steps that differ by the rounding of the time at their ends are one."""
-        key = float(f"{step_s:.13e}")
-        by = self._propagators.get(key)
-        if by is None:
-            if len(self._propagators) == MOST_KEPT:
-                self._propagators.clear()
-            by = self._propagators[key] = equations.propagator(step_s, self._tones)
-        return by
-
-    def _back(self, known: tuple[float, FloatArray]) -> tuple[float, bool]:
-        """Where the FMU was seen to follow the equations, from which on it is integrated."""
-        self._put(*known)
-        return known[0], False
-
-    def _follows(self, equations: LinearEquations, x: FloatArray, at: float) -> bool:
-        """Whether the equations are those of the FMU, which has been put to x."""
-        rate = self._read(self.derivatives, self._dx)
-        return equations.describe(rate, x, self._input_at(at))
-
-    def _looks(self, equations: LinearEquations, span_s: float) -> int:
-        """In how many equal parts a stretch is looked at."""
-        fastest_hz = max([equations.fastest_hz, *(f for f, _, _ in self._tones)])
-        looks = max(1, math.ceil(LOOKS * fastest_hz * span_s))
-        return looks if self._z.values.size else min(looks, MOST_LOOKS)
-
-    # -- any equations ---------------------------------------------------------------------------
-
-    def _solver(self, at: float, x: FloatArray, until: float) -> Any:
-        smallest, within = self._smallest(x), self._tolerance
-        if self._stiff:
-            return LSODA(self._rate, at, x, until, rtol=within, atol=smallest)
-        # a first step of its own choice would cost more than a short stretch has steps
-        first_s = min(self._step_s, until - at) or None
-        return DOP853(self._rate, at, x, until, rtol=within, atol=smallest, first_step=first_s)
-
-    def _crossing(self, solver: Any, before: FloatArray) -> float:
-        """The time just after the first change of sign of an indicator in the last step."""
-        inside, low, high = solver.dense_output(), float(solver.t_old), float(solver.t)
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-            signs = self._indicators(middle, inside(middle)) > 0.0
-            low, high = (low, middle) if np.any(signs != (before > 0.0)) else (middle, high)
-        return high
+        else:
+            return until, False
+        self._put(*followed)  # from there on it is integrated
+        return followed[0], False
 
     def _rate(self, t: float, x: FloatArray) -> FloatArray:
         self._put(t, x)
         return self._read(self.derivatives, self._dx)
-
-    def _smallest(self, x: FloatArray) -> FloatArray:
-        """Absolute tolerances, by the largest value of a state so far, or a part of a nominal."""
-        self._seen = np.maximum(self._seen, np.abs(x))
-        return np.asarray(self._tolerance * self._seen)
 
     def _indicators(self, t: float, x: FloatArray) -> FloatArray:
         if not self._z.values.size:
@@ -340,32 +289,21 @@ class ModelExchange(FmuInstance):
         self._set_time(t)
         if x.size:
             self._x.values[:] = x
-            self._call("SetContinuousStates", self._x.pointer, x.size)
+            self.call("SetContinuousStates", self._x.pointer, x.size)
 
     def _set_time(self, t: float) -> None:
         self._now_s = t
-        self._call("SetTime", t)
-        self._drive_input(t)
+        self.call("SetTime", t)
+        if self._input is not None:
+            super().set(self._input, (self._input_at(t),))
 
     def _read(self, name: str, buffer: _Buffer) -> FloatArray:
-        self._call(name, buffer.pointer, buffer.values.size)
+        self.call(name, buffer.pointer, buffer.values.size)
         return buffer.values.copy()
 
-    def _call(self, name: str, *arguments: Any) -> None:
-        function = self._functions.get(name)
-        if function is None:
-            function = self._functions[name] = self._function(name)
-        if (status := function(self.instance, *arguments)) > 0:
-            self.check(status, name)
-
-    def _handle_events(self, at: float) -> None:
-        self._now_s = at
-        self._seen = NOTHING * np.abs(self._nominal)
-        self._discrete_states(at)
-        self._running = True
-
-    def _discrete_states(self, at: float) -> None:
+    def _update_discrete_states(self) -> None:
         """Update discrete states until none changes, and go on in continuous time."""
+        at = self._now_s
         for _ in range(MOST_EVENTS):
             needed, ended, event_s = self._update()
             if ended:
@@ -378,12 +316,12 @@ class ModelExchange(FmuInstance):
             )
         self._event_s = event_s if event_s > at else math.inf
         self._stale, self._curved = True, False  # an input has another value, or more is other
-        self._call("EnterContinuousTimeMode")
+        self.call("EnterContinuousTimeMode")
 
     def _completed(self) -> bool:
-        """Tell that a step is done; whether the FMU wants an event there."""
+        """Complete a step; whether the FMU wants an event there."""
         event, ended = self.boolean(), self.boolean()
-        self._call("CompletedIntegratorStep", True, ctypes.byref(event), ctypes.byref(ended))
+        self.call("CompletedIntegratorStep", True, ctypes.byref(event), ctypes.byref(ended))
         if ended.value:
             raise self.stopped(self._now_s, math.inf, "the FMU asks to end the simulation")
         return bool(event.value)
@@ -408,7 +346,7 @@ class ModelExchange2(ModelExchange, FmuInstance2):
 
     def _update(self) -> tuple[bool, bool, float]:
         info = fmi2EventInfo()
-        self._call("NewDiscreteStates", ctypes.byref(info))
+        self.call("NewDiscreteStates", ctypes.byref(info))
         event_s = float(info.nextEventTime) if info.nextEventTimeDefined else math.inf
         return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), event_s
 
@@ -419,18 +357,18 @@ class ModelExchange3(ModelExchange, FmuInstance3):
     derivatives = "GetContinuousStateDerivatives"
 
     def _sizes(self) -> tuple[int, int]:
-        found = []
+        sizes = []
         for what in ("ContinuousStates", "EventIndicators"):
             count = ctypes.c_size_t()
-            self._call(f"GetNumberOf{what}", ctypes.byref(count))
-            found.append(int(count.value))
-        return found[0], found[1]
+            self.call(f"GetNumberOf{what}", ctypes.byref(count))
+            sizes.append(int(count.value))
+        return sizes[0], sizes[1]
 
     def _update(self) -> tuple[bool, bool, float]:
         flags = [ctypes.c_bool() for _ in range(5)]
         event_s = ctypes.c_double()
         pointers = [ctypes.byref(flag) for flag in flags]
-        self._call("UpdateDiscreteStates", *pointers, ctypes.byref(event_s))
+        self.call("UpdateDiscreteStates", *pointers, ctypes.byref(event_s))
         needed, ended, _, _, defined = (bool(flag.value) for flag in flags)
         return needed, ended, float(event_s.value) if defined else math.inf
 

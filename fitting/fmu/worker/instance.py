@@ -23,10 +23,10 @@ from fmpy.fmi2 import (
 )
 from fmpy.fmi3 import FMU3Slave
 
+from fitting.fmu.description import FmuDescription
 from fitting.fmu.run_requests import Group
 from fitting.fmu.runs import Tone
 from fitting.fmu.worker.log import CallFailed, Log, label
-from fitting.fmu.worker.messages import UnpackedFmu
 from fitting.text.arrays import Scalar
 
 WARNING, DISCARD = 1, 2
@@ -78,10 +78,17 @@ class FmuInstance:
         self._do_step: Any = self._undeclared("DoStep") if has_steps else None
         self._at, self._step = ctypes.c_double(), ctypes.c_double()
         self._keeps_no_state = self.boolean(True)
-        self._reset = self._function("Reset")
-        self._terminate = self._function("Terminate")
-        self._enter = self._function("EnterInitializationMode")
-        self._exit = self._function("ExitInitializationMode")
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a function of the FMU, by the argument types that fmpy has declared.
+
+        Args:
+            name: of the FMI function, without its prefix.
+            *arguments: behind the instance.
+        """
+        status = getattr(self.fmu.dll, self.prefix + name)(self.instance, *arguments)
+        if status > WARNING:
+            self.check(status, name)
 
     def instantiate(self) -> None:
         """A new instance in place of the old one."""
@@ -96,19 +103,19 @@ class FmuInstance:
         """Free the instance, if there is one."""
         if self.instance is not None:
             instance, self.instance = self.instance, None
-            self._function("FreeInstance")(instance)
+            getattr(self.fmu.dll, f"{self.prefix}FreeInstance")(instance)
 
     def reset(self) -> None:
         """Back to the state after instantiation."""
-        self.check(self._reset(self.instance), "Reset")
+        self.call("Reset")
 
     def terminate(self) -> None:
         """End the simulation; results can still be read, and the instance reset."""
-        self.check(self._terminate(self.instance), "Terminate")
+        self.call("Terminate")
 
     def leave_initialisation(self) -> None:
         """Initial values are computed here."""
-        self.check(self._exit(self.instance), "ExitInitializationMode")
+        self.call("ExitInitializationMode")
 
     def access(self, verb: str, group: Group) -> VariableAccess:
         """Function and buffers to get or set ("Get", "Set") a group of variables.
@@ -139,21 +146,18 @@ class FmuInstance:
             access.buffer[:] = [str(text).encode() for text in values]
         else:
             access.buffer[:] = values
-        self.check(
-            access.function(
-                self.instance, access.references, access.n, access.buffer, *access.tail
-            ),
-            access.name,
-        )
+        function, name, references, n, buffer, tail = access
+        status = function(self.instance, references, n, buffer, *tail)
+        if status > WARNING:
+            self.check(status, name)
 
-    def configure(self, *, begin: bool) -> None:
+    def configure(self, *, start: bool) -> None:
         """Enter configuration mode, in which structural parameters are set, or leave it.
 
         Args:
-            begin: which of the two.
+            start: which of the two.
         """
-        name = "EnterConfigurationMode" if begin else "ExitConfigurationMode"
-        self.check(self._function(name)(self.instance), name)
+        self.call("EnterConfigurationMode" if start else "ExitConfigurationMode")
 
     def follow(self, access: VariableAccess, tones: tuple[Tone, ...]) -> bool:
         """Whether the input follows tones by itself from now on: what is held over steps does not.
@@ -181,28 +185,20 @@ class FmuInstance:
         Args:
             text: as it was written.
         """
-        said = self.log.sentences()
-        return f"{said}; {text}" if said else f"{text}, and the FMU logged nothing"
+        logged = self.log.sentences()
+        return f"{logged}; {text}" if logged else f"{text}, and the FMU logged nothing"
 
     def stopped(self, reached: float, wanted: float, why: str) -> CallFailed:
         """The failure of a step that did not arrive.
 
         Args:
-            reached: time that was reached, s.
+            reached: time that was reached, s; NaN: it is not known.
             wanted: time that was wanted, s.
             why: as the FMU gave it.
         """
-        at = (
-            f"at t = {reached!r} s"
-            if math.isfinite(reached)
-            else "at a time that it does not report"
-        )
+        known = math.isfinite(reached)
+        at = f"at t = {reached!r} s" if known else "at a time that it does not report"
         return CallFailed(self.with_log(f"stopped early {at}, wanted {wanted!r} s ({why})"))
-
-    def _function(self, name: str) -> Callable[..., Any]:
-        # the function object that fmpy has given its argument and result types
-        function: Callable[..., Any] = getattr(self.fmu.dll, self.prefix + name)
-        return function
 
     def _undeclared(self, name: str) -> Callable[..., Any]:
         # a function object of its own, which gives a whole number and takes what it is given
@@ -239,7 +235,6 @@ class FmuInstance2(FmuInstance):
 
     def __init__(self, fmu: Any, log: Log) -> None:
         super().__init__(fmu, log)
-        self._setup_experiment = self._function("SetupExperiment")
         self._callbacks = fmi2CallbackFunctions()
         self._callbacks.logger = fmi2CallbackLoggerTYPE(
             lambda _environment, _name, status, _category, message: log.receive(status, message)
@@ -258,9 +253,8 @@ class FmuInstance2(FmuInstance):
 
     def enter_initialisation(self, start_time: float) -> None:
         """SetupExperiment and EnterInitializationMode."""
-        status = self._setup_experiment(self.instance, 0, 0.0, start_time, 0, 0.0)
-        self.check(status, "SetupExperiment")
-        self.check(self._enter(self.instance), "EnterInitializationMode")
+        self.call("SetupExperiment", 0, 0.0, start_time, 0, 0.0)
+        self.call("EnterInitializationMode")
 
     def step(self, at: float, step: float) -> None:
         """DoStep; the FMU tells by 'discard' that it stopped early."""
@@ -269,15 +263,13 @@ class FmuInstance2(FmuInstance):
         if status <= WARNING:
             return
         if status == DISCARD:
-            raise self.stopped(self._last_time(), at + step, "fmi2DoStep returned 'discard'")
+            reached = ctypes.c_double(math.nan)
+            ask = self.fmu.dll.fmi2GetRealStatus
+            known = ask(self.instance, LAST_SUCCESSFUL_TIME, ctypes.byref(reached)) <= WARNING
+            last = reached.value if known else math.nan
+            raise self.stopped(last, at + step, "fmi2DoStep returned 'discard'")
         text = f"fmi2DoStep from t = {at!r} s by {step!r} s returned '{label(status)}'"
         raise CallFailed(self.with_log(text))
-
-    def _last_time(self) -> float:
-        reached = ctypes.c_double(math.nan)
-        ask = self._function("GetRealStatus")
-        known = ask(self.instance, LAST_SUCCESSFUL_TIME, ctypes.byref(reached)) <= WARNING
-        return reached.value if known else math.nan
 
 
 class FmuInstance3(FmuInstance):
@@ -289,14 +281,10 @@ class FmuInstance3(FmuInstance):
 
     def __init__(self, fmu: Any, log: Log) -> None:
         super().__init__(fmu, log)
-        self._events = ctypes.c_bool()
-        self._terminated = ctypes.c_bool()
-        self._early = ctypes.c_bool()
+        self._events, self._terminated, self._early = (ctypes.c_bool() for _ in range(3))
         self._reached = ctypes.c_double()
-        self._flags = tuple(
-            ctypes.byref(flag)
-            for flag in (self._events, self._terminated, self._early, self._reached)
-        )
+        flags = (self._events, self._terminated, self._early, self._reached)
+        self._flags = tuple(map(ctypes.byref, flags))
 
     def _instantiate(self) -> None:
         receive = self.log.receive
@@ -307,8 +295,7 @@ class FmuInstance3(FmuInstance):
 
     def enter_initialisation(self, start_time: float) -> None:
         """EnterInitializationMode with the start time."""
-        status = self._enter(self.instance, False, 0.0, start_time, False, 0.0)
-        self.check(status, "EnterInitializationMode")
+        self.call("EnterInitializationMode", False, 0.0, start_time, False, 0.0)
 
     def step(self, at: float, step: float) -> None:
         """DoStep; the FMU tells by flags and the time reached that it stopped early."""
@@ -328,29 +315,30 @@ class FmuInstance3(FmuInstance):
             raise self.stopped(reached, wanted, "fmi3DoStep returned early")
 
 
-def load(unpacked: UnpackedFmu, log: Log) -> FmuInstance:
+def load(description: FmuDescription, folder: str, log: Log) -> FmuInstance:
     """The library of an unpacked FMU, loaded; no instance yet.
 
     Args:
-        unpacked: FMU with the folder that holds its files.
+        description: of the FMU.
+        folder: that holds its files.
         log: of the FMU.
 
     Raises CallFailed if it cannot be loaded or lacks a function.
     """
-    kinds: tuple[Any, type[FmuInstance]] = (
-        (FMU2Slave, FmuInstance2) if unpacked.fmi_version == "2.0" else (FMU3Slave, FmuInstance3)
-    )
-    library, interface = kinds
-    if unpacked.exchange is not None:
+    library: Any = FMU2Slave
+    interface: type[FmuInstance] = FmuInstance2
+    if description.fmi_version != "2.0":
+        library, interface = FMU3Slave, FmuInstance3
+    if description.exchange is not None:
         from fitting.fmu.worker.exchange import exchange_of  # scipy, which others need not load
 
-        library, interface = exchange_of(unpacked.fmi_version, unpacked.exchange)
+        library, interface = exchange_of(description.fmi_version, description.exchange)
     try:
         fmu = library(
-            guid=unpacked.guid,
-            modelIdentifier=unpacked.model_identifier,
-            unzipDirectory=unpacked.folder,
-            instanceName=unpacked.model_identifier,
+            guid=description.guid,
+            modelIdentifier=description.model_identifier,
+            unzipDirectory=folder,
+            instanceName=description.model_identifier,
         )
     except Exception as error:  # fmpy raises a bare Exception
         raise CallFailed(f"its library cannot be loaded: {error}") from error

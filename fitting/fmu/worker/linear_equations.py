@@ -86,8 +86,7 @@ class LinearEquations:
         whole[:n, n + 2 * m :] = np.eye(n)
         # states differ by many powers of ten: unscaled, that would cost digits
         balanced, (scale, _) = matrix_balance(step_s * whole, permute=False, separate=True)
-        found: FloatArray = expm(balanced)[:n] * scale[:n, None] / scale[None, :]
-        return found
+        return np.asarray(expm(balanced)[:n] * scale[:n, None] / scale[None, :])
 
     def moved(self, by: FloatArray, x: FloatArray, phases: Sequence[float]) -> FloatArray:
         """x(t + h), (n,).
@@ -98,8 +97,7 @@ class LinearEquations:
             phases: of the tones at t, rad.
         """
         turning = [part for phase in phases for part in (math.cos(phase), math.sin(phase))]
-        moved: FloatArray = by @ np.concatenate([x, turning, self.constant])
-        return moved
+        return np.asarray(by @ np.concatenate([x, turning, self.constant]))
 
 
 @np.errstate(all="ignore")  # what is no number is not linear
@@ -122,14 +120,13 @@ def linear_equations(rate: Rate, scales: FloatArray, *, driven: bool) -> LinearE
         x[j] = scale
         columns.append((rate(x, 0.0) - constant) / scale)
     drive = rate(here, 1.0) - constant if driven else np.zeros(n)
-    found = LinearEquations(np.array(columns).T.copy(), drive, constant)
-    finite = all(np.isfinite(part).all() for part in (found.matrix, drive, constant))
-    return found if finite and _everywhere(found, rate, scales) else None
-
-
-def _everywhere(equations: LinearEquations, rate: Rate, scales: FloatArray) -> bool:
-    """Whether they hold at seeded states and inputs of all sizes."""
-    draws = np.random.default_rng(1).standard_normal((TIMES, len(SIZES), len(scales) + 1))
-    rows = (SIZES[:, None] * draws).reshape(-1, len(scales) + 1)
-    places = ((scales * row[:-1], float(row[-1])) for row in rows)
-    return all(equations.describe(rate(x, u), x, u) for x, u in places)
+    equations = LinearEquations(np.array(columns).T.copy(), drive, constant)
+    if not all(np.isfinite(part).all() for part in (equations.matrix, drive, constant)):
+        return None
+    # at seeded states and inputs of all sizes
+    draws = np.random.default_rng(1).standard_normal((TIMES, len(SIZES), n + 1))
+    for *x_scaled, u in (SIZES[:, None] * draws).reshape(-1, n + 1):
+        x = scales * np.array(x_scaled)
+        if not equations.describe(rate(x, float(u)), x, float(u)):
+            return None
+    return equations

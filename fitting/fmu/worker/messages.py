@@ -1,66 +1,57 @@
-"""What a caller and its worker process say to each other: a task, then batches and replies."""
+"""What caller and worker process exchange: a task, batches of requests, replies.
+
+To the worker goes its `Task`, then batches: their number, the layouts that it does not know yet,
+and requests as plain tuples, which are pickled in half the time; None ends it.
+
+An FMU can write into the pipe of its process. So nothing that comes from there is unpickled, waited
+for without end, or believed before it has been examined: a reply is a head, a text in JSON, plain
+numbers, and what is known of resets, which the caller keeps unread for the next worker.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import json
+import os
+import socket
+import struct
+import sys
+from dataclasses import asdict, fields
+from multiprocessing import connection
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from fitting.fmu.description import FmuDescription
 from fitting.fmu.isolation import Isolation
-from fitting.fmu.loadable import Loadable
-from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.reuse import Verdict
 from fitting.text.arrays import FloatArray
 
+#: Bytes of the text, and how many numbers follow it.
+HEAD = struct.Struct("!IQ")
+#: Bytes of a reply beside the numbers that were asked for: words, and what is known of resets.
+MOST_OTHERS = 2**28
+CHUNK = 2**20
 
-@dataclass(frozen=True, kw_only=True)
-class UnpackedFmu(Loadable):
-    """An FMU that is unpacked into ``folder``."""
 
-    folder: str
+class NotAnAnswer(Exception):
+    """What came by the pipe of a worker is no answer to what it was asked."""
 
 
 class Task(NamedTuple):
     """What a worker is there for: an FMU, what is known about its reuse, its pulse and limits.
 
-    ``trials`` are what an earlier worker has compared, as that packed it. ``pulse_path`` is the
-    file of the pulse, unused where its descriptor came before the task.
+    ``fmu`` is its description without the variables, ``folder`` where it is unpacked. ``trials``
+    are what an earlier worker has compared, as that packed it. ``pulse_path`` is the file of the
+    pulse, unused where its descriptor came before the task.
     """
 
-    fmu: UnpackedFmu
+    fmu: FmuDescription
+    folder: str
     verdict: Verdict
     trials: bytes
     pulse_path: str
     isolation: Isolation | None = None
-
-
-class Batch(NamedTuple):
-    """Runs to do, and the layouts that the worker does not know yet, by their numbers.
-
-    ``number`` counts the batches of a worker. ``rows`` are requests as plain tuples, which are
-    packed in half the time.
-    """
-
-    number: int
-    layouts: list[Layout]
-    rows: list[tuple[Any, ...]]
-
-    @classmethod
-    def of(cls, number: int, layouts: list[Layout], requests: Sequence[RunRequest]) -> Batch:
-        """A batch of requests.
-
-        Args:
-            number: of the batch.
-            layouts: all that there are, the worker's first.
-            requests: runs to do.
-        """
-        return cls(number, layouts, list(map(tuple, requests)))
-
-    @property
-    def requests(self) -> Iterator[RunRequest]:
-        """The runs to do."""
-        return map(RunRequest._make, self.rows)
 
 
 class Reply(NamedTuple):
@@ -69,7 +60,7 @@ class Reply(NamedTuple):
     ``number`` is that of the batch, ``process`` who answers. ``used_up``: this process should do no
     more; ``failure``: why the one after the last done one failed. ``trials``: what was compared of
     resets, packed for the next worker. ``memory`` of the process in bytes, 0 where the system does
-    not tell.
+    not report it.
     """
 
     number: int
@@ -82,4 +73,117 @@ class Reply(NamedTuple):
     counts: Counts
     verdict: Verdict
     trials: bytes
-    memory: int = 0
+    memory: int
+
+    def packed(self) -> bytes:
+        """Its bytes."""
+        texts = self._asdict()
+        numbers, trials = texts.pop("results"), texts.pop("trials")
+        texts |= {"counts": asdict(self.counts), "verdict": asdict(self.verdict)}
+        text = json.dumps(texts).encode()
+        head = HEAD.pack(len(text), numbers.size)
+        return b"".join((head, text, np.ascontiguousarray(numbers, dtype="=f8").tobytes(), trials))
+
+    @classmethod
+    def unpacked(cls, data: bytes) -> Reply:
+        """The reply of these bytes.
+
+        Args:
+            data: as `packed` makes them, or anything else.
+
+        Raises:
+            NotAnAnswer: they are something else.
+        """
+
+        def record(kind: type[Any], given: dict[str, Any], **known: Any) -> Any:
+            """A record whose other fields have the types of their defaults."""
+            own = [field for field in fields(kind) if field.name not in known]
+            return kind(**{f.name: type(f.default)(given[f.name]) for f in own}, **known)
+
+        try:
+            size, count = HEAD.unpack_from(data)
+            texts = json.loads(data[HEAD.size : HEAD.size + size])
+            verdict = texts["verdict"]
+            reused = verdict["reused"]
+            return cls(
+                number=int(texts["number"]),
+                process=int(texts["process"]),
+                results=np.frombuffer(data, "=f8", count, HEAD.size + size),
+                done=int(texts["done"]),
+                used_up=bool(texts["used_up"]),
+                failure=None if texts["failure"] is None else str(texts["failure"]),
+                warnings=tuple(map(str, texts["warnings"])),
+                counts=record(Counts, texts["counts"], processes=0),
+                verdict=record(Verdict, verdict, reused=None if reused is None else bool(reused)),
+                trials=bytes(data[HEAD.size + size + 8 * count :]),
+                memory=int(texts["memory"]),
+            )
+        # whatever a program may write there: numbers beyond all bounds, lists a million deep
+        except (
+            ArithmeticError,
+            LookupError,
+            TypeError,
+            ValueError,
+            RecursionError,
+            struct.error,
+        ) as error:
+            raise NotAnAnswer(str(error)) from error
+
+
+class Incoming:
+    """What has come so far by a pipe: whole messages are taken, nothing is waited for.
+
+    The frames are those of `multiprocessing.connection`. On Windows, where these pipes have
+    messages of their own, the system keeps them apart.
+
+    Args:
+        pipe: the caller's end.
+    """
+
+    def __init__(self, pipe: connection.Connection) -> None:
+        self._pipe = pipe
+        self._come = bytearray()
+        self._socket: socket.socket | None = None
+        if sys.platform != "win32":
+            # a handle of its own on the same pipe, which alone may not wait
+            handle = os.dup(pipe.fileno())
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM, 0, handle)
+
+    def take(self, most: int) -> bytes | None:
+        """The next message, None where it has not come to its end.
+
+        Args:
+            most: bytes that it may have.
+
+        Raises:
+            EOFError: the other end is closed.
+            NotAnAnswer: it is longer than that, by its head.
+        """
+        if self._socket is None:
+            return self._pipe.recv_bytes(most)
+        while True:
+            start, size = 4, -1
+            if len(self._come) >= start:
+                [size] = struct.unpack_from("!i", self._come)
+                if size == -1:  # one of more than 2 GB, whose size follows
+                    start = 12
+                    if len(self._come) >= start:
+                        [size] = struct.unpack_from("!Q", self._come, 4)
+                if size < -1 or size > most:
+                    raise NotAnAnswer(f"a message of {size} bytes")
+            if 0 <= size <= len(self._come) - start:
+                message = bytes(self._come[start : start + size])
+                del self._come[: start + size]
+                return message
+            try:
+                chunk = self._socket.recv(CHUNK, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return None
+            if not chunk:
+                raise EOFError
+            self._come += chunk
+
+    def close(self) -> None:
+        """Let go of the pipe."""
+        if self._socket is not None:
+            self._socket.close()

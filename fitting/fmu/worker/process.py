@@ -12,21 +12,20 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from time import sleep
-from typing import IO, NamedTuple, cast
+from typing import IO, cast
 
 from fitting.engine.process import end, goes_on, start
 from fitting.fmu.isolation import MB
 from fitting.fmu.run_requests import Layout, RunRequest
-from fitting.fmu.worker.answers import MOST_BESIDE, Incoming, NotAnAnswer, unpacked
-from fitting.fmu.worker.messages import Batch, Reply, Task
+from fitting.fmu.worker.messages import MOST_OTHERS, Incoming, NotAnAnswer, Reply, Task
 from fitting.fmu.worker.printed import Printed
 from fitting.fmu.worker.pulse import (
     AT_RUN,
-    BEGUN,
     COUNTED_MEMORY,
     FREEING,
     IN_TRIAL,
     OWN_MEMORY,
+    STARTED,
     hand_over,
     new_pulse,
 )
@@ -40,17 +39,6 @@ ENDED_LOOKS, ENDED_S = 1000, 0.01
 NEARLY = 0.8
 #: Signals from outside that end a process; whatever else ends it is the FMU's doing.
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
-
-
-class Death(NamedTuple):
-    """How a process ended, in a sentence; ``killed_by`` names the signal of somebody outside.
-
-    ``goes_on``: it has not ended, and closed its pipe alone.
-    """
-
-    how: str
-    killed_by: str
-    goes_on: bool = False
 
 
 class WorkerProcess:
@@ -71,26 +59,23 @@ class WorkerProcess:
         try:
             # what it leaves among the temporary files goes with its folder
             more = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._folder))
-            self._process, self.pipe = start(
-                PROGRAM, self._folder, more, alone=task.isolation is not None
-            )
+            isolated = task.isolation is not None
+            self._process, self.pipe = start(PROGRAM, self._folder, more, alone=isolated)
         except BaseException:
             self._pulse.close()
             raise
         self._incoming = Incoming(self.pipe)
-        self._sent: list[int] = []
-        self._batches = 0
         self._printed = Printed(cast("IO[bytes]", self._process.stdout))
         self._ended = False
         #: Whether the last run that it answered for failed, which may have left anything behind.
         self.has_failed = False
         self._most_memory = 0
-        self._begun = -1
-        self._since = 0.0
-        self._layouts = 0  # that the process knows
+        self._batches, self._layouts = 0, 0  # sent so far
+        self._sizes: list[int] = []  # of the results of the batch under way
+        self._started, self._since = -1, 0.0
         try:
             # by itself: namespaces are left before there is a thread
-            self._hand_over(task.isolation is not None)
+            self._hand_over(isolated)
             with contextlib.suppress(OSError):
                 hand_over(self.pipe, pulse_descriptor)
             self._hand_over(task)
@@ -107,17 +92,17 @@ class WorkerProcess:
         return self._process.pid
 
     def send(self, layouts: list[Layout], requests: Sequence[RunRequest]) -> None:
-        """Hand over a batch; that the process has ended is found out by `receive`.
+        """Hand over a batch; that the process has ended is noticed by `receive`.
 
         Args:
-            layouts: all that there are; the process is told of one only once.
+            layouts: all that there are; the process is sent each only once.
             requests: runs to do.
         """
-        self._begun, self._since = -1, time.monotonic()
+        self._started, self._since = -1, time.monotonic()
         self._pulse.numbers[AT_RUN] = 0
         self._batches += 1
-        self._sent = [request.rows * len(layouts[request.layout].outputs) for request in requests]
-        self._hand_over(Batch.of(self._batches, layouts[self._layouts :], requests))
+        self._sizes = [r.rows * len(layouts[r.layout].outputs) for r in requests]
+        self._hand_over((self._batches, layouts[self._layouts :], list(map(tuple, requests))))
         self._layouts = len(layouts)
 
     def receive(self) -> Reply | None:
@@ -128,22 +113,22 @@ class WorkerProcess:
             NotAnAnswer: something else has come.
         """
         try:
-            data = self._incoming.take(8 * sum(self._sent) + MOST_BESIDE)
+            data = self._incoming.take(8 * sum(self._sizes) + MOST_OTHERS)
         except OSError as error:
             raise EOFError from error
         if data is None:
             return None
-        reply = unpacked(data)
-        asked = (self._batches, self.pid, sum(self._sent[: reply.done]))
-        if (reply.number, reply.process, reply.results.size) != asked or not (
-            0 <= reply.done <= len(self._sent)
+        reply = Reply.unpacked(data)
+        expected = (self._batches, self.pid, sum(self._sizes[: reply.done]))
+        if (reply.number, reply.process, reply.results.size) != expected or not (
+            0 <= reply.done <= len(self._sizes)
         ):
             raise NotAnAnswer("an answer to something else")
         return reply
 
     @property
     def is_gone(self) -> bool:
-        """Whether the process has ended and nothing of it is left to be received.
+        """Whether the process has ended and nothing of it remains to be received.
 
         A process that its FMU has forked may keep the pipe open.
         """
@@ -172,33 +157,53 @@ class WorkerProcess:
         Args:
             timeout_s: longest silence, s.
         """
-        begun = self._pulse.numbers[BEGUN]
-        if begun != self._begun:
-            self._begun, self._since = begun, time.monotonic()
-        return time.monotonic() - self._since > (timeout_s if begun else max(timeout_s, START_S))
+        started = self._pulse.numbers[STARTED]
+        if started != self._started:
+            self._started, self._since = started, time.monotonic()
+        return time.monotonic() - self._since > (timeout_s if started else max(timeout_s, START_S))
 
-    def death(self) -> Death:
-        """How the process ended, whose pipe has."""
+    def death(self) -> tuple[str, str, bool]:
+        """How the process ended, whose pipe has.
+
+        In a sentence; by which signal of somebody outside, empty: by none; and whether it has not
+        ended, and closed its pipe alone.
+        """
         for _ in range(ENDED_LOOKS):
             if self._poll() is not None or goes_on(self.pid):
                 break
             sleep(ENDED_S)
-        code = self._process.returncode
-        name = _signal_name(code)
+        code, name = self._process.returncode, ""
+        if code is not None and code < 0:
+            known = {int(number): number.name for number in signal.Signals}
+            name = known.get(-code, f"signal {-code}")
+
+        limits = self._isolation
+        if limits is not None:
+            # Linux counts the caller's memory for a process that it starts: no more than that
+            # means nothing for what the process took itself
+            own, counted = (self._pulse.numbers[place] for place in (OWN_MEMORY, COUNTED_MEMORY))
+            taken = self._most_memory - own if self._most_memory > counted else 0
+            beyond = {
+                "SIGXCPU": f"took more than {limits.processor_s:g} s of processor time",
+                "SIGXFSZ": f"wrote more than {limits.written_mb:g} MB",
+                "SIGSYS": "asked for a network, which it has not when isolated,",
+            }.get(name)
+            if beyond is None and taken > NEARLY * limits.memory_mb * MB:
+                beyond = f"wanted more than {limits.memory_mb:g} MB of memory"
+            if beyond is not None:
+                return f"{beyond} and was stopped", "", False
+
         if code is None:
             how = "closed the pipe of its process"
-        elif name:
-            how = f"crashed its process ({name})"
         else:
-            how = f"ended its process (exit code {code})"
-        beyond = self._beyond(name)
-        if beyond:
-            return Death(beyond, "")
+            how = (
+                f"crashed its process ({name})" if name else f"ended its process (exit code {code})"
+            )
         words = self._printed.last_words()
         how = f"{how}; its last words: {words}" if words else f"{how} without a word"
-        if self._isolation is not None and code:
-            how += f"; it ran isolated, with {self._isolation.words}"
-        return Death(how, name if name in FROM_OUTSIDE else "", goes_on=code is None)
+        if limits is not None and code:
+            how += f"; it ran isolated, with {limits.words}"
+        return how, name if name in FROM_OUTSIDE else "", code is None
 
     def written_too_much(self) -> str:
         """In words that an isolated FMU has written more than it may; empty: it has not."""
@@ -222,25 +227,6 @@ class WorkerProcess:
                     self._most_memory = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
         return self._process.poll()
 
-    def _beyond(self, name: str) -> str:
-        """Which limit ended an isolated process, in words; empty: none that is known."""
-        limits = self._isolation
-        if limits is None:
-            return ""
-        if name == "SIGXCPU":
-            return f"took more than {limits.processor_s:g} s of processor time and was stopped"
-        if name == "SIGXFSZ":
-            return f"wrote more than {limits.written_mb:g} MB and was stopped"
-        if name == "SIGSYS":
-            return "asked for a network, which it has not when isolated, and was stopped"
-        # Linux counts the caller's memory for a process that it starts: no more than that says
-        # nothing of what the process took itself
-        own, counted = (self._pulse.numbers[place] for place in (OWN_MEMORY, COUNTED_MEMORY))
-        taken = self._most_memory - own if self._most_memory > counted else 0
-        if taken > NEARLY * limits.memory_mb * MB:
-            return f"wanted more than {limits.memory_mb:g} MB of memory and was stopped"
-        return ""
-
     def ask_to_end(self) -> None:
         """Let the process free its FMU and end."""
         self._hand_over(None)
@@ -263,13 +249,3 @@ class WorkerProcess:
     def _hand_over(self, message: object) -> None:
         with contextlib.suppress(OSError):
             self.pipe.send(message)
-
-
-def _signal_name(code: int | None) -> str:
-    """Name of the signal that ended a process of that return code; empty if none did."""
-    if code is None or code >= 0:
-        return ""
-    try:
-        return signal.Signals(-code).name
-    except ValueError:
-        return f"signal {-code}"

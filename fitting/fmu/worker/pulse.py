@@ -15,11 +15,11 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import NamedTuple
 
-#: Places: the run of the batch that is under way, a count of everything that was begun, whether a
+#: Places: the run of the batch that is under way, a count of everything that was started, whether a
 #: reset instance is only being tried, whether an instance is being freed, the memory of the
 #: process in bytes before there is an FMU in it, and the most that the system counts for it till
 #: then.
-AT_RUN, BEGUN, IN_TRIAL, FREEING, OWN_MEMORY, COUNTED_MEMORY = 0, 1, 2, 3, 4, 5
+AT_RUN, STARTED, IN_TRIAL, FREEING, OWN_MEMORY, COUNTED_MEMORY = 0, 1, 2, 3, 4, 5
 PLACES = 6
 SIZE = 8  # bytes of each
 

@@ -15,13 +15,13 @@ second one; one that stood still gives way to the next.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import KW_ONLY, dataclass, field
-from typing import NamedTuple
+from typing import Protocol
 
 import numpy as np
 
-from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.run_requests import RunRequest
 from fitting.fmu.worker.log import CallFailed
 from fitting.text.arrays import FloatArray
 
@@ -47,18 +47,19 @@ class Trial:
     blind: Counter[Place] = field(default_factory=Counter)
 
 
-class Instances(NamedTuple):
-    """Ways to make a run.
+class Instances(Protocol):
+    """Ways to make a run; ``single``: its process bears one instance alone."""
 
-    ``fresh``: on a new instance; ``again``: on the present one after a reset; ``tried``: the same
-    in a trial, in which the reset may turn out to be the end of the process; ``compared``: on a new
-    instance in a trial, None where a process bears one alone.
-    """
+    single: bool
 
-    fresh: Callable[[RunRequest], FloatArray]
-    again: Callable[[RunRequest], FloatArray]
-    tried: Callable[[RunRequest], FloatArray]
-    compared: Callable[[RunRequest], FloatArray] | None
+    def fresh(self, request: RunRequest) -> FloatArray:
+        """On a new instance."""
+
+    def again(self, request: RunRequest) -> FloatArray:
+        """On the present one after a reset."""
+
+    def trying(self) -> AbstractContextManager[None]:
+        """Within, a reset may turn out to be the end of the process."""
 
 
 @dataclass(frozen=True)
@@ -90,89 +91,62 @@ def refused(
     return Verdict(reused=False, note=f"{ANEW}{reason}", ended=ended, lied=lied, failed=failed)
 
 
-@dataclass
-class ReuseDecision:
+class Reuse:
     """A verdict, and what has been compared for it, by layout."""
 
-    verdict: Verdict = field(default_factory=Verdict)
-    trials: dict[int, Trial] = field(default_factory=dict)
+    def __init__(self, verdict: Verdict) -> None:
+        self.verdict = verdict
+        self.trials: dict[int, Trial] = {}
 
-    @property
-    def reused(self) -> bool | None:
-        """Whether instances are reused, None where nothing has decided that yet."""
-        return self.verdict.reused
-
-    def decide(self, verdict: Verdict) -> None:
-        """From now on this holds; what was compared is not needed any more where that is no.
+    def run(
+        self, outputs: tuple[str, ...], request: RunRequest, instances: Instances
+    ) -> FloatArray:
+        """Result of a run, on a reset instance where that is proven to be as good as a new one.
 
         Args:
-            verdict: on resets.
+            outputs: names of what is read.
+            request: a run, in value references.
+            instances: ways to make it.
         """
-        self.verdict = verdict
-        if verdict.reused is False:
-            self.trials.clear()
+        trial = self.trials.get(request.layout)
+        if self.verdict.reused is False or trial is None:
+            result = instances.fresh(request)
+            if self.verdict.reused is not False:
+                self.trials[request.layout] = Trial(request, result)
+            return result
+        new = _differing(trial.request, request) - trial.varied
+        if not new:
+            return (instances.again if trial.varied else instances.fresh)(request)
 
-
-def run_with_reuse(
-    decision: ReuseDecision, layouts: list[Layout], request: RunRequest, instances: Instances
-) -> FloatArray:
-    """Result of a run, on a reset instance where that is proven to be as good as a new one.
-
-    Args:
-        decision: what is known about reuse.
-        layouts: of runs, met so far.
-        request: a run, in value references.
-        instances: ways to make it.
-    """
-    trial = decision.trials.get(request.layout)
-    if decision.reused is False or trial is None:
+        # values that no comparison has varied yet: both runs on new instances, then each again
         result = instances.fresh(request)
-        if decision.reused is not False:
-            decision.trials[request.layout] = Trial(request, result)
-        return result
-    new = _differing(trial.request, request) - trial.varied
-    if not new:
-        return (instances.again if trial.varied else instances.fresh)(request)
-    result = instances.fresh(request)
-    try:
+        before, pairs = trial.result, [(trial.request, trial.result), (request, result)]
         first = None if new & WHOLE else _with_values(request, trial.request, new)
-        before = trial.result
-        pairs = ((trial.request, trial.result), (request, result))
-        if instances.compared is not None and first is not None and first != trial.request:
-            before = instances.compared(first)
-            pairs = ((request, result), (first, before))
-        reason = _difference_after_reset(layouts[request.layout], pairs, instances)
-    except CallFailed as error:  # and on a new instance the same run did not fail
-        decision.decide(refused(f"a run after a reset failed ({error})", failed=True))
-        return result
-    if reason:
-        decision.decide(refused(reason, lied=True))
-    else:
-        _count(trial, new, acts=not _same(before, result))
-        decision.decide(Verdict(reused=True, note=REUSED))
-        if not np.ptp(trial.result, axis=0).any():
+        try:
+            with instances.trying():
+                if not instances.single and first is not None and first != trial.request:
+                    before = instances.fresh(first)
+                    pairs = [(request, result), (first, before)]
+                for repeated, expected in pairs:
+                    after = instances.again(repeated)
+                    if after.tobytes() != expected.tobytes():
+                        self._refuse(_difference(outputs, after, expected), lied=True)
+                        return result
+        except CallFailed as error:  # and on a new instance the same run did not fail
+            self._refuse(f"a run after a reset failed ({error})", failed=True)
+            return result
+
+        acts = before.tobytes() != result.tobytes()
+        trial.blind.update(new)
+        trial.varied |= {place for place in new if acts or trial.blind[place] >= BLIND}
+        self.verdict = Verdict(reused=True, note=REUSED)
+        if not np.ptp(trial.result, axis=0).any():  # it stood still
             trial.request, trial.result = request, result
-    return result
+        return result
 
-
-def _count(trial: Trial, new: set[Place], *, acts: bool) -> None:
-    """Take note of values that were compared."""
-    trial.blind.update(new)
-    trial.varied |= {place for place in new if acts or trial.blind[place] >= BLIND}
-
-
-def _difference_after_reset(
-    layout: Layout, pairs: Sequence[tuple[RunRequest, FloatArray]], instances: Instances
-) -> str:
-    """What comes out otherwise of two runs, each repeated after a reset; empty if nothing.
-
-    Raises CallFailed where such a run fails.
-    """
-    for repeated, new in pairs:
-        reset = instances.tried(repeated)
-        if not _same(reset, new):
-            return _difference(layout.outputs, reset, new)
-    return ""
+    def _refuse(self, reason: str, *, lied: bool = False, failed: bool = False) -> None:
+        self.verdict = refused(reason, lied=lied, failed=failed)
+        self.trials.clear()
 
 
 def _with_values(request: RunRequest, of: RunRequest, places: set[Place]) -> RunRequest:
@@ -204,10 +178,6 @@ def _differing(a: RunRequest, b: RunRequest) -> set[Place]:
     if a.held != b.held:
         places.add("held")
     return places
-
-
-def _same(a: FloatArray, b: FloatArray) -> bool:
-    return a.tobytes() == b.tobytes()
 
 
 def _difference(outputs: tuple[str, ...], reset: FloatArray, new: FloatArray) -> str:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.fmu.run_requests import Layout, RunRequest
-from fitting.fmu.runs import communication_steps, parts, row_times
-from fitting.fmu.worker.input_signal import held_values, seen_values
+from fitting.fmu.runs import HeldSignal, Tone, communication_steps, parts, row_times
 from fitting.fmu.worker.instance import WARNING, FmuInstance, VariableAccess
 from fitting.fmu.worker.log import CallFailed
+from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import FloatArray
 
 Reader = Callable[[int], None]
@@ -58,36 +59,33 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     Raises CallFailed for a status that is not OK or a warning, for a step that ends early and,
     unless ``request.allow_nan``, for an output that is not a finite number.
     """
-    result = np.empty((request.rows, len(binding.layout.outputs)))
-    _set_start_values(fmu, binding, request)
+    layout = binding.layout
+    result = np.empty((request.rows, len(layout.outputs)))
+    # structural parameters come first, in configuration mode
+    configuring = False
+    for group, access, values in zip(layout.sets, binding.sets, request.values, strict=True):
+        if group.structural != configuring:
+            configuring = group.structural
+            fmu.configure(start=configuring)
+        fmu.set(access, values)
+    if configuring:
+        fmu.configure(start=False)
     read = _reader(fmu, binding, result)
     fmu.enter_initialisation(request.start_time_s)
     if request.held is not None:
         _stride_in_steps(fmu, binding.input, request, read)
     elif binding.input is None or fmu.follow(binding.input, request.tones):
         fmu.leave_initialisation()
-        now = _stride(fmu, request, read)
-        if binding.moved is not None:
-            _follow(fmu, binding.moved, request, read, now)
+        _stride(fmu, binding.moved, request, read)
     else:
-        _stride_with_input(fmu, binding.input, request, read)
+        _stride_in_steps(fmu, binding.input, _with_held_tones(request), read)
     fmu.terminate()
     if not (request.allow_nan or np.count_nonzero(np.isfinite(result)) == result.size):
-        raise CallFailed(fmu.with_log(_not_finite(binding.layout.outputs, request, result)))
+        j, column = np.argwhere(~np.isfinite(result))[0]
+        at = row_times(request)[int(j)]
+        text = f"output {layout.outputs[column]} is {result[j, column]} at t = {at!r} s"
+        raise CallFailed(fmu.with_log(text))
     return result
-
-
-def _set_start_values(fmu: FmuInstance, binding: Binding, request: RunRequest) -> None:
-    """Structural parameters in configuration mode, which come first, then all others."""
-    groups = zip(binding.layout.sets, binding.sets, request.values, strict=True)
-    configuring = False
-    for group, access, values in groups:
-        if group.structural != configuring:
-            configuring = group.structural
-            fmu.configure(begin=configuring)
-        fmu.set(access, values)
-    if configuring:
-        fmu.configure(begin=False)
 
 
 def steps_of(request: RunRequest) -> int:
@@ -102,75 +100,70 @@ def steps_of(request: RunRequest) -> int:
     return communication_steps(request)
 
 
-def _follow(
-    fmu: FmuInstance, moved: VariableAccess, request: RunRequest, read: Reader, now: float
+def _whole_steps(request: RunRequest) -> tuple[int, int]:
+    """Steps before the first sample, and from one sample to the next."""
+    each = round(request.sample_step_s / request.step_s) if request.samples > 1 else 1
+    return round(request.settle_s / request.step_s), each
+
+
+def _stride(
+    fmu: FmuInstance, moved: VariableAccess | None, request: RunRequest, read: Reader
 ) -> None:
-    """Segments after the first stretch: move the variable, one step to each of their samples."""
-    row = request.samples
-    for segment in request.segments:
-        fmu.set(moved, (segment.value,))
-        first = now + segment.settle_s
-        for j in range(segment.samples):
-            then = first + j * segment.sample_step_s
+    """One step to each sample, or equal ones that are short enough; then segments likewise."""
+    longest_s = request.longest_step_s
+    row, now = 0, request.start_time_s
+    for part in (request, *request.segments):
+        if part is not request and moved is not None:
+            fmu.set(moved, (part.value,))
+        first = now + part.settle_s
+        for j in range(part.samples):
+            then = first + j * part.sample_step_s if j else first
             if then > now:
-                _advance(fmu, request, now, then)
+                if longest_s:
+                    start, span = now, then - now
+                    count = parts(span, longest_s)
+                    for k in range(1, count):
+                        at = start + k * (span / count)
+                        fmu.step(now, at - now)
+                        now = at
+                fmu.step(now, then - now)
             read(row)
             row, now = row + 1, then
 
 
-def _stride(fmu: FmuInstance, request: RunRequest, read: Reader) -> float:
-    """One step to each sample; the time of the last."""
-    step = request.sample_step_s
-    first = now = request.start_time_s + request.settle_s
-    if request.settle_s:
-        _advance(fmu, request, request.start_time_s, first)
-    read(0)
-    for j in range(1, request.samples):
-        then = first + j * step
-        _advance(fmu, request, now, then)
-        read(j)
-        now = then
-    return now
+def held_values(tones: Iterable[Tone], start_s: float, step_s: float, steps: int) -> FloatArray:
+    """Values to hold over each of ``steps`` communication steps, shape (steps,).
+
+    Σ a cos(2π f (t + h/2) + φ) / sinc(f h), t = start + k h, as `InputSignal` explains.
+
+    Args:
+        tones: frequency in Hz, amplitude and phase of each.
+        start_s: time of the first step, s.
+        step_s: time between samples, s.
+        steps: number of steps.
+    """
+    middle = np.asarray(start_s + (np.arange(steps) + 0.5) * step_s, dtype=np.float64)
+    values = np.zeros(steps)
+    for frequency_hz, amplitude, phase in tones:
+        if amplitude != 0.0:
+            held = amplitude / float(np.sinc(frequency_hz * step_s))
+            values += held * np.cos(2.0 * math.pi * cycle_fraction(frequency_hz, middle) + phase)
+    return values
 
 
-def _advance(fmu: FmuInstance, request: RunRequest, now: float, then: float) -> None:
-    """From one time to another, in one step or in equal ones that are short enough."""
-    if not request.longest_step_s:
-        fmu.step(now, then - now)
-        return
-    count = parts(then - now, request.longest_step_s)
-    begin, span = now, then - now
-    for k in range(1, count):
-        at = begin + k * (span / count)
-        fmu.step(now, at - now)
-        now = at
-    fmu.step(now, then - now)
-
-
-def _stride_with_input(
-    fmu: FmuInstance, drive: VariableAccess, request: RunRequest, read: Reader
-) -> None:
-    """Many steps to each sample, with the input held over each, and seen as it is at the sample."""
+def _with_held_tones(request: RunRequest) -> RunRequest:
+    """The run with its tones as values over each step, and as they are at each sample."""
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
-    values = held_values(request.tones, start, step, steps_of(request) + 1).tolist()
+    held = held_values(request.tones, start, step, steps_of(request))
     # an output that sees the input at once would show what was held over the step before
-    at = np.arange(request.samples, dtype=np.float64)
-    seen = seen_values(request.tones, np.asarray(start + step * (lead + each * at)))
-    fmu.set(drive, (seen[0] if lead == 0 else values[0],))
-    fmu.leave_initialisation()
-    if lead == 0:
-        read(0)
-    now = start
-    for k in range(1, steps_of(request) + 1):
-        fmu.set(drive, (values[k - 1],))
-        then = start + k * step
-        fmu.step(now, then - now)
-        now = then
-        if k >= lead and (k - lead) % each == 0:
-            j = (k - lead) // each
-            fmu.set(drive, (seen[j],))
-            read(j)
+    times = start + step * (lead + each * np.arange(request.samples, dtype=np.float64))
+    seen = np.zeros(request.samples)
+    for frequency_hz, amplitude, phase in request.tones:
+        turns = cycle_fraction(frequency_hz, times)
+        seen += amplitude * np.cos(2.0 * math.pi * turns + phase)
+    signal = HeldSignal(("",), step, held[:, np.newaxis], seen[:, np.newaxis])
+    return request._replace(held=signal)
 
 
 def _stride_in_steps(
@@ -183,46 +176,40 @@ def _stride_in_steps(
     assert request.held is not None  # noqa: S101  # the caller asked
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
-    held, seen = _rows(request.held.held), _rows(request.held.seen)
-
+    held, seen = request.held.held, _rows(request.held.seen)
     last: tuple[float, ...] | None = None
-
-    def put(rows: Iterator[tuple[float, ...]]) -> None:
-        nonlocal last
-        values = next(rows)
+    values: tuple[float, ...]
+    if inputs is not None:
+        last = next(seen) if lead == 0 else tuple(held[0].tolist())
+        fmu.set(inputs, last)
+    fmu.leave_initialisation()
+    if lead == 0:
+        read(0)
+    else:
+        last = None  # the first step sets it again, in step mode
+    row, due = (1, each) if lead == 0 else (0, lead)
+    now = start
+    for k, values in enumerate(_rows(held), 1):
         if inputs is not None and values != last:
             fmu.set(inputs, values)
             last = values
-
-    if lead == 0:
-        put(seen)
-        fmu.leave_initialisation()
-        read(0)
-    else:
-        if inputs is not None:
-            fmu.set(inputs, tuple(request.held.held[0].tolist()))
-        fmu.leave_initialisation()
-    now = start
-    for k in range(1, steps_of(request) + 1):
-        put(held)
         then = start + k * step
         fmu.step(now, then - now)
         now = then
-        if k >= lead and (k - lead) % each == 0:
-            put(seen)
-            read((k - lead) // each)
+        if k == due:
+            if inputs is not None:
+                values = next(seen)
+                if values != last:
+                    fmu.set(inputs, values)
+                    last = values
+            read(row)
+            row, due = row + 1, due + each
 
 
 def _rows(table: FloatArray) -> Iterator[tuple[float, ...]]:
     """Rows of numbers of Python, a block at a time: all of them would take ten times the memory."""
-    for begin in range(0, len(table), BLOCK):
-        yield from map(tuple, table[begin : begin + BLOCK].tolist())
-
-
-def _whole_steps(request: RunRequest) -> tuple[int, int]:
-    """Steps before the first sample, and from one sample to the next."""
-    each = round(request.sample_step_s / request.step_s) if request.samples > 1 else 1
-    return round(request.settle_s / request.step_s), each
+    for first in range(0, len(table), BLOCK):
+        yield from map(tuple, table[first : first + BLOCK].tolist())
 
 
 def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
@@ -254,9 +241,3 @@ def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
             result[j, list(columns)] = values
 
     return read_mixed
-
-
-def _not_finite(outputs: tuple[str, ...], request: RunRequest, result: FloatArray) -> str:
-    j, column = np.argwhere(~np.isfinite(result))[0]
-    at = row_times(request)[int(j)]
-    return f"output {outputs[column]} is {result[j, column]} at t = {at!r} s"
