@@ -10,44 +10,30 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fitting.fmu.accuracy import read_accuracy_annotation
-    from fitting.fmu.description import (
-        FmuDescription,
-        FmuVariable,
-        read_description,
-        validation_problems,
-    )
-    from fitting.fmu.pool import FmuWorkers
-    from fitting.fmu.runs import Counts, HeldSignal, InputSignal, Run, Segment, row_times
+    from fitting.fmu.accuracy import read_accuracy_annotation as read_accuracy_annotation
+    from fitting.fmu.description import FmuDescription as FmuDescription
+    from fitting.fmu.description import FmuVariable as FmuVariable
+    from fitting.fmu.description import read_description as read_description
+    from fitting.fmu.description import validation_problems as validation_problems
+    from fitting.fmu.pool import FmuWorkers as FmuWorkers
+    from fitting.fmu.runs import Counts as Counts
+    from fitting.fmu.runs import HeldSignal as HeldSignal
+    from fitting.fmu.runs import InputSignal as InputSignal
+    from fitting.fmu.runs import Run as Run
+    from fitting.fmu.runs import Segment as Segment
+    from fitting.fmu.runs import row_times as row_times
 else:
-    _MODULES = {
+    _NAMES = {
         "accuracy": ("read_accuracy_annotation",),
         "description": ("FmuDescription", "FmuVariable", "read_description", "validation_problems"),
         "pool": ("FmuWorkers",),
         "runs": ("Counts", "HeldSignal", "InputSignal", "Segment", "Run", "row_times"),
     }
+    _MODULES = {name: module for module, names in _NAMES.items() for name in names}
 
     def __getattr__(name: str) -> object:
         """A public name, loaded from its module and kept."""
-        for module, names in _MODULES.items():
-            if name in names:
-                found = getattr(importlib.import_module(f"{__name__}.{module}"), name)
-                globals()[name] = found
-                return found
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-__all__ = [
-    "Counts",
-    "FmuDescription",
-    "FmuVariable",
-    "FmuWorkers",
-    "HeldSignal",
-    "InputSignal",
-    "Run",
-    "Segment",
-    "read_accuracy_annotation",
-    "read_description",
-    "row_times",
-    "validation_problems",
-]
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+        return globals().setdefault(name, getattr(module, name))

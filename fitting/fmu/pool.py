@@ -17,7 +17,6 @@ from threading import RLock
 from types import TracebackType
 from typing import Literal
 
-from fitting.engine.turns import pass_on
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.isolation import Isolation
@@ -86,7 +85,6 @@ class _Job:
     results: dict[int, FloatArray]
     todo: dict[int, list[int]]  # by worker: numbers of the runs that it has still to do
     repeated: set[int] = field(default_factory=set)  # workers that were killed and replaced
-    failure: FmuFailure | None = None
 
 
 class FmuWorkers:
@@ -141,7 +139,6 @@ class FmuWorkers:
         """No processes yet, nobody's turn."""
         self._turn = RLock()
         self._requests = RunRequests(self.description)
-        self._under_way: _Job | None = None
         self._open = _Open(workers)
         self._finaliser = weakref.finalize(self, self._open.close)
         never = self._reuse == "never"
@@ -226,52 +223,30 @@ class FmuWorkers:
         """
         with self._own_turn():
             requests = self._requests.take_all(runs)
-            if self._under_way is not None:  # of another piece of work, whose turn it was before
-                self._complete(self._under_way)
             self.latest_warnings = ()
             # dealt in turn: runs of one measurement may cost many times another's
             n, count = len(requests), len(self._open.processes)
             todo = {number: list(range(number, n, count)) for number in range(min(n, count))}
             job = _Job(runs=runs, requests=requests, results={}, todo=todo)
-            self._under_way = job
-            with self._guarded(job):
+            try:
                 self._start_missing()
                 for number in todo:
                     self._send(number, job)
-            pass_on()
-            self._complete(job)
-            if job.failure is not None:
-                raise job.failure
+                while job.todo:
+                    self._wait(job)
+            except FmuFailure as failure:
+                self._spare(job)
+                failure.answers = job.results
+                raise
+            finally:  # no answer to a batch that nobody waits for comes into the next one
+                for number in job.todo:
+                    self._kill(number)
             return [job.results[i] for i in range(n)]
 
     def close(self) -> None:
         """End the processes and remove the unpacked FMU."""
         with self._own_turn():
-            self._under_way = None
             self._open.close()
-
-    def _complete(self, job: _Job) -> None:
-        """Wait for the results of a batch, or its failure."""
-        with self._guarded(job):
-            while job.todo:
-                self._wait(job)
-        if self._under_way is job:
-            self._under_way = None
-
-    @contextmanager
-    def _guarded(self, job: _Job) -> Iterator[None]:
-        """A failure stays with its batch, and no answer to it comes into the next one."""
-        try:
-            yield
-        except FmuFailure as failure:
-            self._spare(job)
-            failure.answers = job.results
-            job.failure = failure
-            self._drop(job)
-        except BaseException:
-            self._drop(job)
-            self._under_way = None
-            raise
 
     def _start_missing(self) -> None:
         for number, worker in enumerate(self._open.processes):
@@ -389,12 +364,6 @@ class FmuWorkers:
                             continue
                         self._keep(number, reply, job)
                     del job.todo[number]
-
-    def _drop(self, job: _Job) -> None:
-        """End the workers that are at a batch that nobody waits for."""
-        for number in job.todo:
-            self._kill(number)
-        job.todo.clear()
 
     def _replace_ended(self, number: int, worker: WorkerProcess, job: _Job) -> None:
         """Do again once what somebody has killed; what the FMU itself has ended, it would again."""

@@ -258,7 +258,7 @@ def _failed(report: str) -> list[str]:
 
 def _rcfile(folder: Path) -> Path:
     path = folder / "coveragerc"
-    told = ("source = fitting,fmu_src", "core = ctrace", "concurrency = thread,greenlet")
+    told = ("source = fitting,fmu_src", "core = ctrace", "concurrency = thread")
     path.write_text("\n".join(("[run]", *told, "")))
     return path
 

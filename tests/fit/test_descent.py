@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fitting.engine.turns import pass_on
 from fitting.fit.likelihood.descent import (
     Constraint,
     Descent,
@@ -494,12 +493,12 @@ def test_without_a_slope_noise_has_the_freedom_of_all_rows() -> None:
 # --- many at a time
 
 
-def counting(rounds: int, size: int = 1) -> Task[int]:
+def counting(rounds: int) -> Task[int]:
     """As many rounds; how many were answered, negative where there were no more."""
     done = 0
     try:
         for _ in range(rounds):
-            yield Request((np.zeros(size),))
+            yield Request((np.zeros(1),))
             done += 1
     except Exhausted:
         return -done
@@ -522,25 +521,3 @@ def test_tasks_side_by_side_are_asked_in_one_batch_and_told_when_there_is_no_mor
     found = run_in_lockstep([counting(1), counting(0), counting(9), hard()], evaluate)
     assert found == [1, 0, -3, None]
     assert batches == [3, 2, 2]
-
-
-def test_of_many_parameters_one_half_is_answered_while_the_other_waits() -> None:
-    told: list[str] = []
-
-    def evaluate(requests: Any) -> Any:
-        told.append(f"{len(requests)} asked")
-        pass_on()
-        told.append(f"{len(requests)} answered")
-        return [[] for _ in requests]
-
-    # the third has nothing to ask; of the others the first and the third are one group
-    tasks = [counting(rounds, 30) for rounds in (2, 1, 0, 2, 1)]
-    assert run_in_lockstep(tasks, evaluate) == [2, 1, 0, 2, 1]
-    assert told == [
-        "2 asked",
-        "2 asked",
-        "2 answered",
-        "2 asked",
-        "2 answered",
-        "2 answered",
-    ]

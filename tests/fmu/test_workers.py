@@ -13,14 +13,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 
-from fitting.engine.turns import in_turn
 from fitting.fmu import (
     FmuWorkers,
     InputSignal,
@@ -454,61 +452,38 @@ def test_several_workers_give_what_one_gives(good: Path) -> None:
         assert three.run([]) == []
 
 
-@pytest.mark.parametrize("workers", [2, pytest.param(1, marks=pytest.mark.nightly)])
-def test_batches_in_turn_give_what_each_gives_alone(good: Path, workers: int) -> None:
-    sent: list[float] = []
-
-    def batches(first_s: float) -> list[np.ndarray]:
-        found = []
-        for settle_s in (first_s, first_s + 0.01):
-            sent.append(settle_s)
-            late = [replace(PULLED, settle_s=settle_s + k * 1e-3) for k in range(5)]
-            found += pool.run(late)
-        return found
-
-    with FmuWorkers(good, workers=workers) as pool:
-        found = in_turn([partial(batches, 0.0), partial(batches, 0.1)])
-    assert sent == [0.0, 0.1, 0.01, 0.11]
-    for first_s, answers in zip((0.0, 0.1), found, strict=True):
-        for k, answer in enumerate(answers):
-            settle_s = first_s + 0.01 * (k // 5) + k % 5 * 1e-3
-            expected = step_response(settle_s + np.arange(6) * 1e-3)
-            np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-10)
-
-
 @pytest.mark.parametrize(
     "misbehave", [CRASHES, pytest.param(FAILS_IN_STEP, marks=pytest.mark.nightly)]
 )
 def test_a_batch_that_fails_is_no_failure_of_the_next_one(good: Path, misbehave: int) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
-
-    def failing() -> None:
+    with FmuWorkers(good, workers=2) as pool:
+        pool.run([PULLED, PULLED])
         with pytest.raises(FmuFailure) as failed:
             pool.run([PULLED, bad, PULLED])
         assert failed.value.parameters["misbehave"] == misbehave
-
-    def answered() -> None:
         [answer] = pool.run([PULLED])
         expected = step_response(np.arange(6) * 1e-3)
         np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-11)
 
+
+def test_a_batch_that_nobody_waits_for_any_more_is_none_of_the_next_ones(
+    good: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with FmuWorkers(good, workers=2) as pool:
-        pool.run([PULLED, PULLED])
-        in_turn([failing, answered])
-        in_turn([answered, failing])
-
-
-def test_a_batch_that_nobody_waits_for_any_more_is_none_of_the_next_ones(good: Path) -> None:
-    def interrupted() -> None:
-        raise KeyboardInterrupt
-
-    with FmuWorkers(good, workers=2) as pool:
+        pool.run([PULLED])
         late = replace(PULLED, settle_s=0.05)
-        with pytest.raises(KeyboardInterrupt):
-            in_turn([lambda: pool.run([late, late, late]), interrupted])
+        with monkeypatch.context() as patched:
+            patched.setattr(pool, "_wait", _interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                pool.run([late, late, late])
         [answer] = pool.run([PULLED])
         expected = step_response(np.arange(6) * 1e-3)
         np.testing.assert_allclose(answer[:, 0], expected, rtol=1e-11)
+
+
+def _interrupted(_job: object) -> None:
+    raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize(

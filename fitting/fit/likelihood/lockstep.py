@@ -2,26 +2,18 @@
 
 A search is a generator that yields a `Request` and is sent the answers. A fit whose simulations
 run in worker processes is fast only if there is work for all of them at a time; one branch
-of a profile has one point to try. Twenty branches have twenty. Of many parameters they are two
-groups, so that there is work for the workers while this process takes steps, and the other way
-about.
+of a profile has one point to try. Twenty branches have twenty.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TypeVar
 
-from fitting.engine.turns import in_turn
 from fitting.text.arrays import FloatArray
 
 T = TypeVar("T")
-
-#: Parameters from which on searches are two groups that take turns: a batch more takes a
-#: millisecond, and one evaluation with its slopes as many runs at least.
-MANY = 20
 
 
 class Exhausted(Exception):
@@ -57,9 +49,8 @@ def run_in_lockstep(
 ) -> list[T | None]:
     """Run all tasks to their ends, one batch per round; None where `Exhausted` ended one.
 
-    Tasks of many parameters are two groups with batches of their own: while the one is simulated,
-    the other takes its steps. `evaluate` answers the requests of a round in their order, and raises
-    `Exhausted` where it may not any more.
+    `evaluate` answers the requests of a round in their order, and raises `Exhausted` where it may
+    not any more.
 
     Args:
         tasks: searches that have not begun.
@@ -69,26 +60,6 @@ def run_in_lockstep(
     waiting: dict[int, Request] = {}
     for k in range(len(tasks)):
         _advance(k, tasks[k], None, waiting, results)
-    in_turn([partial(_in_rounds, tasks, group, results, evaluate) for group in _groups(waiting)])
-    return results
-
-
-def _groups(waiting: dict[int, Request]) -> list[dict[int, Request]]:
-    """All as one, or every second one apart where halves of a batch are large enough."""
-    size = min((x.size for each in waiting.values() for x in each.xs[:1]), default=0)
-    if len(waiting) < 2 or size < MANY:
-        return [waiting]
-    order = list(waiting)
-    return [{k: waiting[k] for k in order[0::2]}, {k: waiting[k] for k in order[1::2]}]
-
-
-def _in_rounds(
-    tasks: Sequence[Task[T]],
-    waiting: dict[int, Request],
-    results: list[T | None],
-    evaluate: Callable[[Sequence[Request]], list[list[Sample]]],
-) -> None:
-    """Those that wait to their ends, one batch per round."""
     while waiting:
         order = list(waiting)
         try:
@@ -100,6 +71,7 @@ def _in_rounds(
         for k, answer in zip(order, answers, strict=True):
             del waiting[k]
             _advance(k, tasks[k], answer, waiting, results)
+    return results
 
 
 def _advance(
