@@ -11,6 +11,7 @@ import keyword
 import operator
 import re
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -107,10 +108,8 @@ class Formula:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names in it, in the order in which they first stand there."""
-        found: list[str] = []
-        _collect(self._tree, found)
-        return tuple(name for name in dict.fromkeys(found) if name not in CONSTANTS)
+        """Names in it, in the order in which they first occur."""
+        return tuple(name for name in dict.fromkeys(_names(self._tree)) if name not in CONSTANTS)
 
     def value(self, values: Mapping[str, float | FloatArray]) -> FloatArray:
         """Its value, NaN or infinite where it has none.
@@ -119,10 +118,10 @@ class Formula:
             values: of all its names, numbers or arrays of one shape.
         """
         with np.errstate(all="ignore"):
-            return np.asarray(self._worked_out(values), dtype=float)
+            return np.asarray(self._function(values), dtype=float)
 
     @cached_property
-    def _worked_out(self) -> Worked:
+    def _function(self) -> Worked:
         return _worked(self._tree)
 
     def written_out(self, formulas: Mapping[str, Formula]) -> Formula:
@@ -131,7 +130,18 @@ class Formula:
         Args:
             formulas: by the names that stand for them; names in these are kept.
         """
-        return Formula(ast.unparse(_written_out(self._tree, formulas)), self.where)
+
+        class Inserted(ast.NodeTransformer):
+            def visit(self, node: ast.AST) -> Any:
+                if isinstance(node, ast.Name | ast.Attribute):
+                    formula = formulas.get(ast.unparse(node))
+                    return node if formula is None else formula._tree
+                if isinstance(node, ast.Call):  # the function's own name is none of the formula's
+                    node.args = [self.visit(inner) for inner in node.args]
+                    return node
+                return self.generic_visit(node)
+
+        return Formula(ast.unparse(Inserted().visit(deepcopy(self._tree))), self.where)
 
     def dimension(self, units: Mapping[str, str]) -> Dimension:
         """Powers of the base dimensions that its value has; an angle counts as a plain number.
@@ -142,86 +152,74 @@ class Formula:
         Raises:
             BadInput: a sum of unlike things, a function or a power of what has a unit.
         """
-        return self._dimension(self._tree, units)
+        return self._dimension(self._units(self._tree, units))
 
     def unit_words(self, units: Mapping[str, str]) -> str:
-        """The unit that its value has, told in those of its names: "Hz²/V".
+        """The unit that its value has, in those of its names: "Hz²/V".
 
         Args:
             units: of all its names.
-        """
-        return _unit_words(self._tree, units)
 
-    def _dimension(self, node: ast.expr, units: Mapping[str, str]) -> Dimension:
+        Raises:
+            BadInput: as `dimension`.
+        """
+        return product_words(self._units(self._tree, units))
+
+    def _dimension(self, powers: Mapping[str, float]) -> Dimension:
+        """Of a product of powers of units."""
+        total: dict[str, float] = {}
+        for unit, power in powers.items():
+            for name, one in dimension_of(unit, where=self.where).items():
+                total[name] = total.get(name, 0.0) + power * one
+        return {name: power for name, power in total.items() if abs(power) > 1e-9}
+
+    def _units(self, node: ast.expr, units: Mapping[str, str]) -> dict[str, float]:
+        """Powers of the units of names whose product a part's value has."""
+
+        def plain(part: ast.expr, place: str) -> None:
+            powers = self._units(part, units)
+            if self._dimension(powers):
+                raise BadInput(
+                    f"{self.where}: '{ast.unparse(part)}' {place} is in {product_words(powers)}; "
+                    "wanted a plain number there"
+                )
+
         match node:
-            case ast.Constant():
-                return {}
             case ast.Name() | ast.Attribute():
                 name = ast.unparse(node)
-                return dimension_of(units[name], where=self.where) if name in units else {}
+                return {units[name]: 1.0} if name in units else {}
             case ast.UnaryOp(operand=inner):
-                return self._dimension(inner, units)
+                return self._units(inner, units)
+            case ast.Call(func=ast.Name(id="sqrt"), args=[inner]):
+                return {unit: 0.5 * power for unit, power in self._units(inner, units).items()}
             case ast.Call(func=ast.Name(id=name), args=[inner]):
-                found = self._dimension(inner, units)
-                if name == "sqrt":
-                    return {key: 0.5 * power for key, power in found.items()}
-                self._plain(found, inner, units, f"in {name}(...)")
-                return {}
-            case ast.BinOp():
-                return self._combined(node, units)
-        raise TypeError(ast.unparse(node))  # the check lets nothing else pass
-
-    def _combined(self, node: ast.BinOp, units: Mapping[str, str]) -> Dimension:
-        one, two = self._dimension(node.left, units), self._dimension(node.right, units)
-        if isinstance(node.op, ast.Mult | ast.Div):
-            sign = 1.0 if isinstance(node.op, ast.Mult) else -1.0
-            powers = {k: one.get(k, 0.0) + sign * two.get(k, 0.0) for k in (*one, *two)}
-            return {key: power for key, power in powers.items() if abs(power) > 1e-9}
-        if isinstance(node.op, ast.Pow):
-            self._plain(two, node.right, units, "as a power")
-            return self._power(node, one, units)
-        if not alike(one, two):
-            raise BadInput(
-                f"{self.where}: '{ast.unparse(node)}' adds {_unit_words(node.left, units)} and "
-                f"{_unit_words(node.right, units)}; wanted one dimension"
-            )
-        return one
-
-    def _power(self, node: ast.BinOp, one: Dimension, units: Mapping[str, str]) -> Dimension:
-        if not one:
-            return {}
-        exponent = _exponent(node.right)
-        if exponent is None:
-            raise BadInput(
-                f"{self.where}: '{ast.unparse(node)}' is a power of "
-                f"{_unit_words(node.left, units)}; wanted a number as its exponent"
-            )
-        return {key: exponent * power for key, power in one.items() if exponent != 0.0}
-
-    def _plain(
-        self, found: Dimension, node: ast.expr, units: Mapping[str, str], place: str
-    ) -> None:
-        if found:
-            raise BadInput(
-                f"{self.where}: '{ast.unparse(node)}' {place} is in {_unit_words(node, units)}; "
-                "wanted a plain number there"
-            )
-
-
-def _written_out(node: ast.expr, formulas: Mapping[str, Formula]) -> ast.expr:
-    """A part in which names are replaced by the trees of their formulas."""
-    match node:
-        case ast.Name() | ast.Attribute():
-            found = formulas.get(ast.unparse(node))
-            return node if found is None else found._tree
-        case ast.UnaryOp(op=op, operand=inner):
-            return ast.UnaryOp(op=op, operand=_written_out(inner, formulas))
-        case ast.Call(func=function, args=[inner]):
-            return ast.Call(func=function, args=[_written_out(inner, formulas)], keywords=[])
-        case ast.BinOp(left=left, op=op, right=right):
-            one, two = _written_out(left, formulas), _written_out(right, formulas)
-            return ast.BinOp(left=one, op=op, right=two)
-    return node
+                plain(inner, f"in {name}(...)")
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                one = self._units(left, units)
+                plain(right, "as a power")
+                exponent = None
+                if not _names(right):  # a number, which may have no value
+                    with np.errstate(all="ignore"):
+                        value = float(_worked(right)({}))
+                    exponent = value if np.isfinite(value) else None
+                if exponent is None and self._dimension(one):
+                    raise BadInput(
+                        f"{self.where}: '{ast.unparse(node)}' is a power of {product_words(one)}; "
+                        "wanted a number as its exponent"
+                    )
+                return {unit: (exponent or 0.0) * power for unit, power in one.items()}
+            case ast.BinOp(left=left, op=op, right=right):
+                one, two = self._units(left, units), self._units(right, units)
+                if isinstance(op, ast.Mult | ast.Div):
+                    sign = 1.0 if isinstance(op, ast.Mult) else -1.0
+                    return {k: one.get(k, 0.0) + sign * two.get(k, 0.0) for k in (*one, *two)}
+                if not alike(self._dimension(one), self._dimension(two)):
+                    raise BadInput(
+                        f"{self.where}: '{ast.unparse(node)}' adds {product_words(one)} and "
+                        f"{product_words(two)}; wanted one dimension"
+                    )
+                return one
+        return {}
 
 
 def _is_double(number: float) -> bool:
@@ -242,53 +240,12 @@ def alike(one: Dimension, two: Dimension) -> bool:
     return all(abs(one.get(k, 0.0) - two.get(k, 0.0)) < 1e-9 for k in (*one, *two))
 
 
-def _exponent(node: ast.expr) -> float | None:
-    """The finite number that an exponent without names is."""
-    names: list[str] = []
-    _collect(node, names)
-    with np.errstate(all="ignore"):
-        found = float("nan") if names else float(_worked(node)({}))
-    return found if np.isfinite(found) else None
-
-
-def _unit_words(node: ast.expr, units: Mapping[str, str]) -> str:
-    return product_words(_unit_powers(node, units))
-
-
-def _unit_powers(node: ast.expr, units: Mapping[str, str]) -> dict[str, float]:
-    """Powers of the units of names whose product a part's value has, whose dimensions fit."""
-    match node:
-        case ast.Name() | ast.Attribute():
-            name = ast.unparse(node)
-            return {units[name]: 1.0} if name in units else {}
-        case ast.UnaryOp(operand=inner):
-            return _unit_powers(inner, units)
-        case ast.Call(func=ast.Name(id="sqrt"), args=[inner]):
-            return {unit: 0.5 * power for unit, power in _unit_powers(inner, units).items()}
-        case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
-            sign = 1.0 if isinstance(op, ast.Mult) else -1.0
-            one, two = _unit_powers(left, units), _unit_powers(right, units)
-            return {k: one.get(k, 0.0) + sign * two.get(k, 0.0) for k in (*one, *two)}
-        case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            exponent = _exponent(right) or 0.0
-            return {unit: exponent * power for unit, power in _unit_powers(left, units).items()}
-        case ast.BinOp(left=left):  # a sum: both have the unit of the first
-            return _unit_powers(left, units)
-    return {}
-
-
-def _collect(node: ast.expr, found: list[str]) -> None:
-    """Names in a part, the function's own apart."""
-    match node:
-        case ast.Name() | ast.Attribute():
-            found.append(ast.unparse(node))
-        case ast.UnaryOp(operand=inner):
-            _collect(inner, found)
-        case ast.Call(args=[inner]):
-            _collect(inner, found)
-        case ast.BinOp(left=left, right=right):
-            _collect(left, found)
-            _collect(right, found)
+def _names(node: ast.AST) -> list[str]:
+    """Names in a part, those of functions apart."""
+    if isinstance(node, ast.Name | ast.Attribute):
+        return [ast.unparse(node)]
+    inner = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
+    return [name for part in inner for name in _names(part)]
 
 
 def _worked(node: ast.expr) -> Worked:
