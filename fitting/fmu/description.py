@@ -48,6 +48,11 @@ class OwnSteps(NamedTuple):
     usual_s: float | None = None
     of_any_length: bool = True
 
+    @property
+    def step_s(self) -> float | None:
+        """The step that it was made for: of its own solver, else of its default experiment."""
+        return self.usual_s if self.internal_s is None else self.internal_s
+
 
 class Element(NamedTuple):
     """Which element of an array a variable is, from 0 in the order of the file; of how many."""
@@ -156,8 +161,7 @@ class FmuDescription:
     @property
     def step_s(self) -> float | None:
         """The step that it was made for, s: of its own solver, else of its default experiment."""
-        own = self.own_steps
-        return own.usual_s if own.internal_s is None else own.internal_s
+        return self.own_steps.step_s
 
     @property
     def fixed_step(self) -> bool:

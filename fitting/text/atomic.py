@@ -84,7 +84,7 @@ def add_to_file(path: Path, data: bytes) -> None:
 
 
 def _sync(handle: int, folder: Path) -> None:
-    """Have the data on the disk where its file system can say so.
+    """Have the data on the disk where its file system can report that.
 
     A refusal is no fault of the data, unless it is one that a file without any does not meet.
 
@@ -94,22 +94,15 @@ def _sync(handle: int, folder: Path) -> None:
     try:
         os.fsync(handle)
     except OSError as error:
-        if error.errno in NO_SYNC or (error.errno == errno.EIO and not _syncs_nothing(folder)):
+        if error.errno in NO_SYNC:
             return
+        if error.errno == errno.EIO:
+            with tempfile.NamedTemporaryFile(prefix=".sync.", suffix=PART, dir=folder) as empty:
+                try:
+                    os.fsync(empty.fileno())
+                except OSError:
+                    return
         raise
-
-
-def _syncs_nothing(folder: Path) -> bool:
-    """Whether the file system syncs a file without data."""
-    handle, name = tempfile.mkstemp(PART, ".sync.", folder)
-    try:
-        os.fsync(handle)
-    except OSError:
-        return False
-    finally:
-        os.close(handle)
-        Path(name).unlink(missing_ok=True)
-    return True
 
 
 def _umask() -> int:

@@ -84,7 +84,7 @@ class ResultsFolder:
     def refuse_foreign(self, patterns: Iterable[str]) -> None:
         """Complain of the first file that is there and not this command's to replace.
 
-        Also of what stands where a folder is to be, and of a folder that takes no files.
+        Also of what is in the place of a folder, and of a folder that takes no files.
 
         Args:
             patterns: relative names, as "figures/1_*.png".
@@ -92,25 +92,19 @@ class ResultsFolder:
         Raises:
             BadInput: there is one.
         """
-        for pattern in patterns:
-            parent = self.folder / Path(pattern).parent
+        for pattern in map(PurePath, patterns):
+            parent = self.folder / pattern.parent
             self._name(parent / RECORD_NAME)  # nothing in it leads outside
-            self._require_folder(parent)
-            for found in sorted(parent.glob("*")) if parent.is_dir() else ():
-                if fnmatch(found.name, Path(pattern).name):
-                    self._refuse_foreign(found)
-
-    def _require_folder(self, parent: Path) -> None:
-        """Complain of what keeps files from being written into a folder below this one."""
-        if parent == self.folder:
-            return
-        self._require_folder(parent.parent)
-        if not os.path.lexists(parent):
-            return
-        if not parent.is_dir():
-            raise BadInput(f"{parent}: is there and no folder, so it is kept; {ELSEWHERE}")
-        if not os.access(parent, os.W_OK | os.X_OK):
-            raise BadInput(f"{parent}: cannot be written, wanted permission, or another folder")
+            inside = [parent, *parent.parents][: len(pattern.parts) - 1]
+            for folder in reversed(inside):
+                if os.path.lexists(folder) and not folder.is_dir():
+                    raise BadInput(f"{folder}: is there and no folder, so it is kept; {ELSEWHERE}")
+                if folder.is_dir() and not os.access(folder, os.W_OK | os.X_OK):
+                    wanted = "wanted permission, or another folder"
+                    raise BadInput(f"{folder}: cannot be written, {wanted}")
+            for path in sorted(parent.glob("*")) if parent.is_dir() else ():
+                if fnmatch(path.name, pattern.name):
+                    self._refuse_foreign(path)
 
     def write(self, path: Path, data: bytes) -> None:
         """Write a file below the folder, or leave the very same one.
@@ -174,20 +168,15 @@ class ResultsFolder:
 
         Whether they hold what the command wrote is another question.
         """
-        wanted = [Path(pattern) for pattern in patterns]
-        return [
-            name
-            for name, own in self._own.items()
-            if own.command == self.command
-            and any(_matches(Path(name), pattern) for pattern in wanted)
-            and self._is_inside(self.path / name)
-        ]
-
-    def _is_inside(self, path: Path) -> bool:
-        """Whether the folder that holds a file is the one that its path names, behind no link."""
-        with suppress(BadInput):
-            return _resolved(path.parent) == path.parent
-        return False
+        names, wanted = [], [PurePath(pattern) for pattern in patterns]
+        for name, own in self._own.items():
+            place = PurePath(name)
+            matches = any(place.parent == p.parent and fnmatch(place.name, p.name) for p in wanted)
+            parent = (self.path / name).parent
+            with suppress(BadInput):
+                if own.command == self.command and matches and _resolved(parent) == parent:
+                    names.append(name)
+        return names
 
     def forget_what_is_gone(self) -> None:
         """Take files out of the record that are gone, as a checkpoint when the job is done.
@@ -209,10 +198,10 @@ class ResultsFolder:
         if not os.path.lexists(path):
             return
         if path.is_symlink():  # whatever it leads to: no command writes links
-            raise BadInput(f"{path}: is a link and no file, so it is kept; {ELSEWHERE}")
-        if not path.is_file():
-            raise BadInput(f"{path}: is there and no file, so it is kept; {ELSEWHERE}")
-        if own is None:
+            why = "is a link and no file"
+        elif not path.is_file():
+            why = "is there and no file"
+        elif own is None:
             why = f"is there already, and fmu-fit {self.command} did not write it"
         elif own.command != self.command:
             why = f"was written by fmu-fit {own.command}, not by {self.command}"
@@ -254,20 +243,15 @@ def _resolved(folder: Path) -> Path:
         raise BadInput(f"{folder}: its links lead nowhere; {ELSEWHERE}") from None
 
 
-def _matches(name: Path, pattern: Path) -> bool:
-    return name.parent == pattern.parent and fnmatch(name.name, pattern.name)
-
-
 def _is_as_written(path: Path, own: OwnFile) -> bool:
     """Whether a file holds what its command wrote, all of it, or less of what was added last."""
     if path.is_symlink() or not path.is_file():
         return False
-    return _digest(path) in own.digests or (bool(own.added) and _is_cut(path, own))
-
-
-def _is_cut(path: Path, own: OwnFile) -> bool:
-    """Whether a file is what its command wrote and the beginning of the line added last."""
+    if _digest(path) in own.digests:
+        return True
     added = own.added.encode()
+    if not added:
+        return False
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
@@ -304,52 +288,42 @@ def _read_record(path: Path) -> dict[str, OwnFile]:
     Raises:
         BadInput: it is no plain file, too large, no record, or names files outside its folder.
     """
+    own = {}
     try:
-        text = _plain_text(path)
-        if text is None:
-            return {}
-        return {name: _entry(name, entry) for name, entry in json.loads(text)["files"].items()}
+        _require_plain(path)
+        flags = os.O_RDONLY
+        for flag in ("O_NONBLOCK", "O_NOFOLLOW", "O_CLOEXEC", "O_BINARY"):  # not all everywhere
+            flags |= getattr(os, flag, 0)
+        with os.fdopen(os.open(path, flags), "rb") as file:
+            data = file.read(MOST_RECORD_BYTES + 1)
+        if len(data) > MOST_RECORD_BYTES:
+            raise ValueError
+        for name, entry in json.loads(data.decode())["files"].items():
+            place = PurePath(name)
+            # no name leads outside, and there is one name for one file
+            if place.anchor or ".." in place.parts or not place.parts or "\0" in name:
+                raise ValueError
+            command, digests, added = entry["command"], entry["sha256"], entry.get("added", "")
+            if place.as_posix() != name or not _COMMAND.fullmatch(command):
+                raise ValueError
+            if not isinstance(digests, list):
+                raise TypeError
+            if not all(isinstance(text, str) for text in [*digests, added]):
+                raise TypeError
+            own[name] = OwnFile(command, tuple(digests), added)
+    except FileNotFoundError:
+        return {}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         raise BadInput(
             f"{path}: is no list of the files that fmu-fit wrote there; {ELSEWHERE}"
         ) from None
-
-
-def _plain_text(path: Path) -> str | None:
-    """Content of a small plain file, None where nothing is there; a pipe is not waited for."""
-    try:
-        _require_plain(path)
-    except FileNotFoundError:
-        return None
-    flags = os.O_RDONLY
-    for flag in ("O_NONBLOCK", "O_NOFOLLOW", "O_CLOEXEC", "O_BINARY"):  # not all on every system
-        flags |= getattr(os, flag, 0)
-    with os.fdopen(os.open(path, flags), "rb") as file:
-        data = file.read(MOST_RECORD_BYTES + 1)
-    if len(data) > MOST_RECORD_BYTES:
-        raise ValueError
-    return data.decode()
+    return own
 
 
 def _require_plain(path: Path) -> None:
     """Refuse links, pipes, devices and folders, before anything opens them."""
     if not stat.S_ISREG(path.lstat().st_mode):
         raise ValueError
-
-
-def _entry(name: str, entry: Any) -> OwnFile:
-    """An entry of a record; ValueError where its name may lead outside, or it is none."""
-    place = PurePath(name)
-    if place.anchor or ".." in place.parts or not place.parts or "\0" in name:
-        raise ValueError
-    if place.as_posix() != name:  # one name for one file
-        raise ValueError
-    command, digests, added = entry["command"], entry["sha256"], entry.get("added", "")
-    if not isinstance(command, str) or not _COMMAND.fullmatch(command):
-        raise ValueError
-    if not isinstance(digests, list) or not all(isinstance(d, str) for d in [*digests, added]):
-        raise ValueError
-    return OwnFile(command, tuple(digests), added)
 
 
 #: Folders that this process has open, by their absolute path.
@@ -411,8 +385,12 @@ def results_folder(folder: Path, command: str, names: Iterable[str] = ()) -> Ite
         known.refuse_foreign(names)
         yield
         return
-    made = _make(path)
+    made = [p for p in (path, *path.parents) if not p.exists()]
     try:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
         with _locked(path, folder):
             opened = ResultsFolder(folder, command)
             opened.remove_parts(names)
@@ -429,16 +407,6 @@ def results_folder(folder: Path, command: str, names: Iterable[str] = ()) -> Ite
                 empty.rmdir()
 
 
-def _make(folder: Path) -> list[Path]:
-    """The folder with all above it; those that were not there, innermost first."""
-    made = [p for p in (folder, *folder.parents) if not p.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"{folder}: cannot be written: {error.strerror}") from error
-    return made
-
-
 @contextmanager
 def _locked(path: Path, shown: Path) -> Iterator[None]:
     # takes a fifth of a second to import, and most processes that write lock nothing
@@ -450,7 +418,10 @@ def _locked(path: Path, shown: Path) -> Iterator[None]:
             _require_plain(path / LOCK_NAME)
         lock.acquire()
     except Timeout:
-        raise _busy(shown) from None
+        raise BadInput(
+            f"{shown}: another fmu-fit command is writing there; wanted another folder (--out), or "
+            "to wait until it has ended"
+        ) from None
     except ValueError:
         raise BadInput(
             f"{shown / LOCK_NAME}: is there and no file, so it is kept; {ELSEWHERE}"
@@ -464,10 +435,3 @@ def _locked(path: Path, shown: Path) -> Iterator[None]:
         with suppress(OSError):  # Windows lets go of an open file only when it is closed
             (path / LOCK_NAME).unlink()
         lock.release()
-
-
-def _busy(folder: Path) -> BadInput:
-    return BadInput(
-        f"{folder}: another fmu-fit command is writing there; wanted another folder (--out), or to "
-        "wait until it has ended"
-    )
