@@ -8,10 +8,9 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from decimal import Decimal
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from fitting.text.errors import BadInput, shown
 from fitting.text.once import alone, made_once
@@ -106,23 +105,7 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     with a zero of its own, as degC, is not taken to base units unless somebody wants these.
     Raises BadInput, beginning with ``where``, if a unit is unknown or the two do not fit.
     """
-    if unit == wanted:  # also a private unit name of the FMU, used as the FMU writes it
-        return value
-    source, target = _pair(unit, wanted)
-    if source is None:
-        raise BadInput(f"{where}: there is no unit {unit!r}{_instead(wanted)}")
-    if target is None:
-        raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} as the FMU writes it")
-    if not _fit(source, target):
-        raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} or one convertible to it")
-    if source == target or not math.isfinite(value):
-        return value
-    if wanted is None and _has_offset(source, target):
-        raise BadInput(
-            f"{where}: found unit {unit!r}, which has a zero of its own, for a variable without a "
-            f"unit; wanted {base_unit(unit)!r}, or '1' for numbers that are taken as they are"
-        )
-    return _finite(value, unit, wanted, partial(_converted, source=source, target=target), where)
+    return _convert(value, unit, wanted, where, "known")
 
 
 def to_base(value: float, unit: str, *, where: str) -> float:
@@ -136,10 +119,7 @@ def to_base(value: float, unit: str, *, where: str) -> float:
     Raises:
         BadInput: there is no such unit, or it is a logarithmic one.
     """
-    source, target = _pair(unit, None)
-    if source is None or target is None or not _has_offset(source, target):
-        return convert(value, unit, None, where=where)
-    return _finite(value, unit, None, partial(_converted, source=source, target=target), where)
+    return _convert(value, unit, None, where, "absolute")
 
 
 def convert_difference(value: float, unit: str, wanted: str | None, *, where: str) -> float:
@@ -154,19 +134,44 @@ def convert_difference(value: float, unit: str, wanted: str | None, *, where: st
     Raises:
         BadInput: as `convert`.
     """
-    source, target = _pair(unit, wanted)
-    if source is None or target is None or not _has_offset(source, target):
-        return convert(value, unit, wanted, where=where)
-    zero = _by_pint(Decimal(0), source, target)
-    return _finite(value, unit, wanted, lambda x: _by_pint(x, source, target) - zero, where)
+    return _convert(value, unit, wanted, where, "difference")
 
 
-def _finite(
-    value: float, unit: str, wanted: str | None, made: Callable[[Decimal], Decimal], where: str
+def _convert(
+    value: float,
+    unit: str,
+    wanted: str | None,
+    where: str,
+    zero: Literal["known", "absolute", "difference"],
 ) -> float:
-    """What is made of a number of a unit, rounded once."""
+    """The conversion, and what becomes of a unit with a zero of its own, as degrees Celsius.
+
+    "known": only where the unit that is wanted is known; "difference": its zero does not count.
+    """
+    if unit == wanted:  # also a private unit name of the FMU, used as the FMU writes it
+        return value
+    source, target = _pair(unit, wanted)
+    if source is None:
+        raise BadInput(f"{where}: there is no unit {unit!r}{_instead(wanted)}")
+    if target is None:
+        raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} as the FMU writes it")
+    if not _fit(source, target):
+        raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} or one convertible to it")
+    if source == target or not math.isfinite(value):
+        return value
     try:
-        converted = float(made(Decimal(repr(float(value)))))
+        exact, factor = Decimal(repr(float(value))), _factor(source, target)
+        if factor is not None:
+            converted = float(exact * factor)
+        elif zero == "known" and wanted is None:
+            raise BadInput(
+                f"{where}: found unit {unit!r}, which has a zero of its own, for a variable "
+                f"without a unit; wanted {base_unit(unit)!r}, or '1' for numbers that are taken as "
+                "they are"
+            )
+        else:
+            origin = _by_pint(Decimal(0), source, target) if zero == "difference" else Decimal(0)
+            converted = float(_by_pint(exact, source, target) - origin)
     except TypeError as error:  # logarithmic units (dBm) have no decimal arithmetic
         raise BadInput(f"{where}: {unit!r} to {wanted!r} is not a linear conversion") from error
     except ArithmeticError:  # powers beyond all exponents
@@ -174,15 +179,6 @@ def _finite(
     if not math.isfinite(converted):
         raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
     return converted
-
-
-@made_once
-def _has_offset(source: pint.Unit, target: pint.Unit) -> bool:
-    """Whether zero of the one is not zero of the other, as with degrees Celsius."""
-    try:
-        return source != target and _fit(source, target) and _factor(source, target) is None
-    except TypeError:  # logarithmic
-        return False
 
 
 @made_once
@@ -199,11 +195,6 @@ def _pair(unit: str, wanted: str | None) -> tuple[pint.Unit | None, pint.Unit | 
 def _fit(source: pint.Unit, target: pint.Unit) -> bool:
     """Whether two units are of one kind, angles and plain numbers told apart."""
     return source.dimensionality == target.dimensionality and _angles(source) == _angles(target)
-
-
-def _converted(value: Decimal, source: pint.Unit, target: pint.Unit) -> Decimal:
-    factor = _factor(source, target)
-    return _by_pint(value, source, target) if factor is None else value * factor
 
 
 @made_once
@@ -272,18 +263,14 @@ def product_words(powers: Mapping[str, float]) -> str:
         powers: of units that exist, by how they were written.
     """
     with alone():
-        return _product_words(powers)
-
-
-def _product_words(powers: Mapping[str, float]) -> str:
-    made: Any = _registry().Unit("")
-    for name, power in powers.items():
-        factor: Any = _unit(name)
-        made = made * factor ** (int(power) if power == int(power) else Decimal(repr(power)))
-    # degrees Celsius and decibels have no products with others: told as they are
-    with contextlib.suppress(Exception):
-        made = _registry().Quantity(Decimal(1), made).to_reduced_units().units
-    return f"{made:~P}" or "a plain number"
+        made: Any = _registry().Unit("")
+        for name, power in powers.items():
+            factor: Any = _unit(name)
+            made = made * factor ** (int(power) if power == int(power) else Decimal(repr(power)))
+        # degrees Celsius and decibels have no products with others: printed as they are
+        with contextlib.suppress(Exception):
+            made = _registry().Quantity(Decimal(1), made).to_reduced_units().units
+        return f"{made:~P}" or "a plain number"
 
 
 def same_kind(unit: str, other: str) -> bool:
