@@ -123,86 +123,72 @@ def _complaints(
     kind: type[Any], error: ValidationError, source: _Source, names: Place
 ) -> Sequence[str]:
     """A line for every error; a key that is missing because it is misspelt is one, not two."""
+    unknown_key = "unexpected_keyword_argument"
     errors = error.errors(include_url=False)
-    found = (e["loc"] for e in errors if e["type"] == "unexpected_keyword_argument")
-    unknown = list(itertools.islice(found, MOST_HINTS))
-    said: list[str] = []
+    unknown = list(
+        itertools.islice((e["loc"] for e in errors if e["type"] == unknown_key), MOST_HINTS)
+    )
+
+    def is_misspelt(loc: Place) -> bool:
+        return any(
+            loc and u[:-1] == loc[:-1] and did_you_mean(str(u[-1]), [str(loc[-1])], listed=False)
+            for u in unknown
+        )
+
+    lines: list[str] = []
     # a misspelt table explains what seems missing in it: first what is unknown
-    for e in sorted(errors, key=lambda e: e["type"] != "unexpected_keyword_argument"):
+    for e in sorted(errors, key=lambda e: e["type"] != unknown_key):
         loc, value = e["loc"], e["input"]
-        place = (*names, *loc)
+        place, key = (*names, *loc), str(loc[-1]) if loc else ""
         match e["type"]:
             case "unexpected_keyword_argument":
-                known = (
-                    sorted(_fields(_record_at(kind, loc[:-1]))) if len(said) < MOST_HINTS else []
-                )
-                hint = did_you_mean(str(loc[-1]), known)
+                known = sorted(_fields(kind, loc[:-1])) if len(lines) < MOST_HINTS else []
                 where = source.where(place[:-1], table=True)
-                said.append(f"{where}: unknown key '{loc[-1]}'{hint}")
+                lines.append(f"{where}: unknown key '{key}'{did_you_mean(key, known)}")
             case "missing":
-                if not _is_misspelt(loc, unknown) and not _is_misspelt(loc[:-1], unknown):
-                    where = source.where(place[:-1], table=True)
-                    said.append(f"{where}: {_missing(kind, loc, value)}")
+                if is_misspelt(loc) or is_misspelt(loc[:-1]):
+                    continue
+                notes = _fields(kind, loc[:-1]).get(key, ())
+                wanted = next((f": {n.wanted}" for n in notes if isinstance(n, Missing)), None)
+                hint = did_you_mean(key, sorted(value), listed=False) if wanted is None else wanted
+                where = source.where(place[:-1], table=True)
+                lines.append(f"{where}: key '{key}' is missing{hint}")
             case "value_error":
-                said.append(_refused(e["ctx"]["error"], source, place))
+                reason = e["ctx"]["error"]
+                further, table = (), False
+                if isinstance(reason, Refused):  # of this table, or of a key in it
+                    further = reason.key
+                    table = not further and isinstance(source.at(place), Mapping)
+                where = source.where((*place, *further), table=table)
+                if table and not place:
+                    where = str(source.path)
+                lines.append(f"{where}: {reason}")
             case "dataclass_type" | "mapping_type" | "dict_type":
-                said.append(
-                    f"{source.where(place, table=True)}: found {shown(value)}, wanted a table"
-                )
+                where = source.where(place, table=True)
+                lines.append(f"{where}: found {shown(value)}, wanted a table")
             case _:
-                said.append(f"{source.where(place)}: found {shown(value)}: {e['msg']}")
-    return tuple(dict.fromkeys(said))
+                lines.append(f"{source.where(place)}: found {shown(value)}: {e['msg']}")
+    return tuple(dict.fromkeys(lines))
 
 
-def _is_misspelt(loc: Place, unknown: Sequence[Place]) -> bool:
-    """Whether an unknown key beside a place is much like its own."""
-    return any(loc and u[:-1] == loc[:-1] and _alike(u[-1], loc[-1]) for u in unknown)
+def _fields(kind: Any, loc: Place) -> dict[str, tuple[Any, ...]]:
+    """Keys of the record at a place inside another, with what their annotations say of each.
 
+    Keys of free tables and indices of lists are passed over.
+    """
 
-def _alike(key: str | int, other: str | int) -> bool:
-    return bool(did_you_mean(str(key), [str(other)], listed=False))
+    def types(hint: Any) -> Iterator[Any]:
+        """A type and all the types inside it, but for a record's own."""
+        yield typing.get_origin(hint) or hint
+        inner = typing.get_args(hint)
+        for each in inner[:1] if typing.get_origin(hint) is Annotated else inner:
+            yield from types(each)
 
-
-def _missing(kind: type[Any], loc: Place, table: Any) -> str:
-    key = str(loc[-1])
-    for note in _fields(_record_at(kind, loc[:-1])).get(key, ()):
-        if isinstance(note, Missing):
-            return f"key '{key}' is missing: {note.wanted}"
-    return f"key '{key}' is missing{did_you_mean(key, sorted(table), listed=False)}"
-
-
-def _refused(error: Exception, source: _Source, place: Place) -> str:
-    if not isinstance(error, Refused):
-        return f"{source.where(place)}: {error}"
-    if error.key:
-        return f"{source.where((*place, *error.key))}: {error.sentence}"
-    if not place:
-        return f"{source.path}: {error.sentence}"
-    table = isinstance(source.at(place), Mapping)
-    return f"{source.where(place, table=table)}: {error.sentence}"
-
-
-def _record_at(kind: Any, loc: Place) -> Any:
-    """The record class at a place inside another; keys of free tables and indices are passed."""
-    for step in loc:
-        hints = typing.get_type_hints(kind, include_extras=True)
-        if step in hints:
-            inside = (typing.get_origin(k) or k for k in _kinds(hints[str(step)]))
-            kind = next(filter(dataclasses.is_dataclass, inside), kind)
-    return kind
-
-
-def _kinds(hint: Any) -> Iterator[Any]:
-    """A type and all the types inside it, but for a record's own."""
-    yield hint
-    arguments = typing.get_args(hint)
-    for inner in arguments[:1] if typing.get_origin(hint) is Annotated else arguments:
-        yield from _kinds(inner)
-
-
-def _fields(kind: Any) -> dict[str, tuple[Any, ...]]:
-    """Keys of a record, with what its annotations say of each."""
     hints = typing.get_type_hints(kind, include_extras=True)
+    for step in loc:
+        if step in hints:
+            kind = next(filter(dataclasses.is_dataclass, types(hints[str(step)])), kind)
+            hints = typing.get_type_hints(kind, include_extras=True)
     names = [f.name for f in dataclasses.fields(kind)]
     return {name: getattr(hints[name], "__metadata__", ()) for name in names}
 
