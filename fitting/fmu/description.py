@@ -7,7 +7,7 @@ import hashlib
 import math
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -276,9 +276,9 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         one_instance_per_process=bool(declared.canBeInstantiatedOnlyOncePerProcess),
         needs_execution_tool=bool(declared.needsExecutionTool),
         variables={
-            each.name: replace(each, is_size=id(v) in sizes)
+            each.name: each
             for v in model.modelVariables
-            for each in _variables(path, version, v)
+            for each in _variables(path, version, v, id(v) in sizes)
         },
         own_steps=own_steps,
         exchange=exchange,
@@ -297,35 +297,28 @@ def validation_problems(path: Path | str) -> list[str]:
     return [str(problem) for problem in validate_fmu(str(path))]
 
 
-def _variables(path: Path, version: str, variable: Any) -> list[FmuVariable]:
+def _variables(path: Path, version: str, variable: Any, is_size: bool) -> list[FmuVariable]:
     """A variable; of an array of numbers its elements, the last index first to move."""
+    where = f"{path}: variable {variable.name!r}"
+    kind = _KINDS.get(variable.type, "other")
     shape = tuple(int(n) for n in variable.shape or ())
     size = math.prod(shape)
-    kind = _KINDS.get(variable.type, "other")
-    if not (variable.shape or variable.dimensions):
-        return [_variable(path, version, variable, kind, variable.start)]
-    if not 0 < size <= MOST_ELEMENTS or kind in ("String", "other"):
-        return [_variable(path, version, variable, "other", None)]
-    starts = (variable.start or "").split()
-    starts = starts * size if len(starts) == 1 else starts
-    if starts and len(starts) != size:
-        raise BadInput(
-            f"{path}: variable {variable.name!r}: {len(starts)} start values, wanted {size}, one "
-            "for each element"
-        )
-    return [
-        replace(
-            _variable(path, version, variable, kind, starts[k] if starts else None),
-            name=f"{variable.name}[{','.join(map(str, place))}]",
-            element=Element(k, size),
-        )
-        for k, place in enumerate(product(*(range(1, n + 1) for n in shape)))
-    ]
-
-
-def _variable(
-    path: Path, version: str, variable: Any, kind: Kind, start: str | None
-) -> FmuVariable:
+    elements: list[tuple[str, str | None, Element | None]] = [(variable.name, variable.start, None)]
+    if variable.shape or variable.dimensions:
+        if not 0 < size <= MOST_ELEMENTS or kind in ("String", "other"):
+            kind = "other"
+        else:
+            starts = (variable.start or "").split() or [None]
+            starts = starts * size if len(starts) == 1 else starts
+            if len(starts) != size:
+                raise BadInput(
+                    f"{where}: {len(starts)} start values, wanted {size}, one for each element"
+                )
+            places = product(*(range(1, n + 1) for n in shape))
+            elements = [
+                (f"{variable.name}[{','.join(map(str, place))}]", start, Element(k, size))
+                for k, (place, start) in enumerate(zip(places, starts, strict=True))
+            ]
     declared = variable.declaredType
 
     def attribute(name: str) -> Any:
@@ -333,21 +326,25 @@ def _variable(
         return getattr(declared, name, None) if own is None and declared is not None else own
 
     enumeration = "Integer" if version == "2.0" else "Int64"
-    where = f"{path}: variable {variable.name!r}"
-    return FmuVariable(
-        name=variable.name,
-        kind=kind,
-        causality=variable.causality or "local",
-        variability=variable.variability or "continuous",
-        initial=variable.initial,
-        unit=attribute("unit"),
-        start=_value(kind, start, where),
-        min=_number(attribute("min"), where),
-        max=_number(attribute("max"), where),
-        description=variable.description or "",
-        value_reference=int(variable.valueReference),
-        fmi_type=variable.type if variable.type != "Enumeration" else enumeration,
-    )
+    return [
+        FmuVariable(
+            name=name,
+            kind=kind,
+            causality=variable.causality or "local",
+            variability=variable.variability or "continuous",
+            initial=variable.initial,
+            unit=attribute("unit"),
+            start=_value(kind, start, where),
+            min=_number(attribute("min"), where),
+            max=_number(attribute("max"), where),
+            description=variable.description or "",
+            value_reference=int(variable.valueReference),
+            fmi_type=variable.type if variable.type != "Enumeration" else enumeration,
+            element=element,
+            is_size=is_size,
+        )
+        for name, start, element in elements
+    ]
 
 
 def _number(text: str | None, where: str) -> float | None:
