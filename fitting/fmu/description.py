@@ -253,15 +253,15 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
     if chosen == INTERFACES[1]:
         exchange = int(model.numberOfContinuousStates), int(model.numberOfEventIndicators)
     else:
-        steps = {
-            "fixedInternalStepSize": getattr(declared, "fixedInternalStepSize", None),
-            "DefaultExperiment stepSize": getattr(model.defaultExperiment, "stepSize", None),
-        }
-        numbers = [_number(text, f"{path}: {key}") for key, text in steps.items()]
-        own_steps = OwnSteps(
-            *(n if n is not None and 0.0 < n < math.inf else None for n in numbers),
-            of_any_length=bool(declared.canHandleVariableCommunicationStepSize),
-        )
+        steps: list[float | None] = []
+        for element, key, name in (
+            (declared, "fixedInternalStepSize", "fixedInternalStepSize"),
+            (model.defaultExperiment, "stepSize", "DefaultExperiment stepSize"),
+        ):
+            step_s = _number(getattr(element, key, None), f"{path}: {name}")
+            steps.append(step_s if step_s is not None and 0.0 < step_s < math.inf else None)
+        of_any_length = bool(declared.canHandleVariableCommunicationStepSize)
+        own_steps = OwnSteps(steps[0], steps[1], of_any_length)
     sizes = {id(d.variable) for v in model.modelVariables for d in v.dimensions}
     return FmuDescription(
         path=path,

@@ -22,6 +22,8 @@ from fitting.text.numbers import is_real, is_whole
 
 Called = TypeVar("Called")
 UNIONS = (typing.Union, types.UnionType)
+#: Values that are repeated in a complaint as they are; of others it names the class.
+PLAIN = (str, bytes, int, float, list, tuple, dict, types.NoneType)
 #: What a hint is called in a sentence.
 WORDS: Mapping[Any, str] = {
     float: "a number",
@@ -56,7 +58,8 @@ def _checking(function: Callable[..., Any], hinted: Callable[..., Any]) -> Calla
         for key, value in given.items():
             if key in hints and not _can_be(value, hints[key]):
                 wanted = _words(hints[key])
-                raise BadInput(f"{hinted.__name__}: {key} is {_found(value)}, wanted {wanted}")
+                what = shown(value) if isinstance(value, PLAIN) else f"a {type(value).__name__}"
+                raise BadInput(f"{hinted.__name__}: {key} is {what}, wanted {wanted}")
         return function(*args, **kwargs)
 
     return call
@@ -82,32 +85,28 @@ def _can_be(value: Any, hint: Any) -> bool:
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if origin in UNIONS:
         return any(_can_be(value, one) for one in inner)
-    if hint in (float, int, bool, str, Path, None, types.NoneType):
-        return _is_plain(value, hint)
-    if origin is typing.Literal:
-        return isinstance(value, str | int) and value in inner
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        return isinstance(value, Mapping)
-    if isinstance(origin, type) and issubclass(origin, tuple | Sequence | Iterable):
-        return _can_be_sequence(value, origin, inner)
-    if origin is Callable:
-        return callable(value)
-    is_class = isinstance(hint, type) and not getattr(hint, "_is_protocol", False)
-    return isinstance(value, hint) if is_class and origin is None else True
-
-
-def _is_plain(value: Any, hint: Any) -> bool:
     if hint in (None, types.NoneType):
         return value is None
+    if hint is int:
+        return is_whole(value)
     if hint is float:
         try:
             return is_real(value) and isinstance(float(value), float)
         except OverflowError:
             return False
-    if hint is int:
-        return is_whole(value)
-    kinds: dict[Any, Any] = {bool: bool | np.bool_, str: str, Path: str | PathLike}
-    return isinstance(value, kinds[hint])
+    if hint in (bool, str, Path):
+        plain: dict[Any, Any] = {bool: bool | np.bool_, str: str, Path: str | PathLike}
+        return isinstance(value, plain[hint])
+    if origin is typing.Literal:
+        return isinstance(value, str | int) and value in inner
+    if origin is Callable:
+        return callable(value)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return isinstance(value, Mapping)
+    if isinstance(origin, type) and issubclass(origin, tuple | Sequence | Iterable):
+        return _can_be_sequence(value, origin, inner)
+    is_class = isinstance(hint, type) and not getattr(hint, "_is_protocol", False)
+    return isinstance(value, hint) if is_class and origin is None else True
 
 
 def _can_be_sequence(value: Any, origin: type, inner: tuple[Any, ...]) -> bool:
@@ -121,13 +120,6 @@ def _can_be_sequence(value: Any, origin: type, inner: tuple[Any, ...]) -> bool:
     if issubclass(origin, tuple) and Ellipsis not in inner and inner:
         return len(value) == len(inner) and all(map(_can_be, value, inner))
     return all(_can_be(one, inner[0]) for one in value) if inner else True
-
-
-def _found(value: Any) -> str:
-    """A plain value as it is, a record by what it is."""
-    if value is None or isinstance(value, str | bytes | int | float | list | tuple | dict):
-        return shown(value)
-    return f"a {type(value).__name__}"
 
 
 def _words(hint: Any) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from fitting.text.errors import BadInput
+from fitting.text.journal import OTHER_JOB
 from fitting.text.records import from_plain, read_json, write_json
 
 Part = TypeVar("Part")
@@ -60,10 +61,7 @@ class Checkpoint(Generic[Part]):
             return False
         saved = read_json(self.path, _Saved)
         if saved.job != self.job:
-            raise BadInput(
-                f"{self.path}: belongs to other data, another FMU or other settings; "
-                "wanted the same as now (leave out --resume to start afresh)"
-            )
+            raise BadInput(f"{self.path}: {OTHER_JOB}")
         for place, plain in enumerate(saved.finished):
             part = from_plain(self._kind, plain, f"{self.path}: finished[{place}]")
             self._parts[self._key(part)] = part

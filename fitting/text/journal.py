@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from fitting.text.atomic import add_to_file
 from fitting.text.errors import BadInput
@@ -18,6 +18,11 @@ from fitting.text.records import from_plain, to_plain
 from fitting.text.results_folder import open_folder_of
 
 Part = TypeVar("Part")
+
+OTHER_JOB = (
+    "belongs to other data, another FMU or other settings; wanted the same as now (leave out "
+    "--resume to start afresh)"
+)
 
 
 class Journal(Generic[Part]):
@@ -32,7 +37,7 @@ class Journal(Generic[Part]):
     def __init__(self, path: Path, job: str, kind: type[Part]) -> None:
         self.path, self.job = path, job
         self._kind = kind
-        self._begun = False
+        self._begun, self._whole = False, 0
 
     def resume(self) -> Iterator[Part]:
         """Parts that an interrupted run of the same job left, none where it left no file.
@@ -42,11 +47,10 @@ class Journal(Generic[Part]):
         Raises:
             BadInput: the file is of another job, or is no journal.
         """
-        whole = self._whole()
-        yield from self._parts(whole)
-        if whole:
+        yield from self.read()
+        if self._whole:
             with self.path.open("rb+") as file:
-                file.truncate(whole)
+                file.truncate(self._whole)
             self._begun = True
 
     def read(self) -> Iterator[Part]:
@@ -55,28 +59,25 @@ class Journal(Generic[Part]):
         Raises:
             BadInput: the file is of another job, or is no journal.
         """
-        yield from self._parts(self._whole())
-
-    def _parts(self, whole: int) -> Iterator[Part]:
-        """The parts in so many bytes."""
-        if not whole:
+        self._whole = 0  # bytes up to the end of the last whole line
+        if not self.path.exists():
             return
-        with self.path.open(encoding="utf-8") as lines:
-            head = _read(next(lines), self.path, 1)
-            if not isinstance(head, dict) or "job" not in head:
-                raise BadInput(f"{self.path}: is no journal of finished items")
-            if head["job"] != self.job:
-                raise BadInput(
-                    f"{self.path}: belongs to other data, another FMU or other settings; "
-                    "wanted the same as now (leave out --resume to start afresh)"
-                )
-            size = len(head_line(self.job).encode())
-            for place, line in enumerate(lines, start=2):
-                size += len(line.encode())
-                if size > whole:
-                    break
-                plain = _read(line, self.path, place)
-                yield from_plain(self._kind, plain, f"{self.path}: row {place}")
+        with self.path.open("rb") as lines:
+            for place, line in enumerate(lines, start=1):
+                if not line.endswith(b"\n"):
+                    return
+                where = f"{self.path}: row {place}"
+                try:
+                    plain = json.loads(line)
+                except (ValueError, RecursionError) as error:
+                    raise BadInput(f"{where}: cannot be read as JSON: {error}") from error
+                if place > 1:
+                    yield from_plain(self._kind, plain, where)
+                elif not isinstance(plain, dict) or "job" not in plain:
+                    raise BadInput(f"{self.path}: is no journal of finished items")
+                elif plain["job"] != self.job:
+                    raise BadInput(f"{self.path}: {OTHER_JOB}")
+                self._whole += len(line)
 
     def record(self, part: Part) -> None:
         """Add a finished part.
@@ -88,7 +89,7 @@ class Journal(Generic[Part]):
             BadInput: the file cannot be written.
         """
         if not self._begun:
-            write_whole(self.path, head_line(self.job))
+            write_whole(self.path, json.dumps({"job": self.job}) + "\n")
             self._begun = True
         line = json.dumps(to_plain(part), allow_nan=False, separators=(",", ":")) + "\n"
         folder = open_folder_of(self.path)
@@ -96,29 +97,3 @@ class Journal(Generic[Part]):
             add_to_file(self.path, line.encode())
         else:
             folder.add_to(self.path, line)
-
-    def _whole(self) -> int:
-        """Bytes up to the end of the last whole line."""
-        if not self.path.exists():
-            return 0
-        whole = 0
-        with self.path.open("rb") as file:
-            for line in file:
-                whole += len(line) if line.endswith(b"\n") else 0
-        return whole
-
-
-def head_line(job: str) -> str:
-    """The first line of a journal.
-
-    Args:
-        job: fingerprint of everything that a part depends on.
-    """
-    return json.dumps({"job": job}) + "\n"
-
-
-def _read(line: str, path: Path, place: int) -> Any:
-    try:
-        return json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise BadInput(f"{path}: row {place}: cannot be read as JSON: {error}") from error

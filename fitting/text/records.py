@@ -76,20 +76,31 @@ def from_plain(kind: type[Record], data: Any, where: str = "record") -> Record:
 
 
 def _decode(kind: Any, data: Any, where: str) -> Any:
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if kind is Any:
         return data
-    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
-        return _decode_union(arguments, data, where)
+        if data is None and type(None) in arguments:
+            return None
+        if type(data) in (bool, int, str) and type(data) in arguments:
+            return data
+        others = [k for k in arguments if k not in (bool, int, str, type(None))]
+        _check(bool(others), data, " or ".join(map(str, arguments)), where)
+        return _decode(others[0], data, where)
     if kind is float:
-        return _decode_float(data, where)
-    if isinstance(kind, type) and issubclass(kind, enum.Enum):
-        values = [member.value for member in kind]
+        if data is None:
+            return math.nan
+        number = data in ("inf", "-inf") or type(data) in (int, float)
+        _check(number, data, "a number", where)
+        try:
+            return float(data)
+        except OverflowError:
+            raise BadInput(f"{where}: found {shown(data)}, wanted a number below 1e308") from None
+    is_enum = isinstance(kind, type) and issubclass(kind, enum.Enum)
+    if is_enum or origin is typing.Literal:
+        values = [member.value for member in kind] if is_enum else arguments
         _check(data in values, data, f"one of {', '.join(map(str, values))}", where)
-        return kind(data)
-    if origin is typing.Literal:
-        _check(data in arguments, data, f"one of {', '.join(map(str, arguments))}", where)
-        return data
+        return kind(data) if is_enum else data
     if dataclasses.is_dataclass(kind):
         return _decode_record(kind, data, where)
     if origin is tuple:
@@ -105,44 +116,17 @@ def _decode(kind: Any, data: Any, where: str) -> Any:
     return data
 
 
-def _decode_union(kinds: tuple[Any, ...], data: Any, where: str) -> Any:
-    if data is None and type(None) in kinds:
-        return None
-    for kind in kinds:
-        if kind in (bool, int, str) and type(data) is kind:
-            return data
-    rest = [kind for kind in kinds if kind not in (bool, int, str, type(None))]
-    _check(bool(rest), data, " or ".join(str(kind) for kind in kinds), where)
-    return _decode(rest[0], data, where)
-
-
-def _decode_float(data: Any, where: str) -> float:
-    if data is None:
-        return math.nan
-    if data in ("inf", "-inf"):
-        return float(data)
-    _check(isinstance(data, (int, float)) and not isinstance(data, bool), data, "a number", where)
-    try:
-        return float(data)
-    except OverflowError:
-        raise BadInput(f"{where}: found {shown(data)}, wanted a number below 1e308") from None
-
-
 def _decode_record(kind: Any, data: Any, where: str) -> Any:
     _check(isinstance(data, dict), data, "an object", where)
     hints = typing.get_type_hints(kind)
     fields = {f.name: f for f in dataclasses.fields(kind)}
     for name in data:
         _check(name in fields, name, f"one of {', '.join(fields)}", where)
-    values = {}
     for name, field in fields.items():
-        if name in data:
-            values[name] = _decode(hints[name], data[name], f"{where}.{name}")
-        else:
-            optional = field.default is not dataclasses.MISSING
-            optional = optional or field.default_factory is not dataclasses.MISSING
-            _check(optional, "nothing", f"the key '{name}'", where)
-    return kind(**values)
+        missing = dataclasses.MISSING
+        optional = field.default is not missing or field.default_factory is not missing
+        _check(name in data or optional, "nothing", f"the key '{name}'", where)
+    return kind(**{k: _decode(hints[k], data[k], f"{where}.{k}") for k in fields if k in data})
 
 
 def _check(good: bool, found: Any, wanted: str, where: str) -> None:

@@ -284,7 +284,7 @@ class FmuInstance3(FmuInstance):
         self._events, self._terminated, self._early = (ctypes.c_bool() for _ in range(3))
         self._reached = ctypes.c_double()
         flags = (self._events, self._terminated, self._early, self._reached)
-        self._flags = tuple(map(ctypes.byref, flags))
+        self._flags = tuple(ctypes.byref(flag) for flag in flags)
 
     def _instantiate(self) -> None:
         receive = self.log.receive

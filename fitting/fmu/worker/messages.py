@@ -97,8 +97,10 @@ class Reply(NamedTuple):
 
         def record(kind: type[Any], given: dict[str, Any], **known: Any) -> Any:
             """A record whose other fields have the types of their defaults."""
-            own = [field for field in fields(kind) if field.name not in known]
-            return kind(**{f.name: type(f.default)(given[f.name]) for f in own}, **known)
+            types: dict[str, Any] = {
+                f.name: type(f.default) for f in fields(kind) if f.name not in known
+            }
+            return kind(**{name: of(given[name]) for name, of in types.items()}, **known)
 
         try:
             size, count = HEAD.unpack_from(data)

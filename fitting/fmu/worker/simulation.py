@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.fmu.run_requests import Layout, RunRequest
-from fitting.fmu.runs import HeldSignal, Tone, communication_steps, parts, row_times
+from fitting.fmu.runs import HeldSignal, Segment, Tone, communication_steps, parts, row_times
 from fitting.fmu.worker.instance import WARNING, FmuInstance, VariableAccess
 from fitting.fmu.worker.log import CallFailed
 from fitting.signal.tones import cycle_fraction
@@ -112,12 +112,13 @@ def _stride(
     """One step to each sample, or equal ones that are short enough; then segments likewise."""
     longest_s = request.longest_step_s
     row, now = 0, request.start_time_s
-    for part in (request, *request.segments):
-        if part is not request and moved is not None:
-            fmu.set(moved, (part.value,))
-        first = now + part.settle_s
-        for j in range(part.samples):
-            then = first + j * part.sample_step_s if j else first
+    stretches: list[RunRequest | Segment] = [request, *request.segments]
+    for stretch in stretches:
+        if isinstance(stretch, Segment) and moved is not None:
+            fmu.set(moved, (stretch.value,))
+        first = now + stretch.settle_s
+        for j in range(stretch.samples):
+            then = first + j * stretch.sample_step_s if j else first
             if then > now:
                 if longest_s:
                     start, span = now, then - now
