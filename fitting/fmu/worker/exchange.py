@@ -15,8 +15,7 @@ import math
 from typing import Any
 
 import numpy as np
-from fmpy.fmi2 import FMU2Model, fmi2EventInfo
-from fmpy.fmi3 import FMU3Model
+from fmpy.fmi2 import fmi2EventInfo
 from scipy.integrate import DOP853, LSODA
 
 from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
@@ -78,7 +77,12 @@ class ModelExchange(FmuInstance):
     def leave_initialisation(self) -> None:
         """Initial values, the first events, and the size of the states."""
         super().leave_initialisation()
-        states, indicators = self._sizes()
+        states, indicators = self.sizes
+        if self.prefix == "fmi3":  # sizes of arrays may have changed those of the description
+            numbers = ctypes.c_size_t(), ctypes.c_size_t()
+            self.call("GetNumberOfContinuousStates", ctypes.byref(numbers[0]))
+            self.call("GetNumberOfEventIndicators", ctypes.byref(numbers[1]))
+            states, indicators = numbers[0].value, numbers[1].value
         self._x, self._dx, self._z = (_Buffer(n) for n in (states, states, indicators))
         self._nominal = np.ones(states)
         if states:
@@ -326,60 +330,29 @@ class ModelExchange(FmuInstance):
             raise self.stopped(self._now_s, math.inf, "the FMU asks to end the simulation")
         return bool(event.value)
 
-    def _sizes(self) -> tuple[int, int]:
-        """Numbers of continuous states and of event indicators."""
-        raise NotImplementedError
-
     def _update(self) -> tuple[bool, bool, float]:
         """One update of discrete states: another is needed, an end is wanted, time of the next."""
-        raise NotImplementedError
+        if self.prefix == "fmi2":
+            info = fmi2EventInfo()
+            self.call("NewDiscreteStates", ctypes.byref(info))
+            needed, ended = info.newDiscreteStatesNeeded, info.terminateSimulation
+            is_set, next_s = info.nextEventTimeDefined, info.nextEventTime
+        else:
+            flags, event_s = [ctypes.c_bool() for _ in range(5)], ctypes.c_double()
+            pointers = [ctypes.byref(flag) for flag in flags]
+            self.call("UpdateDiscreteStates", *pointers, ctypes.byref(event_s))
+            needed, ended, _, _, is_set = (flag.value for flag in flags)
+            next_s = event_s.value
+        return bool(needed), bool(ended), float(next_s) if is_set else math.inf
 
 
 class ModelExchange2(ModelExchange, FmuInstance2):
     """Model exchange of FMI 2.0."""
 
     derivatives = "GetDerivatives"
-    sizes = 0, 0
-
-    def _sizes(self) -> tuple[int, int]:
-        return self.sizes
-
-    def _update(self) -> tuple[bool, bool, float]:
-        info = fmi2EventInfo()
-        self.call("NewDiscreteStates", ctypes.byref(info))
-        event_s = float(info.nextEventTime) if info.nextEventTimeDefined else math.inf
-        return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), event_s
 
 
 class ModelExchange3(ModelExchange, FmuInstance3):
     """Model exchange of FMI 3.0."""
 
     derivatives = "GetContinuousStateDerivatives"
-
-    def _sizes(self) -> tuple[int, int]:
-        sizes = []
-        for what in ("ContinuousStates", "EventIndicators"):
-            count = ctypes.c_size_t()
-            self.call(f"GetNumberOf{what}", ctypes.byref(count))
-            sizes.append(int(count.value))
-        return sizes[0], sizes[1]
-
-    def _update(self) -> tuple[bool, bool, float]:
-        flags = [ctypes.c_bool() for _ in range(5)]
-        event_s = ctypes.c_double()
-        pointers = [ctypes.byref(flag) for flag in flags]
-        self.call("UpdateDiscreteStates", *pointers, ctypes.byref(event_s))
-        needed, ended, _, _, defined = (bool(flag.value) for flag in flags)
-        return needed, ended, float(event_s.value) if defined else math.inf
-
-
-def exchange_of(version: str, sizes: tuple[int, int]) -> tuple[Any, type[FmuInstance]]:
-    """The library and the interface of model exchange.
-
-    Args:
-        version: of FMI.
-        sizes: numbers of states and of event indicators, which FMI 2.0 tells in its description.
-    """
-    if version != "2.0":
-        return FMU3Model, ModelExchange3
-    return FMU2Model, type("ModelExchange2", (ModelExchange2,), {"sizes": sizes})

@@ -15,13 +15,14 @@ from typing import Any, NamedTuple
 
 import fmpy
 from fmpy.fmi2 import (
+    FMU2Model,
     FMU2Slave,
     fmi2CallbackAllocateMemoryTYPE,
     fmi2CallbackFreeMemoryTYPE,
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
 )
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.run_requests import Group
@@ -68,6 +69,7 @@ class FmuInstance:
     prefix: str
     boolean: Any
     values_counted: bool  # FMI 3.0 passes the number of values behind the buffer
+    sizes: tuple[int, int] = 0, 0  # of model exchange: states and event indicators
 
     def __init__(self, fmu: Any, log: Log) -> None:
         self.fmu = fmu
@@ -325,14 +327,15 @@ def load(description: FmuDescription, folder: str, log: Log) -> FmuInstance:
 
     Raises CallFailed if it cannot be loaded or lacks a function.
     """
-    library: Any = FMU2Slave
-    interface: type[FmuInstance] = FmuInstance2
-    if description.fmi_version != "2.0":
-        library, interface = FMU3Slave, FmuInstance3
-    if description.exchange is not None:
-        from fitting.fmu.worker.exchange import exchange_of  # scipy, which others need not load
+    is_2, exchange = description.fmi_version == "2.0", description.exchange
+    library: Any = FMU2Slave if is_2 else FMU3Slave
+    interface: type[FmuInstance] = FmuInstance2 if is_2 else FmuInstance3
+    if exchange is not None:
+        # scipy, which others need not load
+        from fitting.fmu.worker.exchange import ModelExchange2, ModelExchange3
 
-        library, interface = exchange_of(description.fmi_version, description.exchange)
+        library = FMU2Model if is_2 else FMU3Model
+        interface = ModelExchange2 if is_2 else ModelExchange3
     try:
         fmu = library(
             guid=description.guid,
@@ -342,4 +345,7 @@ def load(description: FmuDescription, folder: str, log: Log) -> FmuInstance:
         )
     except Exception as error:  # fmpy raises a bare Exception
         raise CallFailed(f"its library cannot be loaded: {error}") from error
-    return interface(fmu, log)
+    instance = interface(fmu, log)
+    if exchange is not None:
+        instance.sizes = exchange
+    return instance

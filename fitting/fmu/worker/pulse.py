@@ -13,7 +13,6 @@ import socket
 import sys
 from multiprocessing import connection
 from pathlib import Path
-from typing import NamedTuple
 
 #: Places: the run of the batch that is under way, a count of everything that was started, whether a
 #: reset instance is only being tried, whether an instance is being freed, the memory of the
@@ -24,16 +23,17 @@ PLACES = 6
 SIZE = 8  # bytes of each
 
 
-class Pulse(NamedTuple):
-    """The mapped file and the numbers in it, integers of 64 bits."""
+class Pulse:
+    """The numbers of a pulse, integers of 64 bits, mapped from a descriptor."""
 
-    file: mmap.mmap
-    numbers: memoryview
+    def __init__(self, descriptor: int) -> None:
+        self._file = mmap.mmap(descriptor, PLACES * SIZE)
+        self.numbers = memoryview(self._file).cast("q")
 
     def close(self) -> None:
         """Unmap the file, which cannot be removed before on Windows."""
         self.numbers.release()
-        self.file.close()
+        self._file.close()
 
 
 def new_pulse(path: Path) -> tuple[Pulse, int | None]:
@@ -51,7 +51,7 @@ def new_pulse(path: Path) -> tuple[Pulse, int | None]:
     os.ftruncate(descriptor, PLACES * SIZE)
     seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
     fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, seals)
-    return _mapped(descriptor), descriptor
+    return Pulse(descriptor), descriptor
 
 
 def open_pulse(place: Path | int) -> Pulse:
@@ -62,7 +62,7 @@ def open_pulse(place: Path | int) -> Pulse:
     """
     descriptor = place if isinstance(place, int) else os.open(place, os.O_RDWR)
     try:
-        return _mapped(descriptor)
+        return Pulse(descriptor)
     finally:
         os.close(descriptor)
 
@@ -95,8 +95,3 @@ def taken_over(pipe: connection.Connection) -> int | None:
     if not descriptors:
         raise EOFError
     return descriptors[0]
-
-
-def _mapped(descriptor: int) -> Pulse:
-    mapped = mmap.mmap(descriptor, PLACES * SIZE)
-    return Pulse(mapped, memoryview(mapped).cast("q"))
