@@ -5,19 +5,18 @@ from __future__ import annotations
 import difflib
 import hashlib
 import math
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from fitting.fmu.archive import member_names
 from fitting.text.arrays import Scalar
 from fitting.text.choices import INTERFACES
 from fitting.text.errors import BadInput, shown
-from fitting.text.files import read_whole
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 Kind = Literal["Real", "Integer", "Boolean", "String", "other"]
 
@@ -181,6 +180,9 @@ class FmuDescription:
 
     def xml(self) -> ElementTree.Element:
         """Its modelDescription.xml; BadInput if that cannot be read."""
+        import zipfile
+        from xml.etree import ElementTree
+
         try:
             with zipfile.ZipFile(self.file) as archive:
                 return ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
@@ -208,7 +210,11 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
     Raises BadInput if the file is no FMU, has neither or not the one that is asked for, or no
     binary for this platform.
     """
-    import fmpy  # slow to load, and the other names of this module are wanted by many
+    # slow to load, and a worker process wants other names of this module alone
+    import fmpy
+
+    from fitting.fmu.archive import member_names
+    from fitting.text.files import read_whole
 
     path = Path(path)
     content = read_whole(path, "an FMU file")

@@ -297,21 +297,20 @@ def _head(
             bad = next(c for c in last if not is_number(c))
             raise BadInput(f"{path}: row {above[-1][0]}: found {shown(bad)}, wanted a number")
         last = None
+    if last is not None and are_units(last):
+        return _columns(before or last, last), above[-2 if before else -1][0]
     if last is not None:
-        if are_units(last):
-            return _columns(before or last, last), above[-2 if before else -1][0]
         return _columns(last), above[-1][0]
     at = _names_above(above, delimiter, count)
     if at is None:
         return tuple(Column(f"column {i + 1}", None, i) for i in range(count)), 0
-    cells = _cells_of_names(dict(above)[at], delimiter, count)
-    return _columns(cells or ()), at
+    return _columns(_cells_of_names(dict(above)[at], delimiter, count) or ()), at
 
 
 def _told_head(
     path: Path, above: Sequence[tuple[int, str]], delimiter: str, count: int, row: int
 ) -> tuple[tuple[Column, ...], int]:
-    """Columns by the row of names that is told, and perhaps one of units below it."""
+    """Columns by the row of names that is given, and perhaps one of units below it."""
     text = next((t for n, t in above if n == row), "")
     names = _split(text, delimiter, count)
     if names is None:
@@ -324,14 +323,28 @@ def _told_head(
 
 
 def _columns(names: Sequence[str], units: Sequence[str] | None = None) -> tuple[Column, ...]:
-    """Columns of names, with the units that stand in a row of their own, or with the names."""
-    if units is not None:
-        plain = [c.strip("()[] ").lower() for c in units]
-        pairs = zip(_distinct(names), plain, strict=True)
-        return tuple(Column(n, UNITS.get(u), i) for i, (n, u) in enumerate(pairs))
-    named = named_columns(names)
-    both = zip(_distinct([c.name for c in named]), named, strict=True)
-    return tuple(Column(name, c.unit, c.index) for name, c in both)
+    """Columns of names, with the units of a row of their own, or those in brackets.
+
+    Names are numbered where they are empty or there twice.
+    """
+    if units is None:
+        columns = named_columns(names)
+    else:
+        plain = [UNITS.get(c.strip("()[] ").lower()) for c in units]
+        pairs = enumerate(zip(names, plain, strict=True))
+        columns = tuple(Column(name, unit, i) for i, (name, unit) in pairs)
+    taken: set[str] = set()
+    following: dict[str, int] = {}  # number to be tried next: many columns may have one name
+    made = []
+    for column in columns:
+        first = name = column.name or f"column {column.index + 1}"
+        k = following.get(first.lower(), 2)
+        while name.lower() in taken:
+            name, k = f"{first} {k}", k + 1
+        following[first.lower()] = k
+        taken.add(name.lower())
+        made.append(replace(column, name=name))
+    return tuple(made)
 
 
 def are_units(cells: Sequence[str]) -> bool:
@@ -353,12 +366,17 @@ def _names_above(above: Sequence[tuple[int, str]], delimiter: str, count: int) -
     return None
 
 
+def _bare(text: str) -> str:
+    """A line without the marks of a remark before it."""
+    text = text.strip()
+    for mark in COMMENTS:
+        text = text.removeprefix(mark).lstrip(mark[0]).strip()
+    return text
+
+
 def _cells_of_names(text: str, delimiter: str, count: int) -> tuple[str, ...] | None:
     """Cells of a row of names; LabVIEW writes one for remarks, which few rows have."""
-    plain = text.strip()
-    for mark in COMMENTS:
-        plain = plain.removeprefix(mark).lstrip(mark[0]).strip()
-    cells = cells_of(plain, delimiter)
+    cells = cells_of(_bare(text), delimiter)
     if len(cells) == count + 1 and cells[-1].lower() == REMARKS:
         cells = cells[:-1]
     return cells if len(cells) == count else None
@@ -380,15 +398,8 @@ def told_units(above: Sequence[str], delimiter: str) -> tuple[str | None, tuple[
         above: lines above the table.
         delimiter: between their cells.
     """
-    x: str | None = None
-    y: tuple[str, ...] = ()
-    for text in above:
-        found = _axis_units(text, delimiter)
-        if found is not None and found[0] == "x":
-            x = found[1][0]
-        elif found is not None:
-            y = found[1]
-    return x, y
+    units = dict(pair for text in above if (pair := _axis_units(text, delimiter)) is not None)
+    return units.get("x", (None,))[0], units.get("y", ())
 
 
 def _axis_units(text: str, delimiter: str) -> tuple[str, tuple[str, ...]] | None:
@@ -424,27 +435,9 @@ def with_told_units(
     return tuple(c if c.unit is not None or u is None else replace(c, unit=u) for c, u in pairs)
 
 
-def _distinct(names: Sequence[str]) -> list[str]:
-    """The names, numbered where they are empty or there twice."""
-    made: list[str] = []
-    taken: set[str] = set()
-    following: dict[str, int] = {}  # number to be tried next: many columns may have one name
-    for i, name in enumerate(names):
-        first = distinct = name or f"column {i + 1}"
-        k = following.get(first.lower(), 2)
-        while distinct.lower() in taken:
-            distinct, k = f"{first} {k}", k + 1
-        following[first.lower()] = k
-        made.append(distinct)
-        taken.add(distinct.lower())
-    return made
-
-
 def _split(line: str, delimiter: str, count: int) -> tuple[str, ...] | None:
     """Cells of a line above the numbers, if it can be parted into that many."""
-    text = line.strip()
-    for mark in COMMENTS:
-        text = text.removeprefix(mark).lstrip(mark[0]).strip()
+    text = _bare(line)
     if not text:
         return None
     ways = (

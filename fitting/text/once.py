@@ -13,26 +13,23 @@ Arguments = ParamSpec("Arguments")
 Made = TypeVar("Made")
 
 
-class _Turn:
-    """One lock for all that is made once, so that no two wait for each other; new in a fork."""
-
-    def __init__(self) -> None:
-        self.renew()
-        if hasattr(os, "register_at_fork"):  # its owner may be a thread that the fork has not
-            os.register_at_fork(after_in_child=self.renew)
-
-    def renew(self) -> None:
-        """A lock that nobody holds."""
-        self.lock = RLock()
+#: One lock for all that is made once, so that no two wait for each other.
+_lock = RLock()
 
 
-_turn = _Turn()
+def _renew() -> None:
+    global _lock
+    _lock = RLock()
+
+
+if hasattr(os, "register_at_fork"):  # its owner may be a thread that the fork has not
+    os.register_at_fork(after_in_child=_renew)
 
 
 @contextmanager
 def alone() -> Iterator[None]:
     """One thread at a time, that which makes something once among them."""
-    with _turn.lock:
+    with _lock:
         yield
 
 
@@ -48,7 +45,7 @@ def made_once(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
     def once(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Made:
         key = (args, tuple(kwargs.items()))
         if key not in kept:
-            with _turn.lock:
+            with _lock:
                 if key not in kept:
                     kept[key] = make(*args, **kwargs)
         return kept[key]

@@ -71,14 +71,12 @@ def in_unit(written: Written, unit: str | None) -> float:
 
 
 def _in(written: Written, unit: str | None, conversion: Callable[..., float]) -> float:
-    value, found = written.value, written.unit
+    value, own = written.value, written.unit
     if isinstance(value, bool):
         raise BadInput(f"{written.where}: found {value!r}, wanted a number")
     if isinstance(value, str):
-        value, found = parse_quantity(value, where=written.where, wanted=unit)
-    if found is None:
-        return float(value)
-    return conversion(float(value), found, unit, where=written.where)
+        value, own = parse_quantity(value, where=written.where, wanted=unit)
+    return float(value) if own is None else conversion(float(value), own, unit, where=written.where)
 
 
 def difference_in(written: Written, unit: str | None) -> float:
