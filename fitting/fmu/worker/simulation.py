@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -178,39 +179,40 @@ def _stride_in_steps(
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
     held, seen = request.held.held, _rows(request.held.seen)
-    last: tuple[float, ...] | None = None
-    values: tuple[float, ...]
+    advance, assign = fmu.step, fmu.set
+    last: tuple[float, ...] = ()  # without inputs, all rows are that
     if inputs is not None:
         last = next(seen) if lead == 0 else tuple(held[0].tolist())
-        fmu.set(inputs, last)
+        assign(inputs, last)
     fmu.leave_initialisation()
     if lead == 0:
         read(0)
     else:
-        last = None  # the first step sets it again, in step mode
+        last = ()  # the first step sets it again, in step mode
     row, due = (1, each) if lead == 0 else (0, lead)
     now = start
     for k, values in enumerate(_rows(held), 1):
-        if inputs is not None and values != last:
-            fmu.set(inputs, values)
+        if values != last and inputs is not None:
+            assign(inputs, values)
             last = values
         then = start + k * step
-        fmu.step(now, then - now)
+        advance(now, then - now)
         now = then
         if k == due:
-            if inputs is not None:
-                values = next(seen)
-                if values != last:
-                    fmu.set(inputs, values)
-                    last = values
+            values = next(seen)
+            if values != last and inputs is not None:
+                assign(inputs, values)
+                last = values
             read(row)
             row, due = row + 1, due + each
 
 
 def _rows(table: FloatArray) -> Iterator[tuple[float, ...]]:
     """Rows of numbers of Python, a block at a time: all of them would take ten times the memory."""
-    for first in range(0, len(table), BLOCK):
-        yield from map(tuple, table[first : first + BLOCK].tolist())
+    if not table.size:
+        return repeat((), len(table))
+    starts = range(0, len(table), BLOCK)
+    return chain.from_iterable(zip(*table[k : k + BLOCK].T.tolist(), strict=True) for k in starts)
 
 
 def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
