@@ -339,19 +339,24 @@ def with_error(value: float, error: float, unit: str = "") -> str:
         error: standard deviation, in the same unit.
         unit: of the values.
     """
-    tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
+    tail = _tail(unit)
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
-    power_first = _POWER_FIRST.match(unit)
     size = max(abs(value), error)
-    exponent = math.floor(math.log10(size))
+    exponent, power = math.floor(math.log10(size)), ""
     plain = size >= _PLAIN_FROM and error < _PLAIN_ERROR
-    if plain or power_first or abs(exponent) > _MOST_EXPONENT:
-        both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
-        return f"({both})\u00a0×{tail}" if power_first else f"{both}{tail}"
-    value, error = value / 10.0**exponent, error / 10.0**exponent
+    if _POWER_FIRST.match(unit):
+        power = "\u00a0×"
+    elif not plain and abs(exponent) <= _MOST_EXPONENT:
+        power = f"\u00a0×\u00a0{power_of_ten(exponent)}"
+        value, error = value / 10.0**exponent, error / 10.0**exponent
     both = "\u00a0±\u00a0".join(rounded_alike(value, error, error=error))
-    return f"({both})\u00a0×\u00a0{power_of_ten(exponent)}{tail}"
+    return f"({both}){power}{tail}" if power else f"{both}{tail}"
+
+
+def _tail(unit: str) -> str:
+    """A unit behind a number, empty for pure numbers."""
+    return f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
 
 
 def rounded_alike(value: float, *others: float, error: float) -> tuple[str, ...]:
@@ -425,7 +430,7 @@ def uneven_quantity(value: float, sides: tuple[float, float], unit: str) -> str:
     factor, shown = joint_prefix(value, min(sides), unit)
     written = rounded_alike(value / factor, *(s / factor for s in sides), error=min(sides) / factor)
     best, below, above = written
-    tail = f"\u00a0{unit_text(shown)}" if unit_text(shown) else ""
+    tail = _tail(shown)
     whole = f"{best}\u00a0+{above}\u00a0−{below}"
     return f"({whole})\u00a0×{tail}" if _POWER_FIRST.match(shown) else f"{whole}{tail}"
 
@@ -500,7 +505,7 @@ def span(low: float, high: float, unit: str = "", error: float = math.nan) -> st
         unit: of the values.
         error: standard deviation of either end, in the same unit; NaN: the width tells the digits.
     """
-    tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
+    tail = _tail(unit)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return f"{bound(low, up=False)} to {bound(high, up=True)}{tail}"
     place = math.floor(math.log10(high - low)) - 2
