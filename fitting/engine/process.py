@@ -198,7 +198,7 @@ def _started(
     python = os.fsdecode(spawn.get_executable())
     if os.path.dirname(python):  # the process has another current folder
         python = os.path.abspath(python)
-    handle, options, held = theirs.fileno(), dict[str, Any](), None
+    handle, options, blocked = theirs.fileno(), dict[str, Any](), None
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, True)
         options["startupinfo"] = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})
@@ -212,7 +212,7 @@ def _started(
         # caller to deal with
         options = {"pass_fds": (handle,), "start_new_session": True}
         # no signal asks it to end before it can ignore that
-        held = signal.pthread_sigmask(signal.SIG_BLOCK, child.IGNORED)
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, child.IGNORED)
     try:
         # -P: neither the current folder nor that of the program is a place to import from
         return subprocess.Popen(  # noqa: S603
@@ -225,5 +225,5 @@ def _started(
             **options,
         )
     finally:
-        if held is not None and sys.platform != "win32":
-            signal.pthread_sigmask(signal.SIG_SETMASK, held)
+        if blocked is not None and sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)

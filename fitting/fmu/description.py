@@ -191,13 +191,13 @@ class FmuDescription:
 
     def variable(self, name: str) -> FmuVariable:
         """The variable ``name``; BadInput with the nearest names if there is none."""
-        found = self.settable.get(name)
-        if found is None:
+        variable = self.settable.get(name)
+        if variable is None:
             lower = {known.lower(): known for known in self.variables}
             near = [lower[key] for key in difflib.get_close_matches(name.lower(), lower, n=3)]
             hint = f"; did you mean {' or '.join(near)}?" if near else ""
             raise BadInput(f"{self.path}: no variable {name!r} in this FMU{hint}")
-        return found
+        return variable
 
 
 def read_description(path: Path | str, interface: str | None = None) -> FmuDescription:

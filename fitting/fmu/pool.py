@@ -193,8 +193,8 @@ class FmuWorkers:
     @property
     def reused(self) -> bool | None:
         """Whether instances are reset and reused; None where nothing has decided that yet."""
-        found = {verdict.reused for verdict in self._verdicts}
-        return False if False in found else True if True in found else None
+        values = {verdict.reused for verdict in self._verdicts}
+        return False if False in values else True if True in values else None
 
     @property
     def reset_lies(self) -> bool:
@@ -204,8 +204,8 @@ class FmuWorkers:
     @property
     def reset_failure(self) -> str:
         """How a reset failed, or ended the process; empty: none did."""
-        found = (v.note for v in self._verdicts if v.ended or v.failed)
-        return next((note.removeprefix(ANEW) for note in found), "")
+        values = (v.note for v in self._verdicts if v.ended or v.failed)
+        return next((note.removeprefix(ANEW) for note in values), "")
 
     @property
     def resets_end(self) -> bool:
@@ -304,7 +304,7 @@ class FmuWorkers:
                         continue
             if self._open.processes[number] is not worker:
                 continue
-            if worker.is_gone:
+            if worker.has_ended:
                 self._replace_ended(number, worker, job)
             elif text := worker.written_too_much():
                 self._blame(number, worker, job, text, FmuFailure)
@@ -423,8 +423,8 @@ def _run_of(number: int, worker: WorkerProcess, job: _Job) -> int:
 
 
 def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:
-    found = (*kept, *(text for text in more if text not in kept))
-    return found if len(found) <= MOST_WARNINGS else (*found[:MOST_WARNINGS], DROPPED)
+    values = (*kept, *(text for text in more if text not in kept))
+    return values if len(values) <= MOST_WARNINGS else (*values[:MOST_WARNINGS], DROPPED)
 
 
 def _unpack(description: FmuDescription) -> Scratch:

@@ -188,8 +188,8 @@ class RunRequests:
         read = [self._description.variable(name) for name in outputs]
         for variable in read:
             if variable.kind not in ("Real", "Integer", "Boolean"):
-                found = f"{variable.name!r} is of type {variable.fmi_type}"
-                raise self._bad(f"{found}, wanted a number to read")
+                what = f"{variable.name!r} is of type {variable.fmi_type}"
+                raise self._bad(f"{what}, wanted a number to read")
         gets = _grouped(read)
         self.layouts.append(
             Layout(

@@ -33,7 +33,7 @@ def other_tones(
         variables: of the FMU, by name.
     """
     stems = {match[1] for name in names if (match := TONE_NAME.fullmatch(name))}
-    found = []
+    others = []
     for name, variable in variables.items():
         match = TONE_NAME.fullmatch(name)
         if match is None or match[1] not in stems or name in names:
@@ -42,5 +42,5 @@ def other_tones(
         if amplitude is None or not variable.can_be_started:
             continue
         if values.get(amplitude.name, amplitude.start):
-            found.append(OtherTone(name, amplitude.name))
-    return tuple(found)
+            others.append(OtherTone(name, amplitude.name))
+    return tuple(others)

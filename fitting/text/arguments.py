@@ -74,10 +74,10 @@ def _hints(called: Callable[..., Any]) -> dict[str, Any]:
     made = vars(called).get("__dataclass_params__")
     is_plain = isinstance(called, type) and not (made and made.init)
     try:  # names of fields are looked up in the module of the class that has them
-        found = typing.get_type_hints(called.__init__ if is_plain else called)
+        every = typing.get_type_hints(called.__init__ if is_plain else called)
     except NameError:  # a name that is there for type checkers alone
         return {}
-    return {key: hint for key, hint in found.items() if key not in (*many, "return", "self")}
+    return {key: hint for key, hint in every.items() if key not in (*many, "return", "self")}
 
 
 def _can_be(value: Any, hint: Any) -> bool:

@@ -37,7 +37,7 @@ class Journal(Generic[Part]):
     def __init__(self, path: Path, job: str, kind: type[Part]) -> None:
         self.path, self.job = path, job
         self._kind = kind
-        self._begun, self._whole = False, 0
+        self._started, self._whole = False, 0
 
     def resume(self) -> Iterator[Part]:
         """Parts that an interrupted run of the same job left, none where it left no file.
@@ -51,7 +51,7 @@ class Journal(Generic[Part]):
         if self._whole:
             with self.path.open("rb+") as file:
                 file.truncate(self._whole)
-            self._begun = True
+            self._started = True
 
     def read(self) -> Iterator[Part]:
         """The same parts; the file stays as it is.
@@ -88,9 +88,9 @@ class Journal(Generic[Part]):
         Raises:
             BadInput: the file cannot be written.
         """
-        if not self._begun:
+        if not self._started:
             write_whole(self.path, json.dumps({"job": self.job}) + "\n")
-            self._begun = True
+            self._started = True
         line = json.dumps(to_plain(part), allow_nan=False, separators=(",", ":")) + "\n"
         folder = open_folder_of(self.path)
         if folder is None:

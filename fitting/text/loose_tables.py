@@ -91,11 +91,11 @@ def suffixed_unit(name: str) -> tuple[str, str | None]:
     match = _SUFFIX.fullmatch(name) if len(name) <= 100 else None
     if match is None or match["unit"].lower() not in UNITS:
         return name, None
-    said = match["name"].removesuffix(" in")
-    blank = not match["mark"].strip() and said == match["name"]
+    base = match["name"].removesuffix(" in")
+    blank = not match["mark"].strip() and base == match["name"]
     if blank and len(match["unit"]) == 1 and match["unit"].isalpha():
         return name, None  # "channel A" is a name
-    return said.rstrip(), UNITS[match["unit"].lower()]
+    return base.rstrip(), UNITS[match["unit"].lower()]
 
 
 def named_unit(name: str) -> str | None:
@@ -128,21 +128,21 @@ def find_table(path: Path, text: str, header_row: int | None = None) -> LooseTab
     kept = [(n, t) for n, t in whole if t.strip() and not t.lstrip().startswith(COMMENTS)]
     if header_row is not None:
         kept = [(n, t) for n, t in kept if n > header_row]
-    found = _start(kept)
-    if found is None:
+    result = _start(kept)
+    if result is None:
         return None
-    start, delimiter = found
+    start, delimiter = result
     rows, lines = _rows(path, kept[start:], delimiter)
     count = len(rows[0])
     above = [(n, t) for n, t in whole[: lines[0] - 1] if t.strip()]
     if header_row is not None:
         above = [(n, t) for n, t in above if n >= header_row]
-        columns, head = _told_head(path, above, delimiter, count, header_row)
+        columns, head = _given_head(path, above, delimiter, count, header_row)
     else:
         columns, head = _head(path, above, delimiter, count)
     table = Table(
         path=path,
-        columns=with_told_units(columns, told_units([t for _, t in above], delimiter)),
+        columns=with_declared_units(columns, declared_units([t for _, t in above], delimiter)),
         cells=tuple(rows),
         lines=tuple(lines),
         decimal_comma=delimiter != ",",
@@ -220,11 +220,11 @@ def heads_at(text: str, delimiter: str) -> int | None:
         delimiter: between the cells of its first line.
     """
     whole = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
-    found = _start(list(enumerate(whole)))
-    if found is None or found[1] != delimiter:
+    result = _start(list(enumerate(whole)))
+    if result is None or result[1] != delimiter:
         return None
-    count = len(cells_of(whole[found[0]], delimiter))
-    above = [(n, t) for n, t in enumerate(whole[: found[0]])]
+    count = len(cells_of(whole[result[0]], delimiter))
+    above = [(n, t) for n, t in enumerate(whole[: result[0]])]
     return _names_above(above, delimiter, count)
 
 
@@ -307,7 +307,7 @@ def _head(
     return _columns(_cells_of_names(dict(above)[at], delimiter, count) or ()), at
 
 
-def _told_head(
+def _given_head(
     path: Path, above: Sequence[tuple[int, str]], delimiter: str, count: int, row: int
 ) -> tuple[tuple[Column, ...], int]:
     """Columns by the row of names that is given, and perhaps one of units below it."""
@@ -389,7 +389,7 @@ def _heads(cell: str) -> bool:
     return unit is not None or column.name.strip(" .").lower() in AXES
 
 
-def told_units(above: Sequence[str], delimiter: str) -> tuple[str | None, tuple[str, ...]]:
+def declared_units(above: Sequence[str], delimiter: str) -> tuple[str | None, tuple[str, ...]]:
     """Units of the first column, and of the others, in settings above a table; None, (): none.
 
     As "X Axis Units,Hz" and "Y Axis Units,dBm", or "Y_Unit_Label", a unit for each column.
@@ -410,25 +410,25 @@ def _axis_units(text: str, delimiter: str) -> tuple[str, tuple[str, ...]] | None
     ways = (cells_of(plain, d) for d in (delimiter, ";", "\t", ",") if d != BLANKS)
     key, *values = next((cells for cells in ways if len(cells) > 1), ("",))
     match = _AXIS_UNITS.fullmatch(key.replace("_", " ").strip(" :"))
-    told = tuple(UNITS.get(value.lower(), value) for value in values if value)
-    if match is None or not told:
+    declared = tuple(UNITS.get(value.lower(), value) for value in values if value)
+    if match is None or not declared:
         return None
     if match["dimension"]:
-        told = ("s",) if told[0].lower() == "time" else ()
+        declared = ("s",) if declared[0].lower() == "time" else ()
     axis = match["axis"].lower()
-    return (AXIS_WORDS.get(axis, axis), told) if told else None
+    return (AXIS_WORDS.get(axis, axis), declared) if declared else None
 
 
-def with_told_units(
-    columns: Sequence[Column], told: tuple[str | None, tuple[str, ...]]
+def with_declared_units(
+    columns: Sequence[Column], declared: tuple[str | None, tuple[str, ...]]
 ) -> tuple[Column, ...]:
     """Columns without a unit of their own in those that settings above them tell.
 
     Args:
         columns: of a table.
-        told: see `told_units`.
+        declared: see `declared_units`.
     """
-    x, y = told
+    x, y = declared
     units = [x, *(y * (len(columns) - 1) if len(y) == 1 else y)]
     units += [None] * len(columns)
     pairs = zip(columns, units, strict=False)

@@ -132,12 +132,12 @@ def signs_words(names: Iterable[str]) -> str:
     Args:
         names: of the quantities.
     """
-    told = []
+    pairs = []
     for name in names:
         parts = symbol(name)
         if parts is not None and not name.startswith(parts[0] + parts[1]):
-            told.append(f"{sign(name)} is {name}")
-    return f"In figures {listed(told)}." if told else ""
+            pairs.append(f"{sign(name)} is {name}")
+    return f"In figures {listed(pairs)}." if pairs else ""
 
 
 def index(text: str) -> str:

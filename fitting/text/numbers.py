@@ -38,21 +38,21 @@ def as_values(values: npt.ArrayLike, where: str) -> FloatArray | ComplexArray:
     Raises:
         BadInput: it is none.
     """
-    found = _as_array(values, None, where)
-    if np.iscomplexobj(found):
-        return np.asarray(_as_array(found, complex, where), dtype=complex)
-    return as_numbers(found, where)
+    array = _as_array(values, None, where)
+    if np.iscomplexobj(array):
+        return np.asarray(_as_array(array, complex, where), dtype=complex)
+    return as_numbers(array, where)
 
 
 def _as_array(values: npt.ArrayLike, kind: type | None, where: str) -> Any:
     try:
-        found = np.asarray(values, dtype=kind)
-        if found.dtype.kind in "SUMm":  # text would be read, times would be counted
+        array = np.asarray(values, dtype=kind)
+        if array.dtype.kind in "SUMm":  # text would be read, times would be counted
             raise TypeError
     except (TypeError, ValueError, OverflowError):
         what = " ".join(shown(values).split())  # arrays are shown on several lines
         raise BadInput(f"{where}: found {what}, wanted an array of numbers") from None
-    return found
+    return array
 
 
 def require_size(values: FloatArray | ComplexArray, where: str) -> None:

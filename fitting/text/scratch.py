@@ -101,10 +101,10 @@ def _remove_abandoned(place: Path) -> None:
     """Remove what processes of this machine left that are gone."""
     for owner in place.glob(f"{PREFIX}*/{OWNER_NAME}"):
         with suppress(OSError, Timeout):
-            found = owner.lstat()
-            if owner.parent.is_symlink() or not stat.S_ISREG(found.st_mode):
+            status = owner.lstat()
+            if owner.parent.is_symlink() or not stat.S_ISREG(status.st_mode):
                 continue  # a pipe of others would be waited for without end
-            if hasattr(os, "getuid") and found.st_uid != os.getuid():
+            if hasattr(os, "getuid") and status.st_uid != os.getuid():
                 continue
             if owner.read_text("utf-8") != platform.node():
                 continue  # a lock may say nothing to other machines that share the folder

@@ -58,9 +58,9 @@ def _unit(text: str) -> pint.Unit | None:
     spelled = re.sub(r"(?<=[\w)])\.(?=[A-Za-z(])", "*", spelled)
     for candidate in (name, spelled):
         try:
-            found = _registry().parse_units(candidate)
-            _ = found.dimensionality  # a level over a unit, as dBm/Hz, has none
-            return found
+            parsed = _registry().parse_units(candidate)
+            _ = parsed.dimensionality  # a level over a unit, as dBm/Hz, has none
+            return parsed
         except Exception:  # noqa: S112 - pint raises half a dozen types on nonsense
             continue
     return None
@@ -234,9 +234,9 @@ def base_unit(unit: str) -> str:
     Args:
         unit: of the values.
     """
-    found = _unit(unit)
+    parsed = _unit(unit)
     with alone():
-        return unit if found is None else f"{_registry().get_base_units(found)[1]:~P}"
+        return unit if parsed is None else f"{_registry().get_base_units(parsed)[1]:~P}"
 
 
 def dimension_of(unit: str, *, where: str) -> Dimension:
@@ -249,11 +249,11 @@ def dimension_of(unit: str, *, where: str) -> Dimension:
     Raises:
         BadInput: there is no such unit.
     """
-    found = _unit(unit)
-    if found is None:
+    parsed = _unit(unit)
+    if parsed is None:
         raise BadInput(f"{where}: there is no unit {unit!r}")
     with alone():
-        return {str(name): float(str(power)) for name, power in found.dimensionality.items()}
+        return {str(name): float(str(power)) for name, power in parsed.dimensionality.items()}
 
 
 def product_words(powers: Mapping[str, float]) -> str:

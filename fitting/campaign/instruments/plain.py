@@ -20,13 +20,13 @@ from fitting.text.loose_tables import (
     UNITS,
     are_units,
     cells_of,
+    declared_units,
     find_table,
     heads_at,
     is_number,
     named_unit,
     suffixed_unit,
-    told_units,
-    with_told_units,
+    with_declared_units,
     words_of,
 )
 from fitting.text.tables import Table, parse_table, read_text
@@ -47,7 +47,7 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
         table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
         delimiter = next((d for d in ";\t" if d in _kept(text)[0]), ",")
         above = text.splitlines()[: table.lines[0] - 1]
-        told = with_told_units(table.columns, told_units(above, delimiter))
+        told = with_declared_units(table.columns, declared_units(above, delimiter))
         table = _with_suffixes(replace(table, columns=told))
         return of_table(table, words_of(delimiter, table.lines[0] - 1))
     return replace(of_table(_with_suffixes(found.table), found.words), headed=found.headed)

@@ -87,7 +87,7 @@ class ModelExchange(FmuInstance):
         self._nominal = np.ones(states)
         if states:
             self._nominal = self._read("GetNominalsOfContinuousStates", self._x)
-        self._seen = NOTHING * np.abs(self._nominal)  # sizes of the states so far
+        self._largest = NOTHING * np.abs(self._nominal)  # sizes of the states so far
         self._now_s = self._start_s
         self._update_discrete_states()
         self._running = True
@@ -172,8 +172,8 @@ class ModelExchange(FmuInstance):
             return until, self._completed()
         x = self._read("GetContinuousStates", self._x)
         # absolute tolerances by the largest value of a state so far, or a part of a nominal one
-        self._seen = np.maximum(self._seen, np.abs(x))
-        within = {"rtol": self._tolerance, "atol": np.asarray(self._tolerance * self._seen)}
+        self._largest = np.maximum(self._largest, np.abs(x))
+        within = {"rtol": self._tolerance, "atol": np.asarray(self._tolerance * self._largest)}
         solver: Any
         if self._stiff:
             solver = LSODA(self._rate, at, x, until, **within)
@@ -189,7 +189,7 @@ class ModelExchange(FmuInstance):
                 raise self.stopped(float(solver.t), until, f"{name} cannot go on: {message}")
             self._step_s = max(self._step_s, float(solver.t - solver.t_old))
             t, x = float(solver.t), np.array(solver.y)
-            self._seen = np.maximum(self._seen, np.abs(x))
+            self._largest = np.maximum(self._largest, np.abs(x))
             after = self._indicators(t, x)
             if np.any((before > 0.0) != (after > 0.0)):
                 # the time just after the first change of sign of an indicator in this step

@@ -127,7 +127,7 @@ class WorkerProcess:
         return reply
 
     @property
-    def is_gone(self) -> bool:
+    def has_ended(self) -> bool:
         """Whether the process has ended and nothing of it remains to be received.
 
         A process that its FMU has forked may keep the pipe open.
