@@ -155,7 +155,8 @@ def _complaints(
                 lines.append(f"{where}: key '{key}' is missing{hint}")
             case "value_error":
                 reason = e["ctx"]["error"]
-                further, table = (), False
+                further: tuple[str, ...] = ()
+                table = False
                 if isinstance(reason, Refused):  # of this table, or of a key in it
                     further = reason.key
                     table = not further and isinstance(source.at(place), Mapping)

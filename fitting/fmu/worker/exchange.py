@@ -68,7 +68,8 @@ class ModelExchange(FmuInstance):
     def enter_initialisation(self, start_time: float) -> None:
         """As in co-simulation; the time is kept, and nothing is known of the equations."""
         self._start_s, self._event_s, self._step_s = start_time, math.inf, 0.0
-        self._input, self._tones = None, ()
+        self._input = None
+        self._tones: tuple[Tone, ...] = ()
         self._equations: LinearEquations | None = None
         self._curved, self._stale, self._integrate_to = False, False, -math.inf
         self._propagators: dict[float, FloatArray] = {}
