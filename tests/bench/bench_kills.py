@@ -2,9 +2,9 @@
 
 `reconstruct`, `ensemble`, `posterior` and `design` of a small campaign are ended at random times by
 ``kill -9`` or SIGTERM, then asked for once more, in turns with ``--resume`` where they have it; or
-a worker of theirs is killed. Survived is a try whose results equal those of an undisturbed run
-number for number, and that leaves nothing: no process, no temporary folder, no checkpoint, no file
-of half a writing. The model runs by its native twin.
+a worker of theirs is killed. Survived is a try whose exit code and results equal those of an
+undisturbed run number for number, and that leaves nothing: no process, no temporary folder, no
+checkpoint, no file of half a writing. The model runs by its native twin.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ class Bench:
     goes_on: bool
     folder: Path
     undisturbed: str
+    code: int
     seconds: float
 
     def job(self, folder: Path, *more: str) -> Job:
@@ -78,8 +79,8 @@ def _lasting(value: Any) -> Any:
 def verdict(bench: Bench, folder: Path, jobs: list[Job], ended: tuple[int, str, str]) -> str:
     """What is wrong after a try, as a text; empty if it survived."""
     code, _, err = ended
-    if code != 0:
-        return f"exit code {code}: {err.strip()}"
+    if code != bench.code:
+        return f"exit code {code}, undisturbed {bench.code}: {err.strip()}"
     if left := [name for each in jobs for name in each.left_behind()]:
         return f"left: {', '.join(left)}"
     found = written(folder / "out")
@@ -150,14 +151,14 @@ def prepared(folder: Path) -> list[Bench]:
     }
     benches = []
     for command, (words, goes_on) in asked.items():
-        bench = Bench(command, words, goes_on, folder / command, "", 0.0)
+        bench = Bench(command, words, goes_on, folder / command, "", 0, 0.0)
         begun = time.monotonic()
         with bench.job(bench.folder) as only:
             code, _, err = only.ended()
         assert code in (0, 1), err
         seconds = time.monotonic() - begun
         text = written(bench.folder / "out")
-        benches.append(Bench(command, words, goes_on, bench.folder, text, seconds))
+        benches.append(Bench(command, words, goes_on, bench.folder, text, code, seconds))
     return benches
 
 
