@@ -324,11 +324,11 @@ class Fmu:
             ``tone``, ``sign`` and ``parameter``: the line is at their sum or difference; None where
             there is no such line, or not one parameter of the FMU with that frequency.
         """
-        if response.beside is None:
+        if response.other_line is None:
             return None
         drive = response.drive
         tones = dict(zip(drive.names, drive.tones_hz, strict=True))
-        return sideband_of(response.beside, tones, drive.start_values, self.variables)
+        return sideband_of(response.other_line, tones, drive.start_values, self.variables)
 
     def write(self, found: DriveResponse | SweepResponse, out: str | Path) -> tuple[Path, ...]:
         """Write what the command line writes of a response: CSV tables and figures.

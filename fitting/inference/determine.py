@@ -215,7 +215,7 @@ def determine(
             *outside_sentences(optimum),
             *beyond_sentences(optimum.likelihood, outside, profiles),
             *held_sentences(profiles),
-            *identifiability.sentences(optimum, values, directions, idle, equivalents),
+            *identifiability.sentences(optimum, profiles, directions, idle, equivalents),
         ),
         effort=spent,
         bootstrap=resampled,

@@ -13,6 +13,7 @@ from scipy.special import fdtrc
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
 from fitting.signal.line_record import (
+    LineNumber,
     LineResult,
     LineValues,
     TriedForm,
@@ -32,7 +33,6 @@ from fitting.signal.peaks import (
 from fitting.signal.residual_tests import NOTABLE, SMALLEST_RESIDUAL, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number, quantity, with_error
 
@@ -68,13 +68,13 @@ class SweepLine(LineResult):
             curve; None where there is none.
     """
 
-    amplitude: Estimate
+    amplitude: LineNumber
     background: str
     message: str
     notes: Mapping[str, str]
     background_p: float = math.nan
     values: Mapping[str, str] = field(default_factory=dict)
-    mirrored: Estimate | None = None
+    mirrored: LineNumber | None = None
 
 
 def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:

@@ -26,7 +26,14 @@ from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.equivalent_fits import contradicts, exchange_words, turned_to
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches
-from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile, Scan
+from fitting.inference.likelihood.knowledge import (
+    CLOSED,
+    STOPPED,
+    Equivalent,
+    Interval,
+    Profile,
+    Scan,
+)
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interval
 from fitting.signal.student import ROOT_68
 from fitting.text.arrays import FloatArray
@@ -219,7 +226,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
         "std": 0.5 * (high68 - low68) if verdict.has_value else math.nan,
         "ci68": (low68, high68),
         "ci95": wide,
-        "closed_by": (ends[0], ends[1]),
+        "closed_by": (CLOSED[ends[0]], CLOSED[ends[1]]),
         "shrinkage": shrinkage,
         "status": verdict,
         "reason": reason,
@@ -242,6 +249,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     scan = Scan(
         sigma=subject.scale * quantity.sigma,
         held=tuple(dict.fromkeys(found.held)) if "held" in ends else (),
+        stopped=(STOPPED.get(ends[0], ""), STOPPED.get(ends[1], "")),
         values=tuple(subject.shown(point.value) for point in points),
         delta_chi2=tuple(max(0.0, point.delta) for point in points),
         path=_path(explored, points, turn),
@@ -411,23 +419,23 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
     if not basis.redundant:  # where a walk then ends is a matter of the box
         return Verdict.UNKNOWN, "there are no more data than unknowns: nothing tests the model"
     if found.ends == ("round", "round"):
-        return Verdict.OPEN, "every value around its period fits"
+        return Verdict.UNCONSTRAINED, "every value around its period fits"
     said = [_end_words(end, found.held) for end in found.ends]
     if any(end in CUT for end in found.ends):
         if _is_nearly_all(subject, found.seen, subject.box):  # no walk makes that narrower
-            return Verdict.OPEN, "values close to both ends of its range fit"
+            return Verdict.UNCONSTRAINED, "values close to both ends of its range fit"
         return Verdict.UNKNOWN, _both(said)
     cut = [end == "crossed" for end in found.ends]
     if not any(cut):
         both_fit = found.ends == ("bound", "bound")
-        return Verdict.OPEN, "both ends of its range fit" if both_fit else _both(said)
+        return Verdict.UNCONSTRAINED, "both ends of its range fit" if both_fit else _both(said)
     share = _share_of_prior(subject, found)
     if share > PRIOR_ALONE:
-        return Verdict.OPEN, "its interval is that of its prior"
+        return Verdict.UNCONSTRAINED, "its interval is that of its prior"
     if found.exchange is not None or found.others:
         return (Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN), _elsewhere_words(subject, found)
     if _is_nearly_all(subject, found.interval, (subject.quantity.low, subject.quantity.high)):
-        return Verdict.OPEN, "nearly all of its range fits"
+        return Verdict.UNCONSTRAINED, "nearly all of its range fits"
     if not all(cut):
         return (
             (Verdict.BELOW, f"above it {said[1]}")
@@ -580,14 +588,15 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
         ci95=box,
         lower=box[0],
         upper=box[1],
-        closed_by=("lost", "lost"),
         shrinkage=0.0,
         status=Verdict.UNKNOWN,
         reason="it has no value at the most likely point",
         method="profile",
     )
     if not (math.isfinite(best) and not box[1] > box[0]):
-        return Profile(value, Scan(sigma=math.nan, values=(), delta_chi2=(), path={}))
+        lost = (STOPPED["lost"], STOPPED["lost"])
+        none = Scan(sigma=math.nan, values=(), delta_chi2=(), path={}, stopped=lost)
+        return Profile(value, none)
     exact = replace(
         value,
         std=0.0,
@@ -595,7 +604,7 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
         ci95=(best, best),
         lower=best,
         upper=best,
-        closed_by=("crossed", "crossed"),
+        closed_by=("data", "data"),
         shrinkage=1.0,
         status=Verdict.DETERMINED,
         reason="exactly: it does not depend on the parameters",

@@ -259,7 +259,7 @@ def _unconstrained(left: Mapping[str, FittedEstimate]) -> tuple[str, ...]:
     """Names of unconstrained values by the range that the data allow, parameters first."""
     periodic, bounded, derived = [], dict[str, list[str]](), dict[str, list[str]]()
     for name, found in left.items():
-        if found.status is not Verdict.OPEN:
+        if found.status is not Verdict.UNCONSTRAINED:
             continue
         if found.is_all_round:
             periodic.append(sign(name))
@@ -378,7 +378,7 @@ def _measurement(
         if any(f.kind in STRUCTURED and f.severity != "note" for f in result.findings):
             return "fit a background, or use another model: the residuals are structured", ""
         return "none needed: every requested value is determined", ""
-    if "cost" in result.profiled[target].closed_by:
+    if "budget" in result.scans[target].stopped:
         return _larger_budget(result)
     command = _design_command(result, target)
     if not command:
@@ -441,7 +441,9 @@ def target_of(result: Result, left: Mapping[str, FittedEstimate]) -> str:
     wanted = [name for name in (*result.derived, *asked) if name in left]
     # what nothing is known of comes before what is bounded; parameters that are bounded will do
     # where outputs are what the campaign asks for
-    open_ = [name for name in wanted if left[name].status in (Verdict.OPEN, Verdict.UNKNOWN)]
+    open_ = [
+        name for name in wanted if left[name].status in (Verdict.UNCONSTRAINED, Verdict.UNKNOWN)
+    ]
     rest = [
         name
         for name in wanted

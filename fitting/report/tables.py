@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
+from fitting.inference.likelihood.knowledge import Scan
 from fitting.report.same_values import Valued, same_values
 from fitting.report.screen import phrase
 from fitting.report.table import Cell, numeric
@@ -39,13 +40,12 @@ PAPERS = (
 )
 #: What closes a side of an interval, by how its profile ended.
 ENDS = {
-    "crossed": "closed by the data",
+    "data": "closed by the data",
     "prior": "closed by the prior of the drift",
-    "held": "another parameter at its bound",
     "bound": "reaches the bound",
-    "round": "periodic",
-    "lost": "search not converged",
-    "cost": "cut by the budget",
+    "periodic": "periodic",
+    "search": "search not converged",
+    "budget": "cut by the budget",
 }
 #: Style class of every status.
 MARKS = {
@@ -366,13 +366,17 @@ def best(e: FittedEstimate) -> Cell:
     return Cell(as_its_error(e.likely, error, 8), e.likely)
 
 
-def closed(end: str) -> str:
-    """What closes a side of an interval.
+def closed(e: FittedEstimate, scan: Scan, side: int) -> str:
+    """What closes a side of an interval, or why its scan ended before.
 
     Args:
-        end: how its profile ended.
+        e: with a profile.
+        scan: of the profile.
+        side: 0 for the lower one, 1 for the upper one.
     """
-    return ENDS.get(end, end)
+    if e.closed_by[side] == "bound" and scan.held and e.ci95[side] != e.bounds[side]:
+        return "another parameter at its bound"
+    return ENDS.get(e.closed_by[side] or scan.stopped[side], "")
 
 
 def precision(e: FittedEstimate) -> Cell:

@@ -19,10 +19,9 @@ import numpy as np
 from fitting.measurements.dip import Dip
 from fitting.resonance.form import SLOPED, FittedForm
 from fitting.resonance.trace import Trace
-from fitting.signal.line_record import Renamed, number_of_line
+from fitting.signal.line_record import LineNumber, Renamed, number_of_line
 from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.estimate import Estimate
 
 NOTCH, REFLECTION = DIPS = ("notch", "reflection")
 
@@ -37,8 +36,8 @@ class DipReading(Renamed):
     """
 
     wiring: str
-    q_coupling: Estimate
-    q_internal: Estimate
+    q_coupling: LineNumber
+    q_internal: LineNumber
 
 
 def dip_readings(trace: Trace, best: FittedForm, wiring: str) -> tuple[DipReading, ...]:
@@ -91,7 +90,7 @@ def _reading(dip: Dip, slopes: ComplexArray, best: FittedForm) -> DipReading:
     )
 
 
-def _quality(name: str, share: float, slopes: FloatArray, best: FittedForm) -> Estimate:
+def _quality(name: str, share: float, slopes: FloatArray, best: FittedForm) -> LineNumber:
     """1/loss of the loss share/Q, its error and its 95 % interval; slopes are those of loss Q."""
     loss = share / best.q.value
     error = math.sqrt(max(0.0, float(slopes @ best.covariance @ slopes))) / best.q.value

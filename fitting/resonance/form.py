@@ -32,7 +32,13 @@ from fitting.signal.complex_line import (
     tops_and_bottoms,
 )
 from fitting.signal.least_squares import minimise_squares
-from fitting.signal.line_record import SecondLine, fields_of, line_numbers, number_of_line
+from fitting.signal.line_record import (
+    LineNumber,
+    SecondLine,
+    fields_of,
+    line_numbers,
+    number_of_line,
+)
 from fitting.signal.peaks import (
     BESIDE_WORDS,
     FLOOR,
@@ -54,7 +60,6 @@ from fitting.signal.single_readings import fit_single_readings
 from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
 
 TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
 #: Of amplitudes, and what each is called where amplitudes are fitted.
@@ -101,7 +106,7 @@ class FittedForm(Resonance):
     """
 
     name: str
-    delay: Estimate | None = None
+    delay: LineNumber | None = None
     unknowns: int
     squares: float
     likely_squares: float

@@ -53,7 +53,7 @@ from fitting.resonance.second_line import fits_with_second, second_place
 from fitting.resonance.spikes import Spike, spikes_in, without_spikes
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import as_two, two_lines
-from fitting.signal.line_record import LineValues, TriedForm, fields_of, no_line
+from fitting.signal.line_record import LineNumber, LineValues, TriedForm, fields_of, no_line
 from fitting.signal.peaks import (
     FLOOR,
     MIN_SWEEP_POINTS,
@@ -65,7 +65,6 @@ from fitting.signal.peaks import (
 from fitting.signal.sweep_faults import SweepFault
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
 from fitting.text.finding import Kind, note
 from fitting.text.notation import hertz, listed
 
@@ -106,13 +105,13 @@ class Line(MeasuredLine):
         phases_reversed: whether the file counts phases as Re[value exp(-i 2 pi f t)].
     """
 
-    amplitude: Estimate
-    mirrored: Estimate | None
+    amplitude: LineNumber
+    mirrored: LineNumber | None
     background: float
     slope: float
     wiring: str
     is_requested: bool
-    delay: Estimate | None
+    delay: LineNumber | None
     rivals: tuple[str, ...]
     rivals_widening: float
     readings: tuple[DipReading, ...]

@@ -26,6 +26,7 @@ from scipy.special import digamma, gammainc, gammaincc, ndtri
 from fitting.resonance.record import MeasuredLine, Points
 from fitting.resonance.trace import above_zero, within
 from fitting.signal.line_record import (
+    LineNumber,
     LineValues,
     SecondLine,
     fields_of,
@@ -37,7 +38,6 @@ from fitting.signal.residual_tests import residual_structure
 from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import hertz
 from fitting.text.numbers import as_numbers, require_size
@@ -147,8 +147,8 @@ class NoiseLine(MeasuredLine):
         spacing_hz: between two points, Hz.
     """
 
-    power: Estimate
-    rms: Estimate
+    power: LineNumber
+    rms: LineNumber
     height: float
     floor: float
     averages: float

@@ -35,6 +35,7 @@ from fitting.resonance.decay_record import AMPLITUDES, PHASORS, SAMPLES, DecayRe
 from fitting.resonance.reading import TIME_WAY
 from fitting.resonance.record import MeasuredLine, Points
 from fitting.signal.line_record import (
+    LineNumber,
     LineValues,
     SecondLine,
     TriedForm,
@@ -45,7 +46,6 @@ from fitting.signal.line_record import (
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, STRUCTURED
 from fitting.signal.student import ratio95
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
 from fitting.text.notation import number, quantity
 
 __all__ = [
@@ -101,10 +101,10 @@ class Ringdown(MeasuredLine):
     """
 
     kind: str
-    offset: Estimate | None
-    decay_time: Estimate
-    amplitude: Estimate
-    shift: Estimate
+    offset: LineNumber | None
+    decay_time: LineNumber
+    amplitude: LineNumber
+    shift: LineNumber
     reference_hz: float
     form: str
     rival: str
@@ -239,7 +239,7 @@ def _no_decay(record: DecayRecord) -> BadInput:
     )
 
 
-def _too_short(record: DecayRecord, width: Estimate) -> BadInput:
+def _too_short(record: DecayRecord, width: LineNumber) -> BadInput:
     span_s = number(record.spacing_s * record.values.size, 3)
     what = f"does not fall within its {span_s} s"
     if width.std < width.value:
@@ -329,13 +329,13 @@ def _line(record: DecayRecord, form: FittedDecay, k: int) -> SecondLine:
     )
 
 
-def _inverse(numerator: float, width: Estimate) -> tuple[float, float]:
+def _inverse(numerator: float, width: LineNumber) -> tuple[float, float]:
     """The 95 % interval of a number over the width."""
     slow, fast = (max(end, 1e-300) for end in width.ci95)
     return numerator / fast, numerator / slow
 
 
-def _decay_time(width: Estimate) -> Estimate:
+def _decay_time(width: LineNumber) -> LineNumber:
     """In which the amplitude falls to 1/e, s."""
     value = 1.0 / (math.pi * width.value)
     slow, fast = (max(end, 1e-300) for end in width.ci95)

@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fitting.resonance.form import SLOPED, TRANSMISSION, FittedForm
+from fitting.signal.line_record import LineNumber
 from fitting.signal.peaks import OFFSET, TAIL
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import Estimate
 
 #: Akaike's criterion below which noise alone may make another form the better one.
 ALLOWED = 4.0
@@ -61,7 +61,7 @@ def covered(found: Sequence[FittedForm], criteria: FloatArray, taken: int) -> Co
         return Covered(best, (), 1.0)
     half, forms = ratio95(best.dof), (best, *rivals)
 
-    def wider(here: Estimate, others: Sequence[Estimate]) -> Estimate:
+    def wider(here: LineNumber, others: Sequence[LineNumber]) -> LineNumber:
         """The number of the form that was taken, with an error that holds for the others'."""
         std = max(e.std + abs(e.value - here.value) / half for e in (here, *others))
         return replace(here, std=std, ci95=(here.value - half * std, here.value + half * std))
@@ -85,7 +85,7 @@ def _allowed(taken: str, other: str) -> float:
     return -ALLOWED if other == SLOPED and taken == TAIL else ALLOWED
 
 
-def _nearest(form: FittedForm, best: FittedForm) -> Estimate:
+def _nearest(form: FittedForm, best: FittedForm) -> LineNumber:
     """The one of both amplitudes of a form that is nearer to that taken."""
     both = [each for each in (form.amplitude, form.mirrored) if each is not None]
     return min(both, key=lambda each: abs(each.value - best.amplitude.value))

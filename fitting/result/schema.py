@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fitting.text.estimate import Verdict
+from fitting.inference.likelihood.knowledge import CLOSED, STOPPED
+from fitting.text.estimate import OLD_STATUS, Verdict
 
 #: Version of the keys of `result.json`; schema 1 is that of 0.2.0.
 SCHEMA = 2
@@ -37,6 +38,7 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     if "frequency_hz" in (data.get("line") or {}):
         made["line"] = _line(data["line"])
     if data.get("schema", 1) != 1:
+        _rename_ends(made)
         return made
     knowledge = data.get("knowledge") or {}
     profiles = {**knowledge.get("parameters", {}), **knowledge.get("derived", {})}
@@ -53,7 +55,28 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
         _estimate(value.get("parameter", ""), "offset", value, None)
         for value in data.get("offsets", ())
     ]
+    _rename_ends(made)
     return made
+
+
+def _rename_ends(made: dict[str, Any]) -> None:
+    """What closes sides of intervals by the words of now, in place; why scans stopped with them."""
+    scans = dict((made.get("knowledge") or {}).get("scans", {}))
+    for key in ("parameters", "derived"):
+        values = made[key] = dict(made.get(key, {}))
+        for name, value in values.items():
+            ends = value.get("closed_by") or ()
+            status = Verdict(OLD_STATUS).value if value.get("status") == OLD_STATUS else None
+            if status is not None:
+                values[name] = value = {**value, "status": status}
+            if not any(end in CLOSED and end not in CLOSED.values() for end in ends):
+                continue
+            values[name] = {**value, "closed_by": [CLOSED.get(end, end) for end in ends]}
+            if name in scans:
+                stopped = [STOPPED.get(end, "") for end in ends]
+                scans[name] = {**scans[name], "stopped": stopped}
+    if scans:
+        made["knowledge"] = {**made["knowledge"], "scans": scans}
 
 
 def _estimate(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fitting.signal.residual_tests import STRUCTURED, Structure
 from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.as_number import AsNumber
 from fitting.text.estimate import NOWHERE, Estimate, Interval, Verdict
 
 #: Of what was not fitted.
@@ -54,6 +55,11 @@ RENAMED = {
 }
 
 
+@dataclass(frozen=True, kw_only=True)
+class LineNumber(Estimate, AsNumber):
+    """A number of a line with its error; it also works as the plain number that 0.2.0 had."""
+
+
 def number_of_line(
     name: str,
     value: float,
@@ -62,7 +68,7 @@ def number_of_line(
     *,
     half: float = math.nan,
     ci95: Interval | None = None,
-) -> Estimate:
+) -> LineNumber:
     """A number of a line; its status says that no profile was made, or that it is not known.
 
     Args:
@@ -73,7 +79,7 @@ def number_of_line(
         half: half of its 95 % interval over ``std``, where that is symmetric.
         ci95: where it is not.
     """
-    return Estimate(
+    return LineNumber(
         name=name,
         value=value,
         unit=unit,
@@ -126,9 +132,9 @@ class LineValues(Renamed):
     ``ci95`` holds it in 95. Both are Student's, as the noise is known from the residuals alone.
     """
 
-    frequency: Estimate
-    width: Estimate
-    q: Estimate
+    frequency: LineNumber
+    width: LineNumber
+    q: LineNumber
 
 
 def no_line() -> dict[str, Any]:
@@ -181,7 +187,7 @@ class TriedForm(LineValues):
     message: str = ""
     delayed: bool = False
     second: bool = False
-    offset: Estimate | None = None
+    offset: LineNumber | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,8 +207,8 @@ class SecondLine(LineValues):
     phase_rad: float = math.nan
     mirrored: float = math.nan
     decays: bool = True
-    offset: Estimate | None = None
-    decay_time: Estimate | None = None
+    offset: LineNumber | None = None
+    decay_time: LineNumber | None = None
 
     @classmethod
     def at(

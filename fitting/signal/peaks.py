@@ -13,12 +13,17 @@ import numpy as np
 from scipy.special import ive
 
 from fitting.signal.least_squares import LeastSquaresFit, folded, minimise_squares
-from fitting.signal.line_record import LineValues, SecondLine, line_numbers, number_of_line
+from fitting.signal.line_record import (
+    LineNumber,
+    LineValues,
+    SecondLine,
+    line_numbers,
+    number_of_line,
+)
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
 from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import Estimate
 from fitting.text.notation import hertz, how_many
 
 FLOOR_KINDS = ("robust", "mean", "none")
@@ -125,7 +130,7 @@ class Resonance(LineValues):
             with a tail; None elsewhere.
     """
 
-    amplitude: Estimate
+    amplitude: LineNumber
     background: complex
     residual: float
     correlation: float
@@ -133,7 +138,7 @@ class Resonance(LineValues):
     message: str
     structure: Structure
     dof: float
-    mirrored: Estimate | None = None
+    mirrored: LineNumber | None = None
     slope: float = 0.0
 
 

@@ -22,7 +22,7 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan, constants_of
 from fitting.simulate.knowledge import FmuLike, knowledge_of
 from fitting.simulate.planner import PlanOptions, plan_drives
-from fitting.simulate.unsteady import BesideLine, line_beside
+from fitting.simulate.unsteady import OtherLine, strongest_other_line
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
 
@@ -121,7 +121,7 @@ class DriveResponse:
     peak for volts; `plan` says how, and how accurate they are. `beating` is sampled so that the
     samples fill the envelope (None for a single tone), `carrier` resolves some periods. `lines`
     are those at combinations of the tones that stand out of rounding, by order and frequency.
-    `constants`: values of outputs that do not oscillate, by name. `beside`: the line that keeps
+    `constants`: values of outputs that do not oscillate, by name. `other_line`: that keeps
     amplitudes from standing still, where they do not and there is one.
     """
 
@@ -131,7 +131,7 @@ class DriveResponse:
     spectrum: Spectrum
     lines: tuple[MixedLine, ...]
     remainder: Remainder
-    beside: BesideLine | None
+    other_line: OtherLine | None
     beating: Trace | None
     carrier: Trace
     constants: Mapping[str, float]
@@ -246,10 +246,10 @@ def respond(workers: Workers, plan: DrivePlan, shown: Shown | None = None) -> Dr
         rounding=rounding,
     )
     peaks = plan.read(answers[0])
-    beside = None if plan.settles else line_beside(workers, plan)
+    other = None if plan.settles else strongest_other_line(workers, plan)
     remainder = _remainder(lines, np.array(constant), rounding, plan.promised)
-    if beside is not None and (remainder.explained or beside.share > remainder.share):
-        remainder = Remainder(RemainderKind.UNEXPLAINED, beside.share, beside.at_hz)
+    if other is not None and (remainder.explained or other.share > remainder.share):
+        remainder = Remainder(RemainderKind.UNEXPLAINED, other.share, other.at_hz)
     return DriveResponse(
         drive=replace(drive, start_values={**drive.start_values, **plan.settings}),
         plan=plan,
@@ -257,7 +257,7 @@ def respond(workers: Workers, plan: DrivePlan, shown: Shown | None = None) -> Dr
         spectrum=spectrum,
         lines=_mixed_lines(drive, spectrum, _oscillating(peaks, constant), plan.promised),
         remainder=remainder,
-        beside=beside,
+        other_line=other,
         beating=trace,
         carrier=_trace(carrier, workers.run([carrier])[0]),
         constants=constants_of(drive, plan.readings[0]),

@@ -29,7 +29,7 @@ SAME = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class BesideLine:
+class OtherLine:
     """A line at `at_hz` beside the tones: its `share` of the largest peak of its output.
 
     `bin_hz`: what the look tells apart, Hz.
@@ -49,7 +49,7 @@ class Sideband:
     parameter: str
 
 
-def line_beside(workers: Workers, plan: DrivePlan) -> BesideLine | None:
+def strongest_other_line(workers: Workers, plan: DrivePlan) -> OtherLine | None:
     """The strongest line beside the tones, None where none explains what does not stand still.
 
     Args:
@@ -71,7 +71,7 @@ def line_beside(workers: Workers, plan: DrivePlan) -> BesideLine | None:
     top = float(share[k, output])
     if not (TAPERED <= k < len(share) - 1 and top > EXPLAINS * plan.promised):
         return None
-    return BesideLine(
+    return OtherLine(
         at_hz=(k + _beyond(share[k - 1 : k + 2, output])) / rate_hz,
         share=top,
         bin_hz=1.0 / rate_hz,
@@ -94,7 +94,7 @@ def _beyond(three: FloatArray) -> float:
 
 
 def sideband_of(
-    line: BesideLine,
+    line: OtherLine,
     tones: Mapping[str, float],
     values: Mapping[str, Scalar],
     variables: Mapping[str, FmuVariable],

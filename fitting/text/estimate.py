@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from enum import StrEnum
+from enum import EnumType, StrEnum
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from fitting.text.as_number import AsNumber
 from fitting.text.error_bars import EVEN, ErrorBars, error_bars
 from fitting.text.notation import listed, span
 
@@ -53,10 +51,32 @@ Role = Literal["parameter", "derived", "offset"]
 PLAIN = ("name", "value", "unit", "std", "ci95", "status")
 #: How errors and intervals were determined.
 Method = Literal["covariance", "linearised, verified", "profile", "posterior"]
+#: What closes a side of an interval: chi square of the data, priors of what drifts, a bound of the
+#: value or of another parameter, or its period; empty where the search ended before any of these.
+Closed = Literal["data", "prior", "bound", "periodic", ""]
+#: The status that 0.2.0 had for `Verdict.UNCONSTRAINED`.
+OLD_STATUS = "not determined"
 
 
-class Verdict(StrEnum):
-    """What data say of one value."""
+def _warn_of_status(old: str) -> None:
+    text = f"{old} is 'unconstrained' now; the old name goes with 0.4"
+    warnings.warn(text, DeprecationWarning, stacklevel=3)
+
+
+class _OldMember(EnumType):
+    """The member's name of 0.2.0 works with a warning until 0.4."""
+
+    if not TYPE_CHECKING:  # a type checker knows the names of now alone
+
+        def __getattr__(cls, name: str) -> Any:
+            if name != "OPEN":
+                raise AttributeError(name)
+            _warn_of_status("Verdict.OPEN")
+            return cls.UNCONSTRAINED
+
+
+class Verdict(StrEnum, metaclass=_OldMember):
+    """How far data determine a value."""
 
     #: Both ends of the interval are cut by the data, and it is narrow for such a value.
     DETERMINED = "determined"
@@ -69,13 +89,30 @@ class Verdict(StrEnum):
     #: Separate values fit as well: an exchange, another minimum.
     SEVERAL = "one of several values"
     #: The data cut neither end.
-    OPEN = "not determined"
+    UNCONSTRAINED = "unconstrained"
     #: The search was cut or lost, or there is nothing to check the model by.
     UNKNOWN = "not known"
     #: The model does not describe the data.
     WITHDRAWN = "no verdict"
-    #: No profile was walked: the errors are those of the problem linearised at its solution.
+    #: No profile was scanned: the errors are those of the problem linearised at its solution.
     LINEARISED = "linearised only"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Verdict | None:
+        return (
+            cls.UNCONSTRAINED if value == OLD_STATUS else None
+        )  # of files that were written before
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is str and other == OLD_STATUS:
+            _warn_of_status(repr(other))
+            return self is Verdict.UNCONSTRAINED
+        return str.__eq__(self, other) is True
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = str.__hash__
 
     @property
     def has_value(self) -> bool:
@@ -86,15 +123,6 @@ class Verdict(StrEnum):
     def is_open(self) -> bool:
         """Whether the data leave a value open on at least one side, or nothing is known of it."""
         return not self.has_value
-
-
-def in_boxes(names: Sequence[str]) -> str:
-    """What a status is conditional on: " within the bounds of d1 and d2"; empty without any.
-
-    Args:
-        names: of the parameters beyond whose bounds the data may allow other values.
-    """
-    return f" within the bounds of {listed(names)}" if names else ""
 
 
 class OldNames:
@@ -113,7 +141,7 @@ class OldNames:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate(OldNames, AsNumber):
+class Estimate(OldNames):
     """One value with its uncertainty, in ``unit``.
 
     Args:
@@ -124,7 +152,7 @@ class Estimate(OldNames, AsNumber):
         ci68, ci95: intervals; those of a profile also where ``status`` leaves no value. NaN: none.
         status: how far the data determine it.
         method: of errors and intervals.
-        closed_by: what closes each side of ``ci95`` (``ENDS`` of a profile); empty without one.
+        closed_by: what closes each side of ``ci95``; empty without a profile.
         active_bounds: parameters whose bounds ``status`` rests on: beyond them the data may allow
             other values.
     """
@@ -137,7 +165,7 @@ class Estimate(OldNames, AsNumber):
     ci95: Interval = NOWHERE
     status: Verdict = Verdict.LINEARISED
     method: Method = "covariance"
-    closed_by: tuple[str, str] = ("", "")
+    closed_by: tuple[Closed, Closed] = ("", "")
     active_bounds: tuple[str, ...] = ()
 
     @property
@@ -151,8 +179,8 @@ class Estimate(OldNames, AsNumber):
 
     @property
     def condition(self) -> str:
-        """What the status holds under: " in the box of d1"; mostly empty."""
-        return in_boxes(self.active_bounds)
+        """What the status holds under: " within the bounds of d1"; mostly empty."""
+        return f" within the bounds of {listed(self.active_bounds)}" if self.active_bounds else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +232,7 @@ class FittedEstimate(Estimate):
     @property
     def precision(self) -> float:
         """Half of the 95 % interval over the value, or its period; NaN if not closed by data."""
-        if self.closed_by != ("crossed", "crossed"):
+        if self.closed_by != ("data", "data"):
             return math.nan
         half = 0.5 * (self.ci95[1] - self.ci95[0])
         if self.period is not None:
@@ -230,7 +258,7 @@ class FittedEstimate(Estimate):
     def is_all_round(self) -> bool:
         """Whether the 95 % interval is a whole period, so that the value may be anything."""
         low, high = self.ci95
-        if self.closed_by[0] == "round":
+        if self.closed_by[0] == "periodic":
             return True
         return self.period is not None and high - low >= ALL_ROUND * self.period
 

@@ -210,13 +210,15 @@ def test_what_is_not_determined_is_handed_on_where_it_is_asked_for(
     fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(fitted.parent / "fmu", tmp_path / "fmu")
-    write_result(with_verdict(read_result(fitted), "d1", Verdict.OPEN), tmp_path)
+    write_result(with_verdict(read_result(fitted), "d1", Verdict.UNCONSTRAINED), tmp_path)
     words = ["calibrate", str(tmp_path / "result.json"), "--out", str(tmp_path / "all")]
     assert main([*words]) == 0
-    assert "d1 (not determined: 24" in capsys.readouterr().out
+    assert "d1 (unconstrained: 24" in capsys.readouterr().out
     assert main([*words, "--all"]) == 0
     assert "d1 (= 24.8" in capsys.readouterr().out
-    assert f'verdict="{Verdict.OPEN}"' in (tmp_path / "all" / f"{NAME}.ssv").read_text("utf-8")
+    assert f'verdict="{Verdict.UNCONSTRAINED}"' in (tmp_path / "all" / f"{NAME}.ssv").read_text(
+        "utf-8"
+    )
 
 
 def test_an_alternative_that_others_equal_is_left(fitted: Path) -> None:

@@ -150,7 +150,7 @@ def test_what_is_identified_sets_out_from_a_fit(fit: ff.Fit) -> None:
     found = ff.identify(fit.problem, fit, expected=True)
     verdicts = {name: p.status for name, p in found.profiled.items()}
     assert verdicts["width_plus"] == "determined"
-    assert verdicts["lambda"] == "not determined"
+    assert verdicts["lambda"] == "unconstrained"
     assert not found.knowledge.data
     assert found.at == "a fit"
 

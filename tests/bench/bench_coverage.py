@@ -336,7 +336,7 @@ class Count:
         self.total += 1
         self.inside += low <= truth <= high
         self.determined += profile.status == "determined"
-        self.open += profile.status == "not determined"
+        self.open += profile.status == "unconstrained"
         self.shares += share
         self.narrowest = min(self.narrowest, share)
 
@@ -400,7 +400,7 @@ def table_rows(setting: Setting, counts: dict[str, Count]) -> list[str]:
         word = (
             "determined"
             if c.determined == c.total
-            else (f"determined in {c.determined}" if c.determined else "not determined")
+            else (f"determined in {c.determined}" if c.determined else "unconstrained")
         )
         word += f", no verdict in {c.withdrawn}" if c.withdrawn else ""
         rows.append(

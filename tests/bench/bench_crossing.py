@@ -192,7 +192,7 @@ RISING_HEAD = (
     "couplings",
     "determined",
     "bounded on one side",
-    "not determined",
+    "unconstrained",
     "intervals without λ",
     "bounds that exclude λ",
     "std/λ, median",

@@ -54,11 +54,11 @@ def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) 
     assert re.search(r"width_plus \d", printed)
     assert "--target lambda" in printed
     found = read_json(out / "identify.json", Identification)
-    assert found.parameters["theta"].status is Verdict.OPEN
+    assert found.parameters["theta"].status is Verdict.UNCONSTRAINED
     assert found.derived["width_plus"].status is Verdict.DETERMINED
     assert found.synthetic
     assert found.knowledge.data
-    assert found.derived["lambda"].status is Verdict.OPEN
+    assert found.derived["lambda"].status is Verdict.UNCONSTRAINED
     # three directions of five are seen: the line width of the observed mode and two offsets
     *seen, unseen, blind = (d.singular for d in found.knowledge.directions)
     assert len(seen) == 3
@@ -111,7 +111,7 @@ def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
     assert 0.5 * (low + high) == pytest.approx(width.likely, rel=2e-3)
     # at theta = 0 the coupling is 0 and has no slope: its range is what is left, not a zero
     coupling = found.derived["lambda"]
-    assert coupling.status == "not determined"
+    assert coupling.status == "unconstrained"
     highest = math.sqrt(0.5 * (7027600.0**2 - 6940260.0**2))  # sin(2 theta) = -1
     assert coupling.ci95[1] == pytest.approx(highest, rel=1e-3)
 
@@ -180,7 +180,7 @@ def test_nothing_is_resampled_that_the_data_do_not_determine(
     sigma = objective.data.sigma
     noise = RowNoise(sigma, np.zeros((sigma.size, 0)))
     found = determine(objective, np.zeros(3), noise, InferenceOptions(bootstrap=10))
-    assert found.parameters["w"].status == "not determined"
+    assert found.parameters["w"].status == "unconstrained"
     assert found.knowledge.bootstrap is not None
     assert "w" not in found.knowledge.bootstrap.values
     assert math.isfinite(found.parameters["w"].ci95[0])

@@ -280,7 +280,7 @@ def test_a_model_without_an_answer_beyond_its_box_costs_nothing_that_the_data_en
 def test_nothing_is_said_of_where_a_model_has_no_answer(error: Callable[[], Exception]) -> None:
     """Noise of 3 ends p below at 2.1 and above only where nobody answers."""
     found = learnt(whitened(failing(error, 3.0), parameter("p", 1.0, 10.0)), (8.1,)).parameters["p"]
-    assert found.closed_by == ("crossed", "lost")
+    assert found.closed_by == ("data", "")
     assert found.status is Verdict.UNKNOWN
     assert found.ci95[0] < found.ci68[0] < found.ci68[1] <= found.ci95[1]
     assert found.ci95 == pytest.approx((8.0 - 3.0 * Z95, 10.0), rel=1e-3)
@@ -295,7 +295,7 @@ def test_an_end_at_which_the_model_fails_is_lost_for_other_values_free_too() -> 
         parameter("q", 1.0, 10.0),
     )
     found = learnt(objective, (8.1, 5.1)).parameters
-    assert found["p"].closed_by == ("crossed", "lost")
+    assert found["p"].closed_by == ("data", "")
     assert found["q"].status is Verdict.DETERMINED
     assert found["q"].ci95 == pytest.approx((5.0 - 0.1 * Z95, 5.0 + 0.1 * Z95), rel=1e-3)
 

@@ -164,7 +164,7 @@ def test_a_derived_value_without_data_is_not_printed_as_one() -> None:
         algorithm2=647300.0,
     )
     assert held.text().replace("\u00a0", " ") == "647.40 ± 0.20 kHz"
-    free = replace(held, ci95=(6e4, 7.8e5), status=Verdict.OPEN)
+    free = replace(held, ci95=(6e4, 7.8e5), status=Verdict.UNCONSTRAINED)
     assert "±" not in free.text()
     assert "60000 to 780000" in free.text()
 

@@ -243,7 +243,7 @@ def test_of_intervals_that_nobody_tells_no_sentence_speaks() -> None:
     own = (parameter("a", -50.0, 50.0), parameter("b", -50.0, 50.0))
     cut = learnt(whitened(lambda p: np.array([p[0], p[0] - 40.0, p[1] ** 3]), *own), budget=90)
     assert {p.status for p in cut.profiled.values()} == {Verdict.WITHDRAWN}
-    assert any("cost" in p.closed_by for p in cut.profiled.values())
+    assert any("budget" in scan.stopped for scan in cut.scans.values())
     assert not [said for said in cut.knowledge.sentences if "intervals" in said]
     value, held = cut.parameters["a"], replace(cut.scans["a"], held=("b",))
     assert held_sentences({"a": Profile(value, held)}) == ()

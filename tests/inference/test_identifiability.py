@@ -189,7 +189,7 @@ def test_a_parameter_without_effect_is_named() -> None:
     determined = determine(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
     assert determined.knowledge.without_effect == ("d2",)
     assert determined.parameters["d1"].status == "determined"
-    assert determined.parameters["d2"].status == "not determined"
+    assert determined.parameters["d2"].status == "unconstrained"
     [said] = [each for each in determined.knowledge.sentences if "no effect" in each]
     assert said.startswith("d2 ")
     assert f"d1 = {determined.parameters['d1'].likely:.4g} Hz" in said
@@ -235,11 +235,11 @@ def test_shipped_data_determine_the_width_and_neither_angle_nor_coupling(
 ) -> None:
     series, result = shipped
     seen, other = ("plus", "minus") if series == "q1" else ("minus", "plus")
-    assert result.parameters["theta"].status == "not determined"
-    assert result.derived["lambda"].status == "not determined"
+    assert result.parameters["theta"].status == "unconstrained"
+    assert result.derived["lambda"].status == "unconstrained"
     assert result.derived[f"width_{seen}"].status == "determined"
     assert result.derived[f"Q_{seen}"].status == "determined"
-    assert result.derived[f"width_{other}"].status == "not determined"
+    assert result.derived[f"width_{other}"].status == "unconstrained"
     coupling = result.derived["lambda"]
     # eta- and eta+ of the campaigns, in the closed form of the largest coupling
     largest = np.sqrt(0.5 * (7.02760e6**2 - 6.94026e6**2))

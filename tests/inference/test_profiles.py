@@ -99,7 +99,7 @@ def test_a_crooked_likelihood_gives_its_own_interval() -> None:
         brentq(lambda k: root(k) - 1.959964, -6.0, 3.0),
     ]
     assert profile.ci95 == pytest.approx(tuple(wanted), abs=0.02)
-    assert profile.closed_by == ("crossed", "crossed")
+    assert profile.closed_by == ("data", "data")
 
 
 def test_an_interval_that_meets_the_bound_says_so() -> None:
@@ -115,7 +115,7 @@ def test_an_interval_that_meets_the_bound_says_so() -> None:
     profile = determined.parameters["k"]
     assert profile.ci95[0] == -6.0
     assert profile.ci95[1] == pytest.approx(math.log(1.0 + 1.959964 * s / 2.0), abs=0.01)
-    assert profile.closed_by == ("bound", "crossed")
+    assert profile.closed_by == ("bound", "data")
     assert profile.status is Verdict.ABOVE
 
 
@@ -176,9 +176,9 @@ def string() -> Determined:
 
 def test_an_angle_that_nothing_holds_goes_round(string: Determined) -> None:
     theta = string.parameters["theta"]
-    assert theta.closed_by == ("round", "round")
+    assert theta.closed_by == ("periodic", "periodic")
     assert half(theta.ci95) == pytest.approx(np.pi / 2)
-    assert theta.status == "not determined"
+    assert theta.status == "unconstrained"
     scan = string.scans["theta"]
     assert max(scan.delta_chi2) < 0.1
     # it closes: both ends are the same system
@@ -191,7 +191,7 @@ def test_an_output_that_nothing_holds_is_as_wide_as_the_box(string: Determined) 
     """lambda^2 = -1/2 sin 2 theta (eta-^2 - eta+^2): from 0 to its largest value at 3 pi/4."""
     coupling = string.derived["lambda"]
     largest = math.sqrt(0.5 * (7.02760e6**2 - 6.94026e6**2))
-    assert coupling.status == "not determined"
+    assert coupling.status == "unconstrained"
     assert coupling.ci95[0] < 1.0
     assert coupling.ci95[1] == pytest.approx(largest, rel=1e-6)
     assert coupling.shrinkage < 1e-6
@@ -205,14 +205,15 @@ def test_what_the_data_hold_is_not_drowned_by_what_they_do_not(string: Determine
     assert width.status == "determined"
     assert width.ci95[0] < truth < width.ci95[1]
     assert half(width.ci95) < 0.05 * truth
-    assert [string.parameters[n].status for n in ("d1", "d2")] == ["not determined"] * 2
+    assert [string.parameters[n].status for n in ("d1", "d2")] == ["unconstrained"] * 2
 
 
 def test_walks_that_are_cut_claim_nothing() -> None:
     objective = single_line.line_objective(seed=1, span=2.0)
     determined = known(objective, [1000.2, 8.3, 1.9], budget=30)
-    for profile in determined.profiled.values():
-        assert profile.closed_by == ("cost", "cost")
+    for name, profile in determined.profiled.items():
+        assert profile.closed_by == ("", "")
+        assert determined.scans[name].stopped == ("budget", "budget")
         assert profile.ci95 == profile.bounds
         assert profile.status is Verdict.UNKNOWN
     assert determined.knowledge.effort.evaluations <= 30

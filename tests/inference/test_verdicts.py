@@ -70,8 +70,8 @@ ENDED: dict[str, tuple[Callable[[float], float], bool, Verdict, tuple[float, flo
         Verdict.BELOW,
         (-math.log(math.exp(math.log(2.0) + 0.5 * Z95) - 1.0), math.nan),
     ),
-    "neither, positive": (lambda p: 0.0, False, Verdict.OPEN, (math.nan, math.nan)),
-    "neither, of either sign": (lambda p: 0.0, True, Verdict.OPEN, (math.nan, math.nan)),
+    "neither, positive": (lambda p: 0.0, False, Verdict.UNCONSTRAINED, (math.nan, math.nan)),
+    "neither, of either sign": (lambda p: 0.0, True, Verdict.UNCONSTRAINED, (math.nan, math.nan)),
 }
 
 
@@ -94,7 +94,7 @@ def test_the_data_end_an_interval_and_no_box(case: str, wider: float) -> None:
             assert found.closed_by[side] == "bound"
             assert at == (own.lower, own.upper)[side]  # nothing was excluded
         else:
-            assert found.closed_by[side] == "crossed"
+            assert found.closed_by[side] == "data"
             assert at == pytest.approx(end, rel=0.01)
 
 
@@ -185,7 +185,7 @@ def test_narrow_is_a_quarter_of_a_period_for_what_goes_round(
 @pytest.mark.parametrize(
     ("tau", "verdict", "reason"),
     [
-        (0.32, Verdict.OPEN, "prior"),
+        (0.32, Verdict.UNCONSTRAINED, "prior"),
         (0.35, Verdict.BOUNDED, "prior"),
         (2.9, Verdict.BOUNDED, "prior"),
         (3.1, Verdict.DETERMINED, ""),
@@ -213,7 +213,7 @@ def test_a_jump_of_chi_square_is_no_end() -> None:
         return (p - 4.0) / 5.0 + (10.0 if p > 5.0 else 0.0)
 
     found = profile_of(row, parameter("p", -50.0, 50.0, start=3.0))
-    assert found.closed_by == ("crossed", "lost")
+    assert found.closed_by == ("data", "")
     assert found.ci95[0] == pytest.approx(4.0 - 5.0 * Z95, rel=0.01)
     assert found.ci95[1] == 50.0
     assert found.status is Verdict.UNKNOWN
@@ -226,7 +226,7 @@ def test_a_steep_end_is_an_end() -> None:
         return (p - 4.0) / 10.0 + 100.0 * max(0.0, p - 5.0)
 
     found = profile_of(row, parameter("p", -50.0, 50.0, start=3.0))
-    assert found.closed_by == ("crossed", "crossed")
+    assert found.closed_by == ("data", "data")
     assert found.ci95[1] == pytest.approx(5.0 + (Z95 - 0.1) / 100.1, rel=1e-3)
 
 
@@ -243,9 +243,9 @@ def test_effort_changes_nothing_but_whether_it_is_known() -> None:
     for budget in (20, 40, 80, 160, 320, 640, 1280):
         found = learnt(objective, budget=budget, only=("a", "k"))
         words.append({v.status for v in found.parameters.values()})
-        for profile in found.parameters.values():
+        for name, profile in found.parameters.items():
             if profile.status is Verdict.UNKNOWN:
-                assert "cost" in profile.closed_by
+                assert "budget" in found.scans[name].stopped
     assert set.union(*words) == {Verdict.UNKNOWN, Verdict.DETERMINED}
     assert words[0] == {Verdict.UNKNOWN}
     assert words[-1] == {Verdict.DETERMINED}
@@ -266,15 +266,15 @@ def leaning(**limits: float) -> tuple[FittedEstimate, Scan]:
 def test_a_limit_of_another_value_is_no_word_of_the_data() -> None:
     """q has a room of three widths of its box, 6 each way: there it is held, and p with it."""
     found, scan = leaning()
-    assert found.closed_by == ("held", "held")
-    assert found.status is Verdict.OPEN
+    assert found.closed_by == ("bound", "bound")
+    assert found.status is Verdict.UNCONSTRAINED
     assert scan.held == ("q",)
 
 
 def test_a_limit_that_the_model_declares_is_knowledge() -> None:
     """Where the model itself has no q beyond 2, |p| < 2 + 1.96 sigma is known."""
     found, _ = leaning(least=-2.0, most=2.0)
-    assert found.closed_by == ("crossed", "crossed")
+    assert found.closed_by == ("data", "data")
     end = 2.0 + 0.1 * Z95
     assert found.ci95 == pytest.approx((-end, end), rel=0.01)
     assert found.status is Verdict.BOUNDED
@@ -298,10 +298,10 @@ def test_a_limit_beyond_which_nothing_changes_leaves_the_end_to_the_data() -> No
     it is tried beyond then hangs on how far out the last point of the walk happens to lie.
     """
     found = vanishing(1.3)
-    assert found.closed_by[1] == "crossed"
+    assert found.closed_by[1] == "data"
     assert found.ci95[1] == pytest.approx(1.2 + 0.1 * Z95, rel=0.02)
     assert found.ci95[1] >= 1.2 + 0.1 * Z95
-    assert vanishing(0.25).closed_by[1] == "held"
+    assert vanishing(0.25).closed_by[1] == "bound"
 
 
 # --- several values
@@ -461,7 +461,9 @@ def test_a_fit_is_seen_beyond_thirty_times_the_box() -> None:
     assert known.parameters["a"].active_bounds == ("d",)
 
 
-@pytest.mark.parametrize(("sigma", "verdict"), [(0.25, Verdict.OPEN), (0.02, Verdict.DETERMINED)])
+@pytest.mark.parametrize(
+    ("sigma", "verdict"), [(0.25, Verdict.UNCONSTRAINED), (0.02, Verdict.DETERMINED)]
+)
 def test_an_output_that_may_be_nearly_all_that_it_can_be_is_not_determined(
     sigma: float, verdict: Verdict
 ) -> None:
@@ -478,7 +480,7 @@ def test_an_output_that_may_be_nearly_all_that_it_can_be_is_not_determined(
 
     known = learnt(whitened(rows, parameter("a", -1.5, 1.5), f=f)).derived["f"]
     assert known.status is verdict
-    assert known.closed_by == ("crossed", "crossed")
+    assert known.closed_by == ("data", "data")
 
 
 def test_a_width_and_its_q_over_decades_have_the_same_bound() -> None:

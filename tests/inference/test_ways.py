@@ -43,12 +43,13 @@ def test_a_little_of_a_mode_damped_without_end_is_much_to_a_width() -> None:
     width = string().derived["width"]
     assert width.ci95[0] == pytest.approx(20.0 - Z95 * SEEN, rel=1e-3)
     assert width.ci95[1] >= 20.0 + 0.97 * Z95 * math.hypot(SEEN, TURN * MOST)
-    assert width.closed_by == ("crossed", "held")
+    assert width.closed_by == ("data", "bound")
     assert width.status == "bounded below"
 
 
 def test_without_the_turn_the_way_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ways, "TURNS", ())
-    width = string().derived["width"]
-    assert width.closed_by[1] == "lost"
+    found = string()
+    width = found.derived["width"]
+    assert (width.closed_by[1], found.scans["width"].stopped[1]) == ("", "search")
     assert width.status == "not known"

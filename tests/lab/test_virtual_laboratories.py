@@ -107,9 +107,9 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
     ("kind", "seed", "name", "verdict"),
     [
         # theta is pi/2: nothing is left of d1 there, which was called bounded far below its truth
-        pytest.param("readings", 2023, "d1", "not determined", marks=NIGHTLY),
+        pytest.param("readings", 2023, "d1", "unconstrained", marks=NIGHTLY),
         # what lies below is reached from far above
-        pytest.param("readings", 2006, "d2", "not determined", marks=NIGHTLY),
+        pytest.param("readings", 2006, "d2", "unconstrained", marks=NIGHTLY),
         pytest.param("readings", 2012, "width_plus", "bounded below", marks=NIGHTLY),
         # the last step goes a decade beyond the end of what fits
         pytest.param("readings", 40031, "d1", "bounded on both sides", marks=NIGHTLY),
@@ -119,7 +119,7 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
         # theta near 0 adds to the width what no slope shows, the more the wider the box of d2 is
         pytest.param("readings", 70000, "width_plus", "bounded below", marks=NIGHTLY),
         # the coupling does not exist where d1 comes to the end of its box, but a little beside it
-        pytest.param("readings", 77013, "d1", "not determined", marks=NIGHTLY),
+        pytest.param("readings", 77013, "d1", "unconstrained", marks=NIGHTLY),
         # the angle has no period here: five half turns on it is the same
         pytest.param("readings", 78039, "theta", "determined", marks=NIGHTLY),
         # the descent from what the search found creeps, to a lower point all the same
@@ -189,7 +189,7 @@ def test_what_only_a_prior_of_the_drift_excludes_is_not_excluded(seed: int, tmp_
     )
     assert not kinds(found) & CONTRADICTED
     for name in ("lambda", "width_plus"):
-        assert found.values[name].status in ("not determined", "not known")
+        assert found.values[name].status in ("unconstrained", "not known")
 
 
 def test_a_flat_valley_is_searched_for_the_least_j(tmp_path: Path) -> None:
@@ -262,8 +262,8 @@ def said(**changed: object) -> list[dict[str, object]]:
         ("truth far outside", {"statements": said(truth=120.0)}),
         ("outside its interval", {"statements": said(value=97.1)}),
         ("twins", {"statements": said(verdict="partly determined", truth=95.0)}),
-        ("absent", {"statements": said(verdict="not determined", low=1.0, high=1000.0)}),
-        ("changed by the box", {"wide": {"width_plus": "not determined", "Q_plus": "determined"}}),
+        ("absent", {"statements": said(verdict="unconstrained", low=1.0, high=1000.0)}),
+        ("changed by the box", {"wide": {"width_plus": "unconstrained", "Q_plus": "determined"}}),
         ("wrong minimum", {"chi2_fit": 23.0}),
         ("wrong optimum", {"chi2_profile": 23.0}),
         ("short of minimum", {"chi2_end": 23.0}),

@@ -78,8 +78,8 @@ def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.
     low, high = part.profiled["lambda12"].ci95
     assert high - low > 1e5
     # pi/2, where laws and model end, lies just below the box: what fits up to there is not open
-    assert part.profiled["theta"].status is Verdict.OPEN
-    assert part.profiled["lambda12"].status is Verdict.OPEN
+    assert part.profiled["theta"].status is Verdict.UNCONSTRAINED
+    assert part.profiled["lambda12"].status is Verdict.UNCONSTRAINED
     both = PartAlone(
         settings={"depth": 0.0},
         places=2,
@@ -130,9 +130,9 @@ def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     alone = ff.Problem.answered_by(lambda _: lines, record)
     part = ff.identify(alone, budget=budget)
     assert part.knowledge.effort.fmu_runs > 0.9 * budget  # it was cut
-    assert part.profiled["theta"].status is Verdict.OPEN
+    assert part.profiled["theta"].status is Verdict.UNCONSTRAINED
     found = part.profiled["lambda12"]
-    assert found.status is Verdict.OPEN
+    assert found.status is Verdict.UNCONSTRAINED
     low, high = found.ci95
     assert low <= couplings[0] < couplings[1] <= high
     assert not any("lambda12" in s and "cost" in s for s in part.knowledge.sentences)

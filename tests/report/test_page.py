@@ -270,7 +270,7 @@ def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None
     cells = table(page, "Derived outputs")[0]
     assert cells[4].text_content() == "–"
     assert cells[5].text_content() == "–"
-    assert cells[9].text_content() == "not determined"
+    assert cells[9].text_content() == "unconstrained"
     said = words(page).replace("\u00a0", " ")
     assert "63.3–781 kHz (all that the model allows)" in said
     assert "D₁₁ 599.1 ± 1.9 1/s" in said

@@ -255,7 +255,7 @@ def test_one_period_of_what_goes_round_is_not_framed_as_its_box(axes: Axes) -> N
     plot.together(replace(KNOWN, parameters=wide), "d1", "d2", ax=axes)
     assert sorted(edges(axes)) == ["x 120", "x 80", "y 120", "y 80"]
     axes.clear()
-    wide["d1"] = replace(wide["d1"], closed_by=("round", "round"))
+    wide["d1"] = replace(wide["d1"], closed_by=("periodic", "periodic"))
     plot.together(replace(KNOWN, parameters=wide), "d1", "d2", ax=axes)
     assert sorted(edges(axes)) == ["y 120", "y 80"]
 

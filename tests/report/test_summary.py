@@ -20,7 +20,7 @@ from fitting.report.table import text_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.result import Result
 from fitting.signal.line_record import NO_STRUCTURE, TriedForm, line_numbers
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Closed, Verdict
 from fitting.text.finding import Finding, Kind
 from tests.support import plot_records
 from tests.support import report_records as records
@@ -121,21 +121,23 @@ def test_a_whole_period_is_no_interval(result: Result) -> None:
         [published] = [each for each in rows_of(there) if each[0].name == "theta"]
         written = latex([published]).splitlines()[5].replace("~", " ")
         _, value, _, verdict, *_ = (cell.strip() for cell in written.split(" & "))
-        assert (value, verdict) == ("--", Verdict.OPEN)
+        assert (value, verdict) == ("--", Verdict.UNCONSTRAINED)
         assert published[0].ci95 == found.ci95
 
 
 @pytest.mark.parametrize(
     ("ends", "told"),
-    [(("round", "round"), False), (("bound", "bound"), True)],
+    [(("periodic", "periodic"), False), (("bound", "bound"), True)],
 )
-def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], told: bool) -> None:
+def test_in_python_too_a_whole_period_is_no_interval(
+    ends: tuple[Closed, Closed], told: bool
+) -> None:
     theta = ff.Value(
         name="theta",
         role="parameter",
         unit="rad",
         value=math.nan,
-        status=Verdict.OPEN,
+        status=Verdict.UNCONSTRAINED,
         reason="every value around its period fits",
         lower=-6.28,
         upper=6.28,
@@ -146,7 +148,7 @@ def test_in_python_too_a_whole_period_is_no_interval(ends: tuple[str, str], told
     )
     said = repr(theta)
     assert said.startswith("theta: ")
-    assert Verdict.OPEN in said
+    assert Verdict.UNCONSTRAINED in said
     assert ("0.31 to 3.46 rad" in said) is told
     assert bool(re.search(r"\d", said)) is told
 
@@ -159,11 +161,13 @@ def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> Non
             p,
             status=Verdict.UNKNOWN,
             ci95=nowhere,
-            closed_by=("cost", "cost"),
+            closed_by=("", ""),
         )
         for name, p in result.parameters.items()
     }
-    table = table_of("intervals", result=replace(result, parameters=cut))
+    scan = replace(plot_records.profile().scan, stopped=("budget", "budget"))
+    knowledge = replace(plot_records.determined().knowledge, scans=dict.fromkeys(cut, scan))
+    table = table_of("intervals", result=replace(result, parameters=cut, knowledge=knowledge))
     verdicts = [row[-1].text for row in table.rows[:2]]
     assert all(text == f"{Verdict.UNKNOWN}: search incomplete" for text in verdicts)
     assert not any("budget" in text for text in verdicts)
@@ -331,7 +335,7 @@ def test_withdrawn_values_of_campaigns_that_contradict_have_their_reason(result:
 def test_what_only_the_measurement_brings_along_is_no_target(result: Result) -> None:
     """A cable's delay: nobody has asked for it."""
     profiled = replace(result, knowledge=plot_records.determined().knowledge)
-    delay = replace(result.parameters["d1"], status=Verdict.OPEN, asked=False)
+    delay = replace(result.parameters["d1"], status=Verdict.UNCONSTRAINED, asked=False)
     known = {"d1": result.parameters["d1"], "cable_delay": delay}
     told = summary_of(replace(profiled, parameters=known, derived={}))
     assert "cable_delay" not in f"{told.advice} {told.command}"

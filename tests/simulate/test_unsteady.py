@@ -16,7 +16,7 @@ from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import plan_drives
-from fitting.simulate.unsteady import BesideLine, Sideband, line_beside, sideband_of
+from fitting.simulate.unsteady import OtherLine, Sideband, sideband_of, strongest_other_line
 from tests.support.line_workers import LineWorkers, line, together
 
 TONE_HZ, PUMP_HZ = 6.92e6, 87340.0
@@ -43,9 +43,9 @@ def test_a_sideband_of_a_pump_is_named(modes: ff.Fmu) -> None:
     """A linear system under a pump answers at the tone and at the tone plus multiples of it."""
     response = modes.simulate(PUMPED, tones=("u1",), outputs="readout", accuracy=1e-5)
     assert not response.steady
-    assert response.beside is not None
-    assert response.remainder.at_hz == response.beside.at_hz
-    assert abs(response.beside.at_hz - TONE_HZ) == pytest.approx(PUMP_HZ, rel=2e-3)
+    assert response.other_line is not None
+    assert response.remainder.at_hz == response.other_line.at_hz
+    assert abs(response.other_line.at_hz - TONE_HZ) == pytest.approx(PUMP_HZ, rel=2e-3)
     sideband = modes.sideband(response)
     assert sideband is not None
     assert (sideband.tone, sideband.parameter) == ("u1", "pump_hz")
@@ -57,7 +57,7 @@ def test_a_sideband_of_a_pump_is_named(modes: ff.Fmu) -> None:
 def test_the_line_at_the_tone_alone_is_steady(modes: ff.Fmu) -> None:
     response = modes.simulate(PUMPED, tones=("u1",), outputs="readout_at_u1", accuracy=1e-5)
     assert response.steady
-    assert response.beside is None
+    assert response.other_line is None
     assert modes.sideband(response) is None
 
 
@@ -68,10 +68,10 @@ def test_a_mode_that_rings_for_hours_is_a_free_oscillation(swift_fmu: Path) -> N
         accuracy = ff.Accuracy(1e-4, forbid=["periodic start"])
         response = fmu.simulate(start, tones=("u1",), outputs="q1_hybrid", accuracy=accuracy)
         assert not response.steady
-        assert response.beside is not None
-        assert response.beside.at_hz == pytest.approx(eta_hz, abs=200.0)
+        assert response.other_line is not None
+        assert response.other_line.at_hz == pytest.approx(eta_hz, abs=200.0)
         # it began at rest: the free oscillation cancels the driven one at time zero
-        assert response.beside.share == pytest.approx(1.0, abs=0.2)
+        assert response.other_line.share == pytest.approx(1.0, abs=0.2)
         assert fmu.sideband(response) is None
         said = unsteady_words(response, None, list(fmu.variables))
     assert "no combination of u1" in said
@@ -90,7 +90,7 @@ def test_the_strongest_line_beside_the_tones_is_found(beside_hz: float, share: f
     plan = plan_drives((drive,), 1e-4, LineWorkers({"x": CLEAN, "y": CLEAN}), Knowledge())
     size, weaker = 3.0 * share, line(811.3, 1.5 * share)
     noisy = LineWorkers({"x": CLEAN, "y": together(CLEAN, line(beside_hz, size, 1.1), weaker)})
-    found = line_beside(noisy, plan)
+    found = strongest_other_line(noisy, plan)
     assert found is not None
     assert found.at_hz == pytest.approx(beside_hz, abs=0.1 * found.bin_hz)
     assert 0.84 * share < found.share < 1.01 * share
@@ -105,7 +105,7 @@ def test_a_line_that_does_not_explain_what_is_off_is_not_told() -> None:
     loose = replace(plan, budget=Budget(1e-4, (settling(1e-4),)))
     for share, told in ((1e-6, False), (1e-5, True)):
         noisy = LineWorkers({"x": together(CLEAN, line(640.17, 3.0 * share))})
-        assert (line_beside(noisy, loose) is not None) is told
+        assert (strongest_other_line(noisy, loose) is not None) is told
 
 
 def settling(bound: float) -> Decision:
@@ -135,13 +135,13 @@ def test_a_distance_from_a_tone_is_that_of_one_parameter(
     at_hz: float, variables: list[Any], found: Sideband | None
 ) -> None:
     """Within half of a bin of 1 Hz."""
-    beside = BesideLine(at_hz=at_hz, share=0.1, bin_hz=1.0)
+    other = OtherLine(at_hz=at_hz, share=0.1, bin_hz=1.0)
     known = {"u": variable("u", 1000.0), **{each.name: each for each in variables}}
-    assert sideband_of(beside, {"u": 1000.0}, {"told": 40.0}, known) == found
+    assert sideband_of(other, {"u": 1000.0}, {"told": 40.0}, known) == found
 
 
 @pytest.mark.parametrize(("distance_hz", "sign"), [(0.4, "+"), (-0.4, "−")])
 def test_a_pump_of_less_than_a_hertz_has_its_side(distance_hz: float, sign: str) -> None:
-    beside = BesideLine(at_hz=1000.0 + distance_hz, share=0.1, bin_hz=0.01)
+    other = OtherLine(at_hz=1000.0 + distance_hz, share=0.1, bin_hz=0.01)
     known = {"u": variable("u", 1000.0), "pump": variable("pump", 0.4)}
-    assert sideband_of(beside, {"u": 1000.0}, {}, known) == Sideband("u", sign, "pump")
+    assert sideband_of(other, {"u": 1000.0}, {}, known) == Sideband("u", sign, "pump")

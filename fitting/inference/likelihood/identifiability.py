@@ -18,7 +18,7 @@ from fitting.fit.likelihood.descent import Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.inference.likelihood.exploration import Exploration
-from fitting.inference.likelihood.knowledge import Direction, Equivalent
+from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import as_known, listed, number, signed_number, unit_text
@@ -34,7 +34,7 @@ FEW_TOLD = 3
 #: Share by which changes may differ that are told as one; share of the box that is no change.
 ALIKE, TRIFLE = 0.02, 1e-6
 #: Verdicts that say all there is to say of a walk that was cut: it would change none of them.
-TOLD = (Verdict.OPEN, Verdict.WITHDRAWN)
+TOLD = (Verdict.UNCONSTRAINED, Verdict.WITHDRAWN)
 #: Points closer than this share of the box are one minimum.
 SAME = 0.02
 
@@ -214,7 +214,7 @@ def without_effect(
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
         own = values.get(parameter.name)
-        if own is None or own.status is not Verdict.OPEN:
+        if own is None or own.status is not Verdict.UNCONSTRAINED:
             continue
         if float(np.linalg.norm(optimum.expansion.matrix[:, i])) * likelihood.widths[i] > 3.0:
             continue
@@ -337,7 +337,7 @@ def _idle_words(optimum: Optimum, name: str) -> str:
 
 def sentences(
     optimum: Optimum,
-    values: Mapping[str, FittedEstimate],
+    profiles: Mapping[str, Profile],
     unseen: Sequence[Direction],
     idle: Sequence[str],
     others: Sequence[Equivalent],
@@ -346,7 +346,7 @@ def sentences(
 
     Args:
         optimum: the most likely point and its likelihood.
-        values: by name.
+        profiles: by name of the value.
         unseen: directions, those that the data see among them.
         idle: names of parameters without effect.
         others: equivalent fits.
@@ -364,10 +364,14 @@ def sentences(
         for other in others
     ]
     for end, why, more in (
-        ("cost", "were cut for their cost", ": a larger --budget would decide"),
-        ("lost", "lost their way", ""),
+        ("budget", "were cut for their cost", ": a larger --budget would decide"),
+        ("search", "lost their way", ""),
     ):
-        names = [n for n, p in values.items() if end in p.closed_by and p.status not in TOLD]
+        names = [
+            name
+            for name, profile in profiles.items()
+            if end in profile.scan.stopped and profile.value.status not in TOLD
+        ]
         if names:
             said.append(
                 f"The profiles of {', '.join(names)} {why}; their intervals extend to the "

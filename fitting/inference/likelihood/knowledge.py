@@ -13,6 +13,7 @@ from typing import NamedTuple
 from fitting.signal.misfit import CORRELATED
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import (
+    Closed,
     FittedEstimate,
     OffsetEstimate,
     OldNames,
@@ -24,12 +25,22 @@ from fitting.text.finding import Finding
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
 
-#: What ended a side of a profile, as `Estimate.closed_by` has it: it "crossed" the threshold, by
-#: the priors of what drifts ("prior"), or while another parameter was "held" at a limit of its
-#: room; it met a "bound" (the end of its own room fits), came "round" a period, was "lost" (no
-#: further point was found, or chi square jumps), or was cut for its "cost". At all but the first
-#: three the interval goes to the bound.
-ENDS = ("crossed", "prior", "held", "bound", "round", "lost", "cost")
+#: What closes a side by how its scan ended: it crossed the threshold, by the priors of what drifts,
+#: or while another parameter was held at a limit of its room; it met the end of its own room, came
+#: round a period, or ended before any of these. At all but the first three the interval goes to the
+#: bound.
+CLOSED: Mapping[str, Closed] = {
+    "crossed": "data",
+    "prior": "prior",
+    "held": "bound",
+    "bound": "bound",
+    "round": "periodic",
+    "lost": "",
+    "cost": "",
+}
+#: Why a scan ended before anything closed its side: no further point was found, or chi square
+#: jumps; or it had spent its share of the budget.
+STOPPED = {"lost": "search", "cost": "budget"}
 
 #: Why values have no verdict, where nothing nearer is known.
 UNDESCRIBED = "the model does not describe the data"
@@ -99,7 +110,8 @@ class Scan(OldNames):
 
     `values` and `delta_chi2` are the points, `path` the parameters and outputs along them, `sigma`
     the linearised standard deviation at the most likely point. `held` names the parameters at whose
-    limits a side was held.
+    limits a side was held; `stopped` is why the scan of a side ended before anything closed it,
+    "search" or "budget", mostly empty.
     """
 
     sigma: float
@@ -107,6 +119,7 @@ class Scan(OldNames):
     delta_chi2: Floats
     path: Mapping[str, Floats]
     held: tuple[str, ...] = ()
+    stopped: tuple[str, str] = ("", "")
 
 
 class Profile(NamedTuple):

@@ -370,6 +370,6 @@ def _against(value: float, known: FittedEstimate) -> bool:
     """Whether a value lies beyond an end of the interval that the data cut."""
     low, high = known.ci95
     margin = BEYOND * (high - low)
-    below = known.closed_by[0] == "crossed" and value < low - margin
-    above = known.closed_by[1] == "crossed" and value > high + margin
+    below = known.closed_by[0] == "data" and value < low - margin
+    above = known.closed_by[1] == "data" and value > high + margin
     return below or above

@@ -258,7 +258,7 @@ VERDICT_COLOURS = {
     Verdict.ABOVE: ORANGE,
     Verdict.BELOW: ORANGE,
     Verdict.SEVERAL: ORANGE,
-    Verdict.OPEN: RED,
+    Verdict.UNCONSTRAINED: RED,
 }
 #: Series in the panel of values over nu.
 MOST_SERIES = 6

@@ -30,7 +30,7 @@ from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.laboratory import Laboratory, Series, amplitude_v
 from tests.support.virtual.modes import derived
 
-DETERMINED, OPEN = "determined", "not determined"
+DETERMINED, OPEN = "determined", "unconstrained"
 #: Names of values that say the same of a sample whose eigenfrequencies are known.
 TWINS = (("Q_plus", "width_plus"), ("Q_minus", "width_minus"))
 #: A value counts as held by the data where Fisher's bound is below this share of it.
