@@ -165,7 +165,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
             factor = convert(1.0, phase_unit, "rad", where=f"{path}: phase")
             radians = recording.numbers(phase) * factor
             sizes, unit = _sizes(recording, amplitude)
-            values = sizes * np.exp(1j * radians)
+            values = np.asarray(sizes * np.exp(1j * radians), dtype=complex)
             varying = [(phase, "the phase", phase_unit)]
         else:
             if (x is None) != (y is None):

@@ -178,8 +178,8 @@ def exchange(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> l
         for place in range(len(current)):
             rest = current[:place] + current[place + 1 :]
             found = _each_added(problem, rest, criterion, everything)
-            if float(found.min()) < best:
-                best, swap = float(found.min()), (rest, int(np.argmin(found)))
+            if float(np.min(found)) < best:
+                best, swap = float(np.min(found)), (rest, int(np.argmin(found)))
         if swap is None:
             break
         current, value = [*swap[0], swap[1]], best
@@ -202,7 +202,7 @@ def economise(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> 
         allowed = np.flatnonzero((found <= bound) & (problem.costs < problem.costs[current[place]]))
         if allowed.size:
             costs = problem.costs[allowed]
-            cheapest = allowed[costs <= costs.min()]
+            cheapest = allowed[costs <= np.min(costs)]
             current[place] = int(cheapest[np.argmin(found[cheapest])])
     return current
 
@@ -295,8 +295,8 @@ def _exchanged_within(
         for place in range(len(current)):
             rest = current[:place] + current[place + 1 :]
             found = _each_within(problem, rest, time_s, criterion)
-            if float(found.min()) < value - LEAST_GAIN:
-                current[place], value = int(np.argmin(found)), float(found.min())
+            if float(np.min(found)) < value - LEAST_GAIN:
+                current[place], value = int(np.argmin(found)), float(np.min(found))
         current = _one_for_several(problem, current, time_s, number, criterion)
         value = float(losses(problem, problem.information(current), criterion))
         if value > before - LEAST_GAIN:

@@ -80,7 +80,7 @@ class CoupledModes:
                 raise ValueError(f"pair {pair}: wanted (i, j) with 0 <= i < j < {n}")
         if min(self.coupling_hz.values(), default=0.0) < 0.0:
             raise ValueError(f"couplings {dict(self.coupling_hz)} Hz must not be negative")
-        if np.linalg.eigvalsh(self._stiffness()).min() <= 0.0:
+        if np.min(np.linalg.eigvalsh(self._stiffness())) <= 0.0:
             raise ValueError("coupled so strongly that a motion has no restoring force")
 
     def _stiffness(self) -> FloatArray:

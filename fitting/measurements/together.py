@@ -159,7 +159,9 @@ class Together(Measurement, Generic[R]):
 
         Those with so much noise that it is most of their variance may be.
         """
-        flat = np.concatenate([x.rows_of(x.y - np.mean(x.y)) for x in self.records])
+        level = [np.asarray(x.y - np.mean(x.y), dtype=x.y.dtype) for x in self.records]
+        pairs = zip(self.records, level, strict=True)
+        flat = np.concatenate([record.rows_of(values) for record, values in pairs])
         if not self._leaves_most(flat, residuals):
             return ""
         if self.rows_without_response.size and self._leaves_noise(residuals, self.sigma):

@@ -116,7 +116,7 @@ def parts(seed: int, *, delay_s: float, turned: bool = False) -> ComplexArray:
     exact = np.array([phasor(SWEPT_HZ, v) for v in VOLTS])
     rng = np.random.default_rng(seed)
     turns = rng.uniform(size=(VOLTS.size, 1)) - (SWEPT_HZ - B0) * delay_s
-    seen = 1e6 * exact * np.exp(2j * np.pi * turns)
+    seen = np.asarray(1e6 * exact * np.exp(2j * np.pi * turns), dtype=complex)
     largest = float(np.max(np.abs(seen)))
     seen = seen.ravel() + largest * noise(seen.size, 5e-3, seed + 100)
     return np.asarray(np.conj(seen) if turned else seen, dtype=complex)

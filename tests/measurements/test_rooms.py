@@ -43,7 +43,7 @@ def inside(x: Sequence[complex], outside: FloatArray, heat: FloatArray) -> Compl
     r1, r2, c, start = x
     level = outside + r1 * heat
     node = level[0] + (start - level[0]) * np.exp(-T / (r1 * c))
-    for k in np.flatnonzero(np.diff(outside) + np.diff(heat)) + 1:
+    for k in map(int, np.flatnonzero(np.diff(outside) + np.diff(heat)) + 1):
         past = np.maximum(T - T[k], 0.0)
         node = node + (level[k] - level[k - 1]) * (1.0 - np.exp(-past / (r1 * c)))
     return np.asarray(node + r2 * heat)

@@ -635,7 +635,7 @@ def test_the_distance_of_a_block_from_singular_is_not_overstated(damped: int) ->
 def multiplier(p: Values) -> float:
     """The largest Floquet multiplier: classical Runge-Kutta for all unit states at once."""
     system, n = modes(p), count(p)
-    scale = float(np.sqrt(system.stiffness.max()))
+    scale = float(np.sqrt(np.max(system.stiffness)))
     still = system.generator(scale, envelope=False)[: 2 * n, : 2 * n].real
     pumped = system.modulation(scale, envelope=False)[: 2 * n, : 2 * n].real
     steps = 1000

@@ -49,7 +49,7 @@ CLOSED: dict[str, tuple[FloatArray, float]] = {
     "decayed after a tenth": (summed((0.3j - 1e-2, 1.0)), 1e-9),
     "one fast": (summed((1.3j - 0.03, 1.0), (0.3j - 1e-4, 1.0)), 1e-10),
     "overdamped": (summed((-0.2, 1.0), (-0.01, -1.0)), 1e-9),
-    "critical": ((1.0 + 1e-2 * n) * np.exp(-1e-3 * n), 1e-10),
+    "critical": (np.asarray((1.0 + 1e-2 * n) * np.exp(-1e-3 * n), dtype=float), 1e-10),
     "modes that meet": ((1.0 + 1e-3 * n) * summed((0.97j - 1e-4, 1 + 0.3j)), 1e-8),
     "at half the rate": (summed((np.pi * 1j - 1e-4, 1.0)), 1e-12),
     "a turn in a stride": (summed((BLOCK_TURNS - 1e-4, 1 + 0.3j)), 1e-10),

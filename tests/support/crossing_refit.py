@@ -86,7 +86,7 @@ def refitted(plans: Sequence[Path], seed: int) -> float:
     of_map = [(v, u, without_floor(y, s), s) for v, u, y, s in of_map]
     further = [(v, u, without_floor(y, s), s) for v, u, y, s in further]
     first_v = float(BENCH.voltages()[0])
-    noise = BENCH.noise * float(sweep[:, 1].max())
+    noise = BENCH.noise * float(np.max(sweep[:, 1]))
     sweep[:, 1] = without_floor(sweep[:, 1], noise)
     chi_sigma = noise / float(np.linalg.norm(sweep[:, 1]))
 

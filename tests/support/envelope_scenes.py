@@ -198,7 +198,7 @@ class Compared:
     @property
     def worst(self) -> float:
         """The largest error over the bound."""
-        return float(self.errors.max()) / self.bound
+        return float(np.max(self.errors)) / self.bound
 
 
 def compared(scene: Scene) -> Compared:

@@ -117,7 +117,7 @@ class ComplexTones(Tones):
         powers = [float(weights[mine] @ np.abs(h[mine]) ** 2) for mine in lines]
         gains = gains_of(products, powers, turned=True)
         if self.unknown == "phase":
-            gains = chi * np.exp(1j * np.angle(gains))
+            gains = np.asarray(chi * np.exp(1j * np.angle(gains)), dtype=complex)
         return np.asarray(gains[self.groups] * z)
 
     @cached_property

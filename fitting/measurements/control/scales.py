@@ -100,7 +100,7 @@ class SpectrumScales:
 
     def _sums(self, rows: FloatArray) -> FloatArray:
         """Sums over the rows of each scale, (scales,)."""
-        return np.add.reduceat(rows, self._starts)
+        return np.asarray(np.add.reduceat(rows, self._starts))
 
     def _solved(self, values: FloatArray) -> FloatArray:
         weights = self._weights

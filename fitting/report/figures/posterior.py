@@ -148,7 +148,7 @@ def together(
     levels = sorted({float(ordered[np.searchsorted(held, share)]) for share in HELD})
     middles = [0.5 * (ends[1:] + ends[:-1]) for ends in (x_ends, y_ends)]
     axes.plot(x[:: max(1, x.size // 800)], y[:: max(1, x.size // 800)], ",", color=GREY, alpha=0.5)
-    if levels[-1] < counts.max():
+    if levels[-1] < np.max(counts):
         axes.contour(*middles, counts.T, levels=levels, colors=[BLUE], linewidths=0.9)
     plain_ticks(axes, x=3, y=3)
 

@@ -398,7 +398,7 @@ class Likelihood:
         weights = np.zeros(self.true.size)
         weights[: singular.size] = singular
         # below 1e-7 of the largest, weights and slopes are differences of rounding errors
-        spread = 1.0 / np.maximum(weights, 1e-7 * max(float(weights.max()), 1e-300))
+        spread = 1.0 / np.maximum(weights, 1e-7 * max(float(np.max(weights)), 1e-300))
         found = {}
         for name, gradient in self._gradients(step, scale).items():
             found[name] = float(np.linalg.norm((right @ gradient) * spread))
