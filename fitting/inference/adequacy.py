@@ -22,18 +22,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincc
 
-from fitting.campaign.parameters import Parameter, outside_box, to_model
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
-from fitting.inference.ending import misfit_ground
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size
-from fitting.signal.residual_tests import NOTABLE, STRUCTURED, Structure, innovations
+from fitting.signal.residual_tests import STRUCTURED, Structure, innovations
 from fitting.text.arrays import BoolArray, FloatArray
-from fitting.text.notation import freedom_words, number
 
 #: Parts of a curve whose residuals are compared in size where nobody states their noise.
 PARTS = 4
@@ -245,114 +242,3 @@ def is_redundant(optimum: Optimum) -> bool:
     priors = np.count_nonzero(likelihood.inverse_prior_sigma)
     rows = likelihood.data_rows - likelihood.objective.data.solved_inside
     return bool(rows + priors > len(likelihood.parameters))
-
-
-def adequacy_sentences(
-    adequacy: Adequacy, optimum: Optimum, structure: Structure | None = None
-) -> tuple[str, ...]:
-    """How well the model describes the data, in words.
-
-    Args:
-        adequacy: of the rows of known noise.
-        optimum: the most likely point and its likelihood.
-        structure: of the residuals of curves, None without any.
-    """
-    likelihood = optimum.likelihood
-    inflation = likelihood.inflation
-    square, freedom = number(optimum.chi_square, 3), number(optimum.degrees_of_freedom, 3)
-    said = f"χ² = {square} on {freedom_words(freedom)}"
-    if not adequacy.describes:
-        return (misfit_sentence(adequacy),)
-    if structure is not None and structure.widening > NOTABLE:
-        return (
-            f"The residuals of the curve {' and '.join(structure.found)}: errors are "
-            f"{structure.widening:.3g} times as wide, so that its points weigh as the equal and "
-            "independent ones they are worth.",
-        )
-    if adequacy.noise_factor > 1.0:
-        return (
-            f"{said}, uncorrelated: the noise is {number(adequacy.noise_factor, 3)} times as large "
-            "as stated, and errors are scaled by that factor.",
-        )
-    if inflation > 1.0:
-        return (f"{said}: all errors are {inflation:.3g} times as wide.",)
-    if np.isnan(adequacy.chi_square):
-        return (f"{said}: the noise is taken from the scatter of the residuals themselves.",)
-    return (f"{said}: the {likelihood.objective.data.noise_words} explains the residuals.",)
-
-
-def misfit_sentence(adequacy: Adequacy) -> str:
-    """That the model does not describe the data, as far as was searched, and why.
-
-    Args:
-        adequacy: of the residuals.
-    """
-    if adequacy.scale_off > 1.0:
-        return misfit_advice(adequacy)
-    if adequacy.absent:
-        return f"No line stands out of the noise. {misfit_advice(adequacy)}"
-    found = misfit_ground(adequacy)
-    return f"The model does not describe the data: {found}. {misfit_advice(adequacy)}"
-
-
-def misfit_advice(adequacy: Adequacy) -> str:
-    """How far the best parameters are from describing the data, and what may help.
-
-    Args:
-        adequacy: of the residuals.
-    """
-    if adequacy.scale_off > 1.0:
-        return (
-            "The scale of the peaks is taken from a sweep whose top is not that of a line: it may "
-            f"be off by a factor of {number(adequacy.scale_off, 2)}. No value is called "
-            'determined; wanted a sweep without that, or scale = "free".'
-        )
-    if adequacy.absent:
-        return (
-            f"Without one {adequacy.absent} are described nearly as well. No value is called "
-            "determined; wanted a stronger drive, more averaging, or points about the lines."
-        )
-    if adequacy.against:
-        way = adequacy.remedy or "a sweep without that, or phases"
-        times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
-        return (
-            f"What it leaves is {times} (in squares) what {adequacy.against} leaves. "
-            f"No value is called determined; wanted {way}, or another model."
-        )
-    if adequacy.is_correlated:
-        where = f" of {adequacy.curve}" if adequacy.curve else ""
-        return (
-            f"The residuals{where} are correlated, and their structured part is "
-            f"{number(100.0 * adequacy.share, 2)} % of the largest amplitude: noise of any size "
-            "does not explain that. No value is reported; wanted another model."
-        )
-    times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
-    if adequacy.is_uneven:
-        return (
-            f"At the best parameters that were found χ² is {times} what the noise explains, and a "
-            "part of the data alone is off by that much: larger noise does not explain it. No "
-            "value is reported; wanted another model, or the data without that part."
-        )
-    return (
-        f"At the best parameters that were found χ² is {times} what the noise explains, and the "
-        "data are too few to distinguish larger noise from a wrong model. No value is reported; "
-        "wanted "
-        "more data, another model, or the noise that the data have."
-    )
-
-
-def outside_sentences(optimum: Optimum) -> tuple[str, ...]:
-    """Parameters that the data want outside the box of the campaign, a sentence each.
-
-    Args:
-        optimum: the most likely point and its likelihood.
-    """
-    parameters, x = optimum.likelihood.parameters, optimum.expansion.x
-    at = to_model(parameters, x)
-    return tuple(_outside_words(parameters[i], float(at[i])) for i in outside_box(parameters, x))
-
-
-def _outside_words(parameter: Parameter, value: float) -> str:
-    found = f"{number(value, 5)} {parameter.unit}".rstrip()
-    box = f"{number(parameter.lower)} to {number(parameter.upper)} {parameter.unit}".rstrip()
-    return f"The data want {parameter.name} = {found}, beyond its box of {box}."

@@ -42,15 +42,12 @@ def equal_fit(
     x = there.likelihood.folded(there.expansion.x)
     outputs = output_means(objective.response, objective.parameters, [x])
     named = zip(objective.parameters, to_model(objective.parameters, x), strict=True)
-    words = settings_words(settings)
-    how = "as well" if delta >= -(ROOT_95**2) else "better"
     return Equivalent(
         parameters={q.name: float(value) for q, value in named},
         derived={name: float(values[0]) for name, values in outputs.items()},
         delta=float(delta),
         origin="alternative",
-        sentence=f"{words} fits {how}",
-        where=words,
+        where=settings_words(settings),
     )
 
 

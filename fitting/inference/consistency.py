@@ -29,18 +29,21 @@ from fitting.fit.objective import Point
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.inference.joint_result import JointResult, PairTest, SeriesPart, ValueAlone
+from fitting.inference.joint_result import (
+    CONTRADICT,
+    WORTH_A_WARNING,
+    JointResult,
+    PairTest,
+    SeriesPart,
+    ValueAlone,
+)
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.text.arrays import BoolArray, FloatArray
-from fitting.text.notation import number
 
 #: A direction counts as determined from this many times the precision of the box.
 BETTER_THAN_BOX = 3.0
-#: Disagreement, in standard deviations, that is worth a warning; and that no noise explains, among
-#: as many tests as people make.
-WORTH_A_WARNING, CONTRADICT = 3.0, 4.0
 #: Step in x for the gradient of a derived output.
 OUTPUT_STEP = 1e-4
 
@@ -252,34 +255,10 @@ def _pair_test(
             freedom=0,
             p_value=float("nan"),
             sigmas=float("nan"),
-            sentence=f"{first} and {second} determine no number in common: they cannot contradict "
-            "each other.",
         )
     value = max(0.0, both.chi_square - a.chi_square - b.chi_square)
     p = tail(value, freedom)
     sigmas = as_sigmas(value, p)
-    common = "one number" if freedom == 1 else f"{freedom} numbers"
     return PairTest(
-        one=first,
-        other=second,
-        chi_square=value,
-        freedom=freedom,
-        p_value=p,
-        sigmas=sigmas,
-        sentence=f"{first} and {second} {_verdict(sigmas)}: they differ by {sigmas:.2g} standard "
-        f"deviations in the {common} that both determine (chi square {value:.3g})"
-        f"{_how_often(sigmas, p)}.",
+        one=first, other=second, chi_square=value, freedom=freedom, p_value=p, sigmas=sigmas
     )
-
-
-def _verdict(sigmas: float) -> str:
-    if sigmas > CONTRADICT:
-        return "contradict each other"
-    return "agree badly" if sigmas > WORTH_A_WARNING else "agree"
-
-
-def _how_often(sigmas: float, p: float) -> str:
-    """How often noise alone does as much, where it may be that."""
-    if not WORTH_A_WARNING < sigmas <= CONTRADICT:
-        return ""
-    return f", as noise alone does once in {number(1.0 / p, 2)} pairs of campaigns"

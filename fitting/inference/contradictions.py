@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from fitting.inference.consistency import contradictions
 from fitting.inference.joint_result import JointResult, ValueAlone
-from fitting.text.notation import listed, quantity
+from fitting.text.rendering import phrase
 
 #: Standard deviations from which the values of two campaigns that contradict each other differ.
 APART = 3.0
@@ -29,30 +29,20 @@ def contradicted(joint: JointResult | None, units: Mapping[str, str]) -> dict[st
     if joint is None or not found:
         return {}
     sides = {side for test in found for side in (test.one, test.other)}
-    names = {part.name for part in joint.series}
+    every = {part.name for part in joint.series}
     # a side of several campaigns is the rest of them all
-    parts = [part for part in joint.series if part.name in sides or not sides <= names]
-    said = {}
+    parts = [part for part in joint.series if part.name in sides or not sides <= every]
+    reasons = {}
     for name, unit in units.items():
-        told = {p.name: p.alone[name] for p in parts if name in p.alone}
-        told = {series: each for series, each in told.items() if math.isfinite(each.std)}
-        differ = any(_apart(one, other) for one, other in itertools.combinations(told.values(), 2))
-        if not differ and len(told) == len(parts):
+        known = {p.name: p.alone[name] for p in parts if name in p.alone}
+        known = {series: each for series, each in known.items() if math.isfinite(each.std)}
+        differ = any(_apart(one, other) for one, other in itertools.combinations(known.values(), 2))
+        if not differ and len(known) == len(parts):
             continue
-        each = (f"{series} alone determines {_words(e, unit)}" for series, e in told.items())
-        told_words = f"{listed(each)}: " if told else ""
-        said[name] = told_words + (
-            "these contradict each other"
-            if differ
-            else f"{listed(p.name for p in parts)} contradict each other, and not each of them "
-            "determines this value by itself"
-        )
-    return said
+        names = [part.name for part in parts]
+        reasons[name] = phrase("status", "contradicted", known, unit, names, differ)
+    return reasons
 
 
 def _apart(one: ValueAlone, other: ValueAlone) -> bool:
     return abs(one.value - other.value) > APART * math.hypot(one.std, other.std)
-
-
-def _words(estimate: ValueAlone, unit: str) -> str:
-    return quantity(estimate.value, estimate.std, unit)

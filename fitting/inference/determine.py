@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import canonical, outside_box, to_model
+from fitting.fit.fit import Status
 from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
 from fitting.fit.likelihood.likelihood import (
     Likelihood,
@@ -28,13 +29,9 @@ from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.search.minima import DESCENTS, SCREENED, screened
 from fitting.fit.search.twins import Twin, find_twins, twins_but_for_priors
 from fitting.fit.solver.evaluator import Evaluator
-from fitting.inference.adequacy import (
-    adequacy_of,
-    adequacy_sentences,
-    is_redundant,
-    outside_sentences,
-)
+from fitting.inference.adequacy import adequacy_of, is_redundant
 from fitting.inference.budget import usual_budget
+from fitting.inference.ending import ending_of
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
@@ -59,8 +56,8 @@ from fitting.inference.likelihood.outside import (
     Outside,
     Surroundings,
     beyond,
-    beyond_sentences,
-    held_sentences,
+    beyond_findings,
+    held_findings,
     taken_in,
     with_boxes,
 )
@@ -210,21 +207,28 @@ def determine(
         directions=directions,
         without_effect=idle,
         equivalents=equivalents,
-        sentences=(
-            *adequacy_sentences(adequacy, optimum, options.structure),
-            *outside_sentences(optimum),
-            *beyond_sentences(optimum.likelihood, outside, profiles),
-            *held_sentences(profiles),
-            *identifiability.sentences(optimum, profiles, directions, idle, equivalents),
-        ),
         effort=spent,
+        units={p.name: p.unit for p in objective.parameters},
+        of_experiments=tuple(p.name for p in objective.parameters if p.experiments),
         bootstrap=resampled,
     )
     return Determined(
         parameters={n: v for n, v in values.items() if isinstance(v, ParameterEstimate)},
         derived={n: v for n, v in values.items() if isinstance(v, OutputEstimate)},
-        findings=tuple(sampling_findings(rates, values, equivalents)),
+        findings=(
+            *sampling_findings(rates, values, equivalents),
+            *beyond_findings(optimum.likelihood, outside, profiles),
+            *held_findings(profiles),
+            *identifiability.incomplete_findings(profiles),
+        ),
         knowledge=knowledge,
+        ending=ending_of(
+            Status.CONVERGED if adequacy.describes else Status.MISFIT,
+            adequacy,
+            inflation=optimum.likelihood.inflation,
+            structure=options.structure,
+            noise=objective.data.noise_words,
+        ),
     )
 
 

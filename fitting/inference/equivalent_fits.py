@@ -46,19 +46,6 @@ def turned_to(value: float, near: float, period: float | None) -> float:
     return value if period is None else value - period * round((value - near) / period)
 
 
-def exchange_words(here: str, there: str, where: str, *, determined: bool) -> str:
-    """Why a value is known no further than to two of them, or to two intervals.
-
-    Args:
-        here: what it is at the minimum that is reported: a number, or an interval.
-        there: the other value, with its unit.
-        where: what leads there.
-        determined: whether it is determined at either.
-    """
-    how = "determined" if determined else "bounded"
-    return f"{how} up to an exchange: {here} here, {there} at {where}, which fits as well"
-
-
 def equivalent_findings(values: Values) -> tuple[Finding, ...]:
     """Other fits that are as good, a finding each: its values in their units, and `delta_chi2`.
 

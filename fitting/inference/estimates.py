@@ -18,12 +18,12 @@ from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
 from fitting.text.estimate import OffsetEstimate, OutputEstimate, ParameterEstimate, Verdict
+from fitting.text.rendering import phrase
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the box.
 OUTPUT_STEP = 1e-4
 #: Share of the variance that the data answer for from which a linearised error is one of the data.
 SEEN = 0.1
-LINEARISED = "no profile was scanned"
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
             most_likely=float(shown[i]),
             period=parameter.period,
             simulation=shift,
-            reason=LINEARISED,
+            reason=phrase("status", "no_profile"),
             asked=parameter.moves_model,
         )
     return results
@@ -149,7 +149,7 @@ def derived_results(
             algorithm2=float(means[0]),
             most_likely=best,
             simulation=shift,
-            reason=LINEARISED,
+            reason=phrase("status", "no_profile"),
             places=places if each else (),
             stds=tuple(_bounded_errors(solution, slope)[0] for slope in slopes),
             halves95=tuple(_bounded_errors(solution, slope)[1] for slope in slopes),

@@ -20,8 +20,8 @@ from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.fit.solver.continuation import distance, equal_j
-from fitting.inference.consistency import WORTH_A_WARNING, contradictions, differs
-from fitting.inference.joint_result import JointResult, PairTest
+from fitting.inference.consistency import contradictions, differs
+from fitting.inference.joint_result import WORTH_A_WARNING, JointResult, PairTest
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.mistakes import (
     SweepFindings,

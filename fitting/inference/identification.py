@@ -23,6 +23,7 @@ from fitting.measurements.measurement import Response
 from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind, note
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,12 +100,10 @@ def identify(
         findings += (*equivalent_findings(found), *found.findings)
     if own <= FEW_OWN:
         return replace(found, findings=findings)
-    left_out = (
-        f"The {own} values of single experiments have no profile: so many would take most of the "
-        f"time, and profiles are scanned of {FEW_OWN} at most."
+    limits = {"count": float(own), "most": float(FEW_OWN)}
+    return replace(
+        found, findings=(*findings, note(Kind.profiles_limited, "experiments", **limits))
     )
-    knowledge = replace(knowledge, sentences=(*knowledge.sentences, left_out))
-    return replace(found, findings=findings, knowledge=knowledge)
 
 
 def own_profiled(problem: Problem) -> int:

@@ -18,7 +18,7 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
-from fitting.inference.adequacy import adequacy_of, misfit_advice
+from fitting.inference.adequacy import adequacy_of
 from fitting.inference.alternatives import equal_fit
 from fitting.inference.assumptions import assumption_findings
 from fitting.inference.causes import causes_of, without_outliers
@@ -28,7 +28,7 @@ from fitting.inference.conditions import condition_findings
 from fitting.inference.consistency import consistency, contradictions, without_values
 from fitting.inference.contradictions import contradicted
 from fitting.inference.determine import InferenceOptions, Limits, determine
-from fitting.inference.ending import ABSENT, CONTRADICTED, MISFIT, Ending, ending_of, extent_of
+from fitting.inference.ending import CONTRADICTED, ending_of, extent_of
 from fitting.inference.equivalent_fits import equivalent_findings
 from fitting.inference.estimates import (
     Estimates,
@@ -47,13 +47,7 @@ from fitting.inference.findings import (
 )
 from fitting.inference.inferred import Inferred, judged
 from fitting.inference.joint_result import JointResult
-from fitting.inference.likelihood.knowledge import (
-    UNCONVERGED,
-    UNDESCRIBED,
-    Adequacy,
-    Determined,
-    Equivalent,
-)
+from fitting.inference.likelihood.knowledge import Adequacy, Determined, Ending, Equivalent
 from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
@@ -64,7 +58,8 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import listed, number, settings_words
+from fitting.text.notation import settings_words
+from fitting.text.rendering import phrase
 
 #: Minima of a search from which the most likely point is looked for.
 LOWEST = 2
@@ -156,7 +151,7 @@ def _inferred(
         knowledge=None if determined is None else determined.knowledge,
         joint=joint if describes else without_values(joint),
         status=status,
-        message=_message(fit, ending, adequacy),
+        message=phrase("status", "message", ending, _advice(status, adequacy), fit.message),
         ending=ending,
         reported=estimates.reported,
         sweeps=_with_names(sweeps, fit, {**parameters, **derived}),
@@ -284,18 +279,14 @@ class _Reading:
         """
         if self.adequacy is None:
             return self
-        adequacy, said = without_outliers(fit, self.adequacy), ""
-        if adequacy.outliers:
-            said = f"Single points far off make up the misfit ({len(adequacy.outliers)})."
+        adequacy = without_outliers(fit, self.adequacy)
         if fit.status is not Status.CONVERGED:
             adequacy = replace(adequacy, converged=False)
-            said = f"No value is reported: {adequacy.why_not}."
         if adequacy is self.adequacy:
             return self
         determined = self.determined
         if determined is not None:
-            sentences = (said, *determined.knowledge.sentences[1:])
-            knowledge = replace(determined.knowledge, adequacy=adequacy, sentences=sentences)
+            knowledge = replace(determined.knowledge, adequacy=adequacy)
             determined = replace(determined, knowledge=knowledge)
         return replace(self, adequacy=adequacy, determined=determined)
 
@@ -409,13 +400,13 @@ def _why_not(fit: Fit, adequacy: Adequacy | None) -> str:
     """Why there are no values; empty: the fit has converged, and the model describes the data."""
     if adequacy is not None:
         return "" if adequacy.gives_values else adequacy.why_not
-    return "" if fit.status is Status.CONVERGED else UNCONVERGED
+    return "" if fit.status is Status.CONVERGED else phrase("status", "unconverged")
 
 
 def _unexplained(fit: Fit, names: Iterable[str], left: FloatArray) -> dict[str, str]:
     """Why values have no verdict of whose data (m,) are `left`; mostly nothing."""
     missed = fit.solution.objective.data.unexplained(left)
-    return dict.fromkeys(names, UNDESCRIBED) if missed else {}
+    return dict.fromkeys(names, phrase("status", "undescribed")) if missed else {}
 
 
 def _is_best(fit: Fit, determined: Determined | None) -> bool:
@@ -425,11 +416,7 @@ def _is_best(fit: Fit, determined: Determined | None) -> bool:
 
 def _contradicted(ending: Ending, joint: JointResult | None) -> Ending:
     """How a fit ended whose campaigns are not of one set of values."""
-    pairs = listed(
-        f"{pair.one} and {pair.other} by {number(pair.sigmas, 2)} standard deviations"
-        for pair in contradictions(joint)
-    )
-    ground = f"what both determine differs, between {pairs}"
+    ground = phrase("status", "between", contradictions(joint))
     return replace(ending, words=CONTRADICTED, ground=ground, whole=False, extent="")
 
 
@@ -485,11 +472,10 @@ def _left_at(fit: Fit, best: FloatArray) -> FloatArray:
     return solution.final.residuals
 
 
-def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:
-    """The ending in sentences, that of the optimiser last."""
-    if ending.words in (MISFIT, ABSENT) and adequacy is not None:
-        return ending.told(f"{misfit_advice(adequacy)} {fit.message}")
-    return ending.told(fit.message)
+def _advice(status: Status, adequacy: Adequacy | None) -> str:
+    """What may help where the model does not describe the data."""
+    misfit = status is Status.MISFIT and adequacy is not None
+    return phrase("status", "advice", adequacy) if misfit else ""
 
 
 def noise_at(solution: Solution) -> RowNoise:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from fitting.fit.fit import Status
-from fitting.inference.ending import Ending
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Knowledge, Values
 from fitting.inference.quadratures import Quadratures
@@ -31,8 +30,6 @@ class Inferred(Values):
     """Several series: what they say alone, together and of each other."""
     quadratures: Quadratures = field(default_factory=Quadratures)
     """What was solved inside complex sweeps, and quality factors behind a wiring."""
-    ending: Ending = field(default_factory=Ending)
-    """`status` in words, and what they rest on, as terminal and page tell them."""
     chi_square: float = math.nan
     """Of the rows of known noise at the most likely point; NaN where nothing was tested."""
     dof: float = math.nan

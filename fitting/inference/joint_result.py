@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
+
+#: Disagreement, in standard deviations, that is worth a warning; and that no noise explains, among
+#: as many tests as people make.
+WORTH_A_WARNING, CONTRADICT = 3.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,13 @@ class PairTest:
     freedom: int
     p_value: float
     sigmas: float
-    sentence: str
+
+    @property
+    def level(self) -> Literal["agreement", "tension", "contradiction"]:
+        """Whether both sets of campaigns agree, as far as noise explains."""
+        if self.sigmas > CONTRADICT:
+            return "contradiction"
+        return "tension" if self.sigmas > WORTH_A_WARNING else "agreement"
 
 
 @dataclass(frozen=True)
@@ -77,4 +88,3 @@ class ExternalTest:
     found: float
     found_std: float
     sigmas: float
-    sentence: str

@@ -27,14 +27,12 @@ from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.measurements.measurement import Estimated, Prediction
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import bound, number, span
+from fitting.text.notation import number
 
 #: Step of x for slopes of derived outputs, in units of the search vector.
 STEP = 1e-3
 #: Standard deviations of a Gaussian between which 95 % lie.
 NINETY_FIVE = 1.959964
-#: What is said of qualities of a line, by the beginnings of their names.
-LOADED_NAMES, LOADED = ("Q_",), ", with the FMU's line as the loaded one"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +69,19 @@ class Quadratures:
 
     gains: tuple[PhaseGain, ...] = ()
     qualities: tuple[Quality, ...] = ()
+
+    @property
+    def alike(self) -> list[list[PhaseGain]]:
+        """The gains, those of one number together: outputs of the FMU that are a parameter.
+
+        Profiles, which are scanned for each, are the same as far as they are printed.
+        """
+        groups: dict[tuple[str, ...], list[PhaseGain]] = {}
+        for gain in self.gains:
+            ratio = f"{gain.amplitudes / gain.phases:.6g}"
+            key = (gain.unit, number(gain.amplitudes, 2), number(gain.phases, 2), ratio)
+            groups.setdefault(key, []).append(gain)
+        return list(groups.values())
 
 
 def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
@@ -206,46 +217,3 @@ def _values(solution: Solution, units: Mapping[str, str]) -> list[tuple[str, str
         if np.all(np.isfinite(gradient)):
             found.append((name, units.get(name, ""), gradient))
     return found
-
-
-def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
-    """What phases gained and which qualities follow, a sentence each.
-
-    Args:
-        told: of complex measurements.
-    """
-    said = [_quality_words(quality) for quality in told.qualities]
-    for gain in told.gains:
-        names = [g.name for g in told.gains if _alike(g, gain)]
-        if gain.name != names[0]:
-            continue  # eta1 beside f1, said there
-        unit = f" {gain.unit}" if gain.unit not in ("", "1") else ""
-        said.append(
-            f"{', '.join(names)}: ± {number(gain.phases, 2)}{unit} with phases, "
-            f"± {number(gain.amplitudes, 2)}{unit} if amplitudes alone were known "
-            f"({number(gain.amplitudes / gain.phases, 2)} times as wide), with as much noise."
-        )
-    return tuple(said)
-
-
-def _quality_words(q: Quality) -> str:
-    """Value and interval, or the lower end alone where the interval is open above."""
-    loaded = LOADED if q.name.startswith(LOADED_NAMES) else ""
-    low, high = q.ci95
-    if math.isnan(low):
-        return f"{q.name} would be negative: the dip is not of that wiring{loaded}."
-    if math.isinf(high):
-        return f"{q.name} is {bound(low, 3, up=False)} or more at 95 %{loaded}."
-    interval = f"{span(low, high)} at 95 %"
-    return f"{q.name} = {number(q.value, 6)} ± {number(q.std, 2)}, {interval}{loaded}."
-
-
-def _alike(one: PhaseGain, other: PhaseGain) -> bool:
-    """Whether two values have the same errors: outputs of the FMU that are a parameter.
-
-    Those of profiles, which are walked for each, are the same as they are told.
-    """
-    sizes = (one.amplitudes, other.amplitudes), (one.phases, other.phases)
-    told = all(number(a, 2) == number(b, 2) for a, b in sizes)
-    ratios = [gain.amplitudes / gain.phases for gain in (one, other)]
-    return one.unit == other.unit and told and math.isclose(*ratios, rel_tol=1e-6)

@@ -27,7 +27,8 @@ from fitting.fit.differences import forward
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.solution import Solution
-from fitting.inference.consistency import BETTER_THAN_BOX, CONTRADICT
+from fitting.inference.consistency import BETTER_THAN_BOX
+from fitting.inference.joint_result import CONTRADICT
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.signal.least_squares import damped_step

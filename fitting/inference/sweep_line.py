@@ -23,18 +23,17 @@ from fitting.signal.line_record import (
 )
 from fitting.signal.peaks import (
     ADDED,
-    BESIDE_WORDS,
     OFFSET,
     SLOPE,
     UNKNOWNS,
     Resonance,
     fit_resonance,
 )
-from fitting.signal.residual_tests import NOTABLE, SMALLEST_RESIDUAL, Structure
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import number, quantity, with_error
+from fitting.text.rendering import phrase
 
 #: Backgrounds whose fits stand beside each other, whatever the campaign chose.
 COMPARED = ("none", "complex")
@@ -150,10 +149,7 @@ def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resona
     own = _left(fit) / float(np.max(sweep.of_line[1]))
     if not own > FAR_MORE * max(left, SMALLEST_RESIDUAL):
         return fit
-    return (
-        f"it is no single line; the best one leaves {number(100.0 * own, 2)} % of the peak, the "
-        f"fitted model {number(100.0 * left, 2)} %"
-    )
+    return phrase("status", "no_single_line", own, left)
 
 
 def _fit(sweep: SweepData, background: str) -> Resonance | str:
@@ -256,76 +252,8 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
             severity="warning",
             subject="sweep",
             numbers=numbers,
-            names={"background": (_background_words(full.name),), "key": key},
+            names={"background": (full.name,), "key": key},
         )
-
-
-def line_sentences(line: SweepLine) -> list[str]:
-    """The line, the instrument's own estimate, its residuals, its other fit, in a sentence each.
-
-    Args:
-        line: that the sweep shows by itself.
-    """
-    if math.isnan(line.frequency.value):
-        return [f"Sweep by itself: {line.message}."]
-    sentences = [
-        f"Sweep by itself: {_numbers(line)}, "
-        f"A = {quantity(line.amplitude.value, line.amplitude.std, line.unit)}{_or_mirrored(line)}, "
-        f"residual {100.0 * line.residual:.2g} % of the peak."
-    ]
-    own = []
-    if "frequency_hz" in line.instrument:
-        there = line.instrument["frequency_hz"]
-        apart = there - line.frequency.value
-        own.append(f"f = {there:.9g} Hz ({apart:+.3g} Hz from this fit)")
-    if "q" in line.instrument:
-        there = line.instrument["q"]
-        own.append(f"Q = {there:g} ({100.0 * (there / line.q.value - 1.0):+.2g} %)")
-    if own:
-        sentences.append(f"The instrument's own estimate: {', '.join(own)}.")
-    for form in line.forms:
-        if form.name != line.background:
-            sentences.append(f"The same sweep {_form_words(form)}.")
-        elif form.structure.widening > NOTABLE:
-            sentences.append(f"{_structure_words(form.structure).capitalize()}.")
-    return sentences
-
-
-def _numbers(line: LineValues) -> str:
-    return (
-        f"f = {with_error(line.frequency.value, line.frequency.std, 'Hz')}, "
-        f"width {with_error(line.width.value, line.width.std, 'Hz')}, "
-        f"Q = {with_error(line.q.value, line.q.std)}"
-    )
-
-
-def _or_mirrored(line: SweepLine) -> str:
-    """The other amplitude of the same curve, where it is another one."""
-    other = line.mirrored
-    if other is None or not abs(other.value - line.amplitude.value) > line.amplitude.std:
-        return ""
-    return f" or, the curve being the same, {quantity(other.value, other.std, line.unit)}"
-
-
-def _structure_words(structure: Structure) -> str:
-    return (
-        f"a single line leaves residuals that {structure.departure}: the "
-        f"points are worth {structure.points:.3g} independent and equal ones, and the errors are "
-        f"{structure.widening:.3g} times as wide for it"
-    )
-
-
-def _background_words(background: str) -> str:
-    return "a complex background" if background == "complex" else BESIDE_WORDS[background]
-
-
-def _form_words(form: TriedForm) -> str:
-    name = "without background"
-    if form.name != "none":
-        name = f"with {_background_words(form.name)}"
-    if math.isnan(form.frequency.value):
-        return f"{name} cannot be fitted ({form.message})"
-    return f"{name}: {_numbers(form)}, residual {100.0 * form.residual:.2g} % of the peak"
 
 
 def depends_on_background(line: SweepLine) -> bool:

@@ -23,7 +23,7 @@ from fitting.campaign.parameters import (
     to_model,
 )
 from fitting.fit.likelihood.descent import Optimum
-from fitting.inference.equivalent_fits import contradicts, exchange_words, turned_to
+from fitting.inference.equivalent_fits import contradicts, turned_to
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches
 from fitting.inference.likelihood.knowledge import (
@@ -45,7 +45,7 @@ from fitting.text.estimate import (
     ParameterEstimate,
     Verdict,
 )
-from fitting.text.notation import as_known, listed, number, span
+from fitting.text.rendering import phrase
 
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
 #: (half the width is then half the value), and share of its period for one that goes round.
@@ -55,19 +55,6 @@ NEARLY_ALL = 0.9
 #: Share of the width of its prior from which an interval is that of the prior alone, and up to
 #: which the prior has no part in it: the data answer for a tenth and for nine of the variance.
 PRIOR_ALONE, PRIOR_IDLE = math.sqrt(0.9), math.sqrt(0.1)
-#: Why nothing is known beyond where a walk was cut; that a larger budget would tell is said once of
-#: all values together.
-WAS_CUT = "the search was cut for its cost"
-ENDS_IN_WORDS = {
-    "crossed": "the data end it",
-    "prior": "priors of the drift alone end it",
-    "bound": "the end of its range fits",
-    "round": "it goes round",
-    "lost": "the search lost its way",
-    "cost": WAS_CUT,
-}
-#: The same of both sides alike.
-ON_BOTH_SIDES = "on both sides "
 #: Ends of branches that say nothing of what lies beyond.
 CUT = ("lost", "cost")
 #: Share of an increase of chi square by priors of what drifts from which they end an interval.
@@ -415,35 +402,35 @@ def _exchange(
 
 
 def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, str]:
-    """The word and why."""
-    if not basis.redundant:  # where a walk then ends is a matter of the box
-        return Verdict.UNKNOWN, "there are no more data than unknowns: nothing tests the model"
-    if found.ends == ("round", "round"):
-        return Verdict.UNCONSTRAINED, "every value around its period fits"
-    said = [_end_words(end, found.held) for end in found.ends]
-    if any(end in CUT for end in found.ends):
-        if _is_nearly_all(subject, found.seen, subject.box):  # no walk makes that narrower
-            return Verdict.UNCONSTRAINED, "values close to both ends of its range fit"
-        return Verdict.UNKNOWN, _both(said)
-    cut = [end == "crossed" for end in found.ends]
+    """The status and why."""
+    ends, held = found.ends, list(dict.fromkeys(found.held))
+    if not basis.redundant:  # where a scan then ends is a matter of the bounds
+        return Verdict.UNKNOWN, phrase("status", "no_redundancy")
+    if ends == ("round", "round"):
+        return Verdict.UNCONSTRAINED, phrase("status", "any_of_period")
+    if any(end in CUT for end in ends):
+        if _is_nearly_all(subject, found.seen, subject.box):  # no scan makes that narrower
+            return Verdict.UNCONSTRAINED, phrase("status", "near_both_ends")
+        return Verdict.UNKNOWN, phrase("status", "sides", ends, held)
+    cut = [end == "crossed" for end in ends]
     if not any(cut):
-        both_fit = found.ends == ("bound", "bound")
-        return Verdict.UNCONSTRAINED, "both ends of its range fit" if both_fit else _both(said)
+        both_fit = ends == ("bound", "bound")
+        reason = (
+            phrase("status", "both_ends") if both_fit else phrase("status", "sides", ends, held)
+        )
+        return Verdict.UNCONSTRAINED, reason
     share = _share_of_prior(subject, found)
     if share > PRIOR_ALONE:
-        return Verdict.UNCONSTRAINED, "its interval is that of its prior"
+        return Verdict.UNCONSTRAINED, phrase("status", "prior_alone")
     if found.exchange is not None or found.others:
-        return (Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN), _elsewhere_words(subject, found)
+        return (Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN), _of_others(subject, found)
     if _is_nearly_all(subject, found.interval, (subject.quantity.low, subject.quantity.high)):
-        return Verdict.UNCONSTRAINED, "nearly all of its range fits"
+        return Verdict.UNCONSTRAINED, phrase("status", "nearly_all")
     if not all(cut):
-        return (
-            (Verdict.BELOW, f"above it {said[1]}")
-            if cut[0]
-            else (Verdict.ABOVE, f"below it {said[0]}")
-        )
+        verdict, side = (Verdict.BELOW, "above") if cut[0] else (Verdict.ABOVE, "below")
+        return verdict, phrase("status", side, ends, held)
     if share > PRIOR_IDLE:
-        return Verdict.BOUNDED, "its prior has a part in its interval"
+        return Verdict.BOUNDED, phrase("status", "prior_part")
     return _by_width(subject, found)
 
 
@@ -465,57 +452,35 @@ def _is_nearly_all(subject: _Subject, wide: Interval, room: Interval) -> bool:
 def _by_width(subject: _Subject, found: _Found) -> tuple[Verdict, str]:
     """Determined, or only bounded, where the data cut both ends."""
     low, high = found.interval
+    half, best = 0.5 * (high - low), abs(subject.shown(subject.quantity.best))
     if subject.period is not None:
         if high - low <= NARROW_ROUND * subject.period:
-            share = _percent(_precision(subject, found))
-            return Verdict.DETERMINED, f"to {share} of its period"
-        return Verdict.BOUNDED, "its interval is more than a quarter of its period"
+            return Verdict.DETERMINED, phrase("status", "precise", half / subject.period, True)
+        return Verdict.BOUNDED, phrase("status", "wide_period")
     if low * high <= 0.0:
-        return Verdict.BOUNDED, "zero lies inside"
+        return Verdict.BOUNDED, phrase("status", "zero_inside")
     if max(abs(low), abs(high)) <= NARROW * min(abs(low), abs(high)):
-        return Verdict.DETERMINED, f"to {_percent(_precision(subject, found))}"
-    ratio = max(low / high, high / low)
-    return Verdict.BOUNDED, f"the ends of its interval are a factor {number(ratio, 2)} apart"
+        share = half / best if best > 0.0 else math.inf
+        return Verdict.DETERMINED, phrase("status", "precise", share, False)
+    return Verdict.BOUNDED, phrase("status", "wide", max(low / high, high / low))
 
 
-def _percent(share: float) -> str:
-    return f"{number(100.0 * share, 2)} %"
-
-
-def _end_words(end: str, held: Sequence[str]) -> str:
-    if end == "held":
-        names = list(dict.fromkeys(held))
-        go = "goes as far as it may" if len(names) == 1 else "go as far as they may"
-        return f"{listed(names)} {go}"
-    return ENDS_IN_WORDS[end]
-
-
-def _both(said: Sequence[str]) -> str:
-    low, high = said
-    if low == high:
-        return f"{ON_BOTH_SIDES}{low}"
-    return f"below it {low}, above it {high}"
-
-
-def _elsewhere_words(subject: _Subject, found: _Found) -> str:
+def _of_others(subject: _Subject, found: _Found) -> str:
     """What other minima have that fit as well: a bound is none that one of them does not keep."""
     there, where = [*found.others], "another minimum"
     if found.exchange is not None:
         there, where = [found.exchange[0]], found.exchange[1]
     error = _own_error(subject, found.interval)
-    shown = " or ".join(dict.fromkeys(as_known(value, error, subject.unit) for value in there))
+    known = (there, error, subject.unit)
     if found.ends != ("crossed", "crossed"):
-        return f"no bound holds at every minimum: {shown} at {where} fits as well"
+        return phrase("status", "no_bound", *known, where)
     determined = _by_width(subject, found)[0] is Verdict.DETERMINED
-    best = as_known(subject.shown(subject.quantity.best), error)
-    low, high = found.interval
+    best, (low, high) = subject.shown(subject.quantity.best), found.interval
     if found.exchange is None and all(low <= value <= high for value in there):
-        within = span(low, high, subject.unit, error).replace("\u00a0", " ")
-        return f"{best} or {shown}, within {within}: another minimum fits as well"
+        return phrase("status", "several_within", best, *known, low, high)
     if found.exchange is None and determined:
-        return f"{best} or {shown}: another minimum fits as well"
-    here = best if determined else span(low, high).replace("\u00a0", " ")
-    return exchange_words(here, shown, where, determined=determined)
+        return phrase("status", "several", best, *known)
+    return phrase("status", "exchange", best, *known, low, high, where, determined)
 
 
 def _own_error(subject: _Subject, interval: Interval) -> float:
@@ -534,17 +499,6 @@ def _share_of_prior(subject: _Subject, found: _Found) -> float:
         return 0.0
     low, high = found.interval
     return (high - low) / (2.0 * ROOT_95 * subject.parameter.prior_sigma)
-
-
-def _precision(subject: _Subject, found: _Found) -> float:
-    """Half the width over the value, or over the period of a periodic one; NaN if not cut."""
-    if found.ends != ("crossed", "crossed"):
-        return math.nan
-    half = 0.5 * (found.interval[1] - found.interval[0])
-    if subject.period is not None:
-        return half / subject.period
-    best = abs(subject.shown(subject.quantity.best))
-    return half / best if best > 0.0 else math.inf
 
 
 def _in_order(explored: Exploration, quantity: Quantity) -> list[ProfilePoint]:
@@ -590,7 +544,7 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
         upper=box[1],
         shrinkage=0.0,
         status=Verdict.UNKNOWN,
-        reason="it has no value at the most likely point",
+        reason=phrase("status", "no_value"),
         method="profile",
     )
     if not (math.isfinite(best) and not box[1] > box[0]):
@@ -607,6 +561,6 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
         closed_by=("data", "data"),
         shrinkage=1.0,
         status=Verdict.DETERMINED,
-        reason="exactly: it does not depend on the parameters",
+        reason=phrase("status", "exact"),
     )
     return Profile(exact, Scan(sigma=0.0, values=(best,), delta_chi2=(0.0,), path={}))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from fitting.inference.quadratures import quadrature_sentences
-from fitting.inference.sweep_line import line_sentences
 from fitting.report.screen import screen
 from fitting.report.table import table
 from fitting.result.result import Result
@@ -20,7 +18,5 @@ def detail_lines(result: Result) -> list[str]:
         "details",
         r=result,
         table=table("intervals", result=result, ends=False),
-        line="\n".join(() if result.line is None else line_sentences(result.line)),
-        quadratures="\n".join(quadrature_sentences(result.quadratures)),
         plan="" if result.plan is None else str(blocks("plan").line(result.plan)),
     )

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from fitting.fit.fit import Status
-from fitting.inference.quadratures import quadrature_sentences
-from fitting.inference.sweep_line import line_sentences
 from fitting.measurements.figure import Figure
 from fitting.report.figures.inference import undrawn_sentence
 from fitting.report.figures.reconstruction import FIRST, LAST, write_figures
@@ -16,7 +14,7 @@ from fitting.report.page import render, write_page
 from fitting.report.published import write_values
 from fitting.report.screen import phrase
 from fitting.report.shown import ShownCampaign
-from fitting.report.summary import status_words, summary_of
+from fitting.report.summary import summary_of
 from fitting.result.result import Result
 from fitting.simulate.budget import PlanRecord
 from fitting.simulate.words import decision_in_words
@@ -100,7 +98,7 @@ def _content(result: Result, data: ShownCampaign, figures: Sequence[Figure]) -> 
     return {
         "title": result.title,
         "kind": "reconstruction",
-        "status": status_words(result),
+        "status": summary.status,
         "message": message,
         "mark": "bad" if not converged else "" if result.ending.whole else "doubt",
         "synthetic": result.synthetic,
@@ -116,8 +114,6 @@ def _content(result: Result, data: ShownCampaign, figures: Sequence[Figure]) -> 
         "flat": undrawn_sentence(result, figures),
         # what other kinds of measurements show
         "measured": list(dict.fromkeys(f.name for f in rest if f.name not in {*FIRST, *LAST})),
-        "quadratures": quadrature_sentences(result.quadratures),
-        "line": [] if result.line is None else line_sentences(result.line)[1:],  # one is a table
         "plan_remarks": [*remarks(result.plan, result.provenance.plan), *data.notes],
         "campaign": {
             **data.settings,

@@ -47,7 +47,6 @@ from fitting.simulate.words import (
 from fitting.text.controls import spelled_out
 from fitting.text.error_bars import EVEN
 from fitting.text.estimate import Verdict
-from fitting.text.notation import sign
 
 #: Kinds of variables of an FMU that are listed, as far as they are no observed ones.
 SHOWN = ("parameter", "input", "output", "calculatedParameter")
@@ -243,7 +242,9 @@ def identification_lines(
     if open_ and words[:2] == ["fmu-fit", "identify"] and knowledge.adequacy.gives_values:
         at = found.at if "--at" in words else ""
         command = design_command(words[2:3], at, open_[0])
-        summary = replace(summary, advice=f"determine {sign(open_[0])}:", command=command)
+        summary = replace(
+            summary, advice=phrase("next", "determine", open_[0], False), command=command
+        )
     return printed_lines(
         "identification",
         "screen",

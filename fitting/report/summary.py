@@ -14,17 +14,12 @@ from fitting.inference.assumptions import SHIFT
 from fitting.inference.budget import BUDGET
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.report.same_values import same_values
-from fitting.report.screen import Printed, phrase, printed_lines
+from fitting.report.screen import Printed, phrase, phrases, printed_lines
 from fitting.result.result import Result
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
-from fitting.text.notation import (
-    listed,
-    number,
-    quantity,
-    sign,
-)
-from fitting.text.rendering import limit_words, range_words, with_prefix
+from fitting.text.notation import quantity, sign
+from fitting.text.rendering import range_words, with_prefix
 from fitting.text.sentences import sentence
 
 #: Warnings on the first screen, at most.
@@ -55,8 +50,6 @@ PARTS: dict[str, Callable[[SweepLine], Estimate]] = {
     "width": lambda line: line.width,
     "q": lambda line: line.q,
 }
-#: What is printed beside a value that is not determined by a profile.
-REMARKS = {Verdict.SEVERAL: "one of several", Verdict.LINEARISED: "1σ from the covariance"}
 #: Standard errors from which sweep and fit are no two measurements of one value.
 APART_SIGMA = 3.0
 #: Times as large a budget is proposed where one cut a search.
@@ -108,14 +101,14 @@ def summary_of(result: Result) -> Summary:
     # the outputs that the campaign asks for come first
     every: dict[str, FittedEstimate] = {**result.derived, **result.parameters}
     every = {name: found for name, found in every.items() if name not in same}
-    summary = Summary(title=result.title, status=status_words(result))
+    summary = Summary(title=result.title, status=phrase("next", "status", result))
     withdrawn = result.status == "converged"
     summary, left = with_values(summary, every, result.line, same, withdrawn=withdrawn)
     urgent = _urgent(result.findings)
     advice, command = next_step(result, left)
     return replace(
         summary,
-        external=tuple(test.sentence for test in result.external),
+        external=tuple(phrase("result", "external", test, result) for test in result.external),
         warnings=warnings_of(urgent, every),
         more=max(len(urgent) - MOST_WARNINGS, 0),
         assumption=_with_signs(_assumption(result), every),
@@ -142,19 +135,27 @@ def with_values(
         same: other names of values, with the name under which each is printed.
         withdrawn: whether values that are withdrawn are listed with their reason.
     """
-    values, limits = [], []
+    values, limits, left = [], [], dict[str, FittedEstimate]()
+    statuses: set[Verdict | None] = set()  # None: of a value that is not the profile's, or beyond
     for name, found in every.items():
         others = (name, *(other for other, first in same.items() if first == name))
-        printed = _value(name, found, line, tuple(map(sign, others)))
-        if printed is not None:
-            values.append(printed)
-        elif found.status in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
-            limits.append(_limit(name, found, tuple(map(sign, others))))
-    determined = {value.name for value in values if value.remark != REMARKS[Verdict.SEVERAL]}
-    left = {name: found for name, found in every.items() if name not in determined}
-    remarks = {value.remark for value in values}
-    errors = f"{remarks.pop()}; no profile" if remarks == {REMARKS[Verdict.LINEARISED]} else ""
-    values = [replace(value, remark="") for value in values] if errors else values
+        symbols = tuple(map(sign, others))
+        printed = _value(name, found, line, symbols)
+        if printed is None:
+            left[name] = found
+            if found.status in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
+                limit, remark = phrase("values", "limit", found), phrase("values", "remark", found)
+                limits.append(Printed(name=name, symbols=symbols, text=limit, remark=remark))
+            continue
+        values.append(printed)
+        plain = by_line(name, found, line) is None and math.isnan(found.bound_passed)
+        statuses.add(found.status if plain else None)
+        if plain and found.status is Verdict.SEVERAL:
+            left[name] = found
+    errors = ""
+    if statuses == {Verdict.LINEARISED}:
+        errors = phrase("next", "no_profile", values[0].remark)
+        values = [replace(value, remark="") for value in values]
     made = replace(
         summary,
         values=tuple(values),
@@ -184,55 +185,19 @@ def _with_signs(text: str, names: Iterable[str]) -> str:
     return text
 
 
-def status_words(result: Result) -> str:
-    """How the fit ended, with chi square over its degrees of freedom where it tests anything.
-
-    Args:
-        result: of a reconstruction.
-    """
-    if result.status in ("not converged", "interrupted"):
-        return result.status
-    chi = ", noise estimated from the residuals"
-    if math.isfinite(result.chi_square):
-        chi = f", χ²/dof = {number(result.chi_square, 3)}/{number(round(result.dof, 1), 4)}"
-        if result.dof <= 0.0:
-            chi = ", dof = 0: nothing tests the model"
-    if of_kind(result.findings, Kind.contradiction):
-        return f"converged, but the campaigns contradict each other{chi}"
-    if result.status != "converged":
-        return f"converged, but the model does not describe the data{chi}"
-    return f"converged{chi}"
-
-
 def _value(
     name: str, found: FittedEstimate, line: SweepLine | None, symbols: tuple[str, ...]
 ) -> Printed | None:
     """A value with its error: the sweep's own where it is the better one; None: it has none."""
     better = by_line(name, found, line)
     if better is not None:
-        text = quantity(*better, found.unit)
-        return Printed(name=name, symbols=symbols, text=text, remark="from the sweep")
+        text, remark = quantity(*better, found.unit), phrase("values", "from_sweep")
+        return Printed(name=name, symbols=symbols, text=text, remark=remark)
     if not found.status.has_value or found.status is Verdict.BOUNDED:
         return None
-    remark = REMARKS.get(found.status, found.condition.strip())
-    text = phrase("values", "reported", found)
-    if not math.isnan(found.bound_passed):
-        remark, text = (
-            f"beyond its bound, {limit_words(found.bound_passed, found.unit)}",
-            found.likely_words,
-        )
-    return Printed(name=name, symbols=symbols, text=text, remark=remark)
-
-
-def _limit(name: str, found: FittedEstimate, symbols: tuple[str, ...]) -> Printed:
-    """A value that the data bound: "< 5.2 Hz", or an interval."""
-    low, high = found.ci95
-    text = {
-        Verdict.BOUNDED: range_words(low, high, found.unit),
-        Verdict.ABOVE: f"< {limit_words(high, found.unit, up=True)}",
-        Verdict.BELOW: f"> {limit_words(low, found.unit, up=False)}",
-    }[found.status]
-    return Printed(name=name, symbols=symbols, text=text, remark=found.condition.strip())
+    beyond = not math.isnan(found.bound_passed)
+    text = found.likely_words if beyond else phrase("values", "reported", found)
+    return Printed(name=name, symbols=symbols, text=text, remark=phrase("values", "remark", found))
 
 
 def by_line(name: str, found: FittedEstimate, line: SweepLine | None) -> tuple[float, float] | None:
@@ -266,13 +231,7 @@ def _unconstrained(left: Mapping[str, FittedEstimate]) -> tuple[str, ...]:
         else:
             groups = bounded if found.role == "parameter" else derived
             groups.setdefault(range_words(*found.ci95, found.unit), []).append(sign(name))
-    entries = [f"{listed(periodic)} (any value of the period)"] if periodic else []
-    entries += [
-        f"{listed(names)} (within {'its' if len(names) == 1 else 'their'} bounds, {where})"
-        for where, names in bounded.items()
-    ]
-    allowed = ", ".join(f"{listed(names)} {where}" for where, names in derived.items())
-    return (*entries, f"{allowed} (all that the model allows)") if allowed else tuple(entries)
+    return phrases("next", "unconstrained", periodic, bounded, derived)
 
 
 def _unknown(left: Mapping[str, FittedEstimate], *, withdrawn: bool) -> tuple[str, ...]:
@@ -282,7 +241,7 @@ def _unknown(left: Mapping[str, FittedEstimate], *, withdrawn: bool) -> tuple[st
     for name, found in left.items():
         if found.status in verdicts:
             groups.setdefault(found.reason, []).append(sign(name))
-    return tuple(f"{listed(names)} ({why})" for why, names in groups.items())
+    return phrases("next", "unknown", groups)
 
 
 def _urgent(findings: Iterable[Finding]) -> list[Finding]:
@@ -319,71 +278,40 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         result: of a reconstruction.
         left: values that are not determined, by name.
     """
-    kinds = {finding.kind for finding in result.findings}
-    if result.status == "interrupted":
-        return "continue with the same command and --resume", ""
-    if result.status != "converged" and kinds & {Kind.drift_wide, Kind.drift_suspected}:
-        return 'fit departures from the linear drift: [drift] model = "offsets" or "walk"', ""
-    if Kind.bounds_off_line in kinds:
-        return "check the unit of the bounds and of the file's frequencies", ""
-    if result.status != "converged" and Kind.sweep_point in kinds:
-        return "remove the row of the single point from the file", ""
-    if result.status == "not converged":
-        return "start nearer to the solution, or from more starts (--starts N)", ""
-    if result.status != "converged":
-        return _other_model(result), ""
-    if Kind.contradiction in kinds:
-        return "fit each campaign separately and compare them", ""
-    beyond = [
-        f"{sign(n)} (to {limit_words(p.likely, p.unit)} and beyond)"
-        for n, p in result.parameters.items()
-        if not math.isnan(p.bound_passed)
-    ]
-    if beyond:
-        return f"widen the bounds of {listed(beyond)}", ""
-    if result.knowledge is None:
-        return _with_profiles(result)
-    return _measurement(result, left, kinds)
-
-
-def _other_model(result: Result) -> str:
-    """What may describe data that the model does not."""
-    adequacy = None if result.knowledge is None else result.knowledge.adequacy
-    if adequacy is not None and adequacy.scale_off > 1.0:
-        return 'use a sweep whose top is that of a line, or scale = "free"'
-    if adequacy is not None and adequacy.absent:
-        return "drive harder, average longer, or measure about the lines"
-    if adequacy is not None and adequacy.remedy:
-        return f"use {adequacy.remedy}: {adequacy.against} describes the data better"
-    if adequacy is not None and adequacy.against:
-        return f"use another model, or phases: {adequacy.against} describes the data better"
-    if adequacy is not None and adequacy.is_correlated:
-        return "use another model: the residuals are correlated, which no noise explains"
-    return "use another model, more data, or the noise that the data have"
-
-
-def _measurement(
-    result: Result, left: Mapping[str, FittedEstimate], kinds: set[Kind]
-) -> tuple[str, str]:
-    """What to measure next, of a fit that is as good as it can be."""
+    kinds, status = {finding.kind for finding in result.findings}, result.status
     knowledge = result.knowledge
+    if status == "interrupted":
+        return phrase("next", "resume"), ""
+    if status != "converged" and kinds & {Kind.drift_wide, Kind.drift_suspected}:
+        return phrase("next", "fit_drift"), ""
+    if Kind.bounds_off_line in kinds:
+        return phrase("next", "check_units"), ""
+    if status != "converged" and Kind.sweep_point in kinds:
+        return phrase("next", "remove_point"), ""
+    if status == "not converged":
+        return phrase("next", "more_starts"), ""
+    if status != "converged":
+        return phrase("next", "other_model", None if knowledge is None else knowledge.adequacy), ""
+    if Kind.contradiction in kinds:
+        return phrase("next", "separate_fits"), ""
+    beyond = {n: p for n, p in result.parameters.items() if not math.isnan(p.bound_passed)}
+    if beyond:
+        return phrase("next", "wider_bounds", beyond), ""
+    if knowledge is None:
+        return _with_profiles(result)
+    # the fit is as good as it can be: what to measure
     if Kind.sampling_ambiguity in kinds:
-        return "narrow the bounds to one of the values that the samples allow, or sample faster", ""
-    [assumed, *_] = of_kind(result.findings, Kind.assumed_value) or [None]
-    if assumed is not None:
-        names = listed(map(sign, assumed.names["assumed"]))
-        return f"measure {names}, or drive or observe the same sample elsewhere", ""
+        return phrase("next", "narrow_bounds"), ""
+    for assumed in of_kind(result.findings, Kind.assumed_value):
+        return phrase("next", "measure_assumed", list(map(sign, assumed.names["assumed"]))), ""
     target = target_of(result, left)
-    if not target or knowledge is None:
-        if any(f.kind in STRUCTURED and f.severity != "note" for f in result.findings):
-            return "fit a background, or use another model: the residuals are structured", ""
-        return "none needed: every requested value is determined", ""
+    if not target:
+        structured = (f.kind in STRUCTURED and f.severity != "note" for f in result.findings)
+        return phrase("next", "background" if any(structured) else "none_needed"), ""
     if "budget" in result.scans[target].stopped:
         return _larger_budget(result)
     command = _design_command(result, target)
-    if not command:
-        return f'determine {sign(target)}: ff.design, target "{target}"', ""
-    return f"determine {sign(target)}:", command
+    return phrase("next", "determine", target, not command), command
 
 
 def _with_profiles(result: Result) -> tuple[str, str]:
@@ -393,26 +321,26 @@ def _with_profiles(result: Result) -> tuple[str, str]:
     """
     words, _ = _without_budget(result)
     if not words:
-        return "scan the profiles for intervals: ff.profile", ""
+        return phrase("next", "profiles", True), ""
     spent = any(f.subject == "budget" for f in of_kind(result.findings, Kind.profiles_missing))
     if "--no-profiles" not in words and not spent:
         every = shlex.split(result.provenance.command)
         kept = [*(word for word in every if word != "--resume"), "--resume"]
-        return "complete the profiles:", shlex.join(kept)
+        return phrase("next", "complete_profiles"), shlex.join(kept)
     kept = [word for word in words if word != "--no-profiles"]
-    return "scan the profiles for intervals:", shlex.join(kept)
+    return phrase("next", "profiles", False), shlex.join(kept)
 
 
 def _larger_budget(result: Result) -> tuple[str, str]:
     """What was cut for its cost: the same with ten times the budget, or the usual one."""
     words, budget = _without_budget(result)
     if not words:
-        return "a profile ended at its budget: ff.profile with a larger one", ""
+        return phrase("next", "larger_budget", True), ""
     if budget is None:  # the usual one, which it has spent
         spent = 0 if result.knowledge is None else result.knowledge.effort.fmu_runs
         budget = max(BUDGET, spent)
     more = words if MORE * budget <= BUDGET else [*words, "--budget", str(MORE * budget)]
-    return "a profile ended at its budget:", shlex.join(more)
+    return phrase("next", "larger_budget", False), shlex.join(more)
 
 
 def _without_budget(result: Result) -> tuple[list[str], int | None]:

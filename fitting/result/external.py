@@ -11,7 +11,6 @@ from fitting.inference.joint_result import ExternalTest
 from fitting.result.result import Result
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.estimate import FittedEstimate
-from fitting.text.notation import quantity, span
 from fitting.text.units import convert, parse_quantity
 
 #: A value and its standard deviation: "0.8604 MHz +- 1 kHz", "0.8604 MHz ± 0.001 MHz".
@@ -70,7 +69,6 @@ def _test(result: Result, text: str) -> ExternalTest:
     found = values[name]
     numbers = [_in(part, found.unit, name) for part in _parts(written)]
     value, std = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
-    outside = quantity(value, std, found.unit) if std > 0.0 else f"{value:.7g} {found.unit}"
     made = ExternalTest(
         name=name,
         value=value,
@@ -79,24 +77,12 @@ def _test(result: Result, text: str) -> ExternalTest:
         found=found.value,
         found_std=math.nan,
         sigmas=math.nan,
-        sentence="",
     )
     if not found.status.has_value or not math.isfinite(found.std):
-        # its range where it has no interval at the solution
-        low, high = found.ci95 if math.isfinite(found.ci95[0]) else found.bounds
-        allowed = span(low, high, found.unit).replace("\u00a0", " ")
-        where = "lies within" if low <= value <= high else "lies outside"
-        sentence = f"{name} = {outside} cannot be tested: {name} is {found.status} by these data; "
-        return replace(made, sentence=f"{sentence}the value {where} what they allow, {allowed}.")
+        return made
     own, best = _towards(found, value), found.likely  # whose error it is
-    named = name if found.is_most_likely else f"The most likely {name}"
     sigmas = (best - value) / math.hypot(own, std)
-    verdict = "agrees with" if abs(sigmas) <= 3.0 else "contradicts"
-    sentence = (
-        f"{named} = {_own_words(found, best, own)} {verdict} {outside}: they are "
-        f"{abs(sigmas):.3g} standard deviations apart."
-    )
-    return replace(made, found=best, found_std=own, sigmas=sigmas, sentence=sentence)
+    return replace(made, found=best, found_std=own, sigmas=sigmas)
 
 
 def _no_such(name: str, known: Sequence[str]) -> BadInput:
@@ -109,11 +95,6 @@ def _towards(found: FittedEstimate, value: float) -> float:
     best = found.value if found.is_most_likely else found.most_likely
     side = (best - low if value < best else high - best) / 1.96
     return side if math.isfinite(side) and side > 0.0 else found.std
-
-
-def _own_words(found: FittedEstimate, best: float, own: float) -> str:
-    """The value with the error on the side of the external one, or with that of both sides."""
-    return quantity(best, own, found.unit) if found.bars.is_even else found.likely_words
 
 
 def _in(text: str, unit: str, name: str) -> float:

@@ -17,10 +17,10 @@ from fitting.measurements.plan import Plan
 from fitting.result.assembly import result_of
 from fitting.result.provenance import Identity, provenance_of
 from fitting.result.result import Result
-from fitting.simulate.words import warnings_in_words
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import INTERFACES
 from fitting.text.finding import Finding, Kind
+from fitting.text.rendering import phrase
 
 #: Kinds of warnings that a note tells of.
 MOST_KINDS = 3
@@ -99,12 +99,20 @@ def _of_fmu(alike: Sequence[str]) -> Finding:
 
 
 def _of_plans(plans: Sequence[Plan]) -> Iterator[Finding]:
-    for plan in plans:
-        for text in () if plan.budget is None else warnings_in_words(plan.budget):
-            names = {"text": (text,)}
-            yield Finding(
-                kind=Kind.accuracy_missed, severity="warning", subject="plan", names=names
-            )
+    """An accuracy that cannot be promised, and reductions that are forced beyond their bound."""
+    for budget in (plan.budget for plan in plans if plan.budget is not None):
+        missed = () if budget.kept else (max(budget.decisions, key=lambda d: d.cost),)
+        forced = (d for d in budget.decisions if d.taken and d.forced and d.bound > budget.wanted)
+        goal = {"promised": budget.promised, "wanted": budget.wanted}
+        for kind, decisions in ((Kind.accuracy_missed, missed), (Kind.accuracy_forced, forced)):
+            for decision in decisions:
+                yield Finding(
+                    kind=kind,
+                    severity="warning",
+                    subject=phrase("plan", "subject", decision),
+                    numbers={**goal, "bound": decision.bound},
+                    names={"choice": (phrase("plan", "choice", decision),)},
+                )
 
 
 def _other_interface(description: FmuDescription, plans: Sequence[Plan]) -> Iterator[Finding]:
@@ -144,10 +152,7 @@ def _notes_of_other_parameters(
     rest = [alike for kind, alike in _by_kind(warnings).items() if kind not in here]
     if not rest:
         return ()
-    more = f"; and {len(rest) - MOST_KINDS} more" if len(rest) > MOST_KINDS else ""
-    more += "; further ones were not kept" * (DROPPED in warnings)
-    shown = "; ".join(_in_short(alike) for alike in rest[:MOST_KINDS])
-    return (f"At other parameters than the reported ones the FMU warned: {shown}{more}",)
+    return (phrase("findings", "fmu_elsewhere", rest, MOST_KINDS, DROPPED in warnings),)
 
 
 def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
@@ -156,8 +161,3 @@ def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
     for said in (text for text in warnings if text != DROPPED):
         kinds.setdefault(NUMBER.sub("#", said), []).append(said)
     return kinds
-
-
-def _in_short(alike: Sequence[str]) -> str:
-    more = f" (and {len(alike) - 1} more that differ in numbers only)" if len(alike) > 1 else ""
-    return alike[0] + more

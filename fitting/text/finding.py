@@ -24,6 +24,8 @@ class Kind(StrEnum):
     search_unfinished = "search_unfinished"
     not_described = "not_described"
     profiles_missing = "profiles_missing"
+    profiles_incomplete = "profiles_incomplete"
+    profiles_limited = "profiles_limited"
     # residuals and noise
     correlated_residuals = "correlated_residuals"
     heteroscedastic_residuals = "heteroscedastic_residuals"
@@ -72,6 +74,9 @@ class Kind(StrEnum):
     other_minimum = "other_minimum"
     search_unexplained = "search_unexplained"
     sampling_ambiguity = "sampling_ambiguity"
+    fit_beyond_bounds = "fit_beyond_bounds"
+    bounds_unsearched = "bounds_unsearched"
+    interval_at_bound = "interval_at_bound"
     # what values rest on
     assumption = "assumption"
     assumed_value = "assumed_value"
@@ -101,6 +106,7 @@ class Kind(StrEnum):
     not_periodic = "not_periodic"
     model_exchange_offered = "model_exchange_offered"
     accuracy_missed = "accuracy_missed"
+    accuracy_forced = "accuracy_forced"
     campaign_note = "campaign_note"
 
 

@@ -26,6 +26,7 @@ NOTHING = 1e-6
 TIMES = ((120.0, "s", 1.0), (7200.0, "min", 60.0), (math.inf, "h", 3600.0))
 #: Functions of `fitting.text.notation` that every template knows by their names.
 FUNCTIONS = (
+    notation.as_known,
     notation.bound,
     notation.freedom_words,
     notation.hertz,
@@ -82,6 +83,17 @@ def blocks(template: str) -> Any:
         template: its name without ".txt.j2".
     """
     return environment().get_template(f"{template}.txt.j2").module
+
+
+def phrase(template: str, macro: str, *records: Any) -> str:
+    """What a macro of a template of this package prints, in one line.
+
+    Args:
+        template: its name without ".txt.j2".
+        macro: its name.
+        *records: that it prints.
+    """
+    return str(getattr(blocks(template), macro)(*records)).strip()
 
 
 def sized(value: float, unit: str, digits: int) -> str:

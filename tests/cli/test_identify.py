@@ -64,7 +64,7 @@ def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) 
     assert len(seen) == 3
     assert min(seen) > 100.0 * unseen > 100.0 * blind
     [twin] = [e for e in found.knowledge.equivalents if e.origin == "alternative"]
-    assert "reflection = true" in twin.sentence
+    assert twin.where == "reflection = true"
 
 
 def test_the_page_holds_tables_and_figures_and_says_synthetic(

@@ -18,10 +18,11 @@ from fitting.cli.main import main
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
-from fitting.inference.sweep_line import line_of_sweep, line_sentences
+from fitting.inference.sweep_line import line_of_sweep
 from fitting.lab.bench import Bench, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
+from fitting.report.screen import phrases
 from fitting.result.provenance import Identity
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import FloatArray
@@ -92,7 +93,7 @@ def test_the_instruments_own_estimate_stands_beside(
     assert sensor.line is not None
     assert sensor.line.instrument == {"frequency_hz": 30281.5211, "q": 1161.0}
     assert sensor.line.notes["Fit length"] == "15"
-    ours, theirs, structure, other = line_sentences(sensor.line)
+    ours, theirs, structure, other = phrases("result", "line", sensor.line)
     for word in ("30280.96", "24.90 ± 0.61 Hz", "1216", "0.43 %"):
         assert word in ours.replace("\u00a0", " ")
     for word in ("30281.5211 Hz", "+0.557 Hz", "1161", "-4.5 %"):
@@ -149,7 +150,7 @@ def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
     )
     line = line_of_sweep(flat)
     assert math.isnan(line.frequency.value)
-    [said] = line_sentences(line)
+    [said] = phrases("result", "line", line)
     assert "flat.csv" in said
     assert "100 and 200 Hz" in said
 

@@ -26,9 +26,10 @@ from fitting.inference.ending import MISFIT
 from fitting.inference.findings import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.likelihood.outside import held_sentences
+from fitting.inference.likelihood.outside import held_findings
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
+from fitting.text.finding import Kind, of_kind
 from tests.faults import scene
 from tests.support.whitened import learnt, parameter, whitened
 
@@ -244,7 +245,7 @@ def test_of_intervals_that_nobody_tells_no_sentence_speaks() -> None:
     cut = learnt(whitened(lambda p: np.array([p[0], p[0] - 40.0, p[1] ** 3]), *own), budget=90)
     assert {p.status for p in cut.profiled.values()} == {Verdict.WITHDRAWN}
     assert any("budget" in scan.stopped for scan in cut.scans.values())
-    assert not [said for said in cut.knowledge.sentences if "intervals" in said]
+    assert not of_kind(cut.findings, Kind.profiles_incomplete)
     value, held = cut.parameters["a"], replace(cut.scans["a"], held=("b",))
-    assert held_sentences({"a": Profile(value, held)}) == ()
-    assert held_sentences({"a": Profile(replace(value, status=Verdict.ABOVE), held)})
+    assert not [*held_findings({"a": Profile(value, held)})]
+    assert [*held_findings({"a": Profile(replace(value, status=Verdict.ABOVE), held)})]

@@ -10,19 +10,14 @@ import pytest
 from scipy.stats import chi2
 
 from fitting.fit.fit import Status
-from fitting.inference.adequacy import misfit_sentence
 from fitting.inference.ending import (
     DESCRIBES,
     MISFIT,
     NOT_CONVERGED,
-    TOO_FEW,
-    UNSTATED,
-    UNTESTED,
-    Ending,
     ending_of,
     extent_of,
 )
-from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.inference.likelihood.knowledge import Adequacy, Ending
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.dataset import Dataset
@@ -30,8 +25,12 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep
 from fitting.signal.residual_tests import TOGETHER, UNEQUAL, Structure
 from fitting.text.arrays import FloatArray
+from fitting.text.rendering import phrase
 from tests.support.complex_data import mode
 from tests.support.one_mode import SETUP
+
+#: Of noise that was not stated.
+UNSTATED = "the noise was not stated"
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,7 @@ def widened(factor: float, p_value: float = 1e-9, sizes_p: float = 1.0) -> Struc
 
 
 def test_large_chi_squares_are_written_out() -> None:
-    said = misfit_sentence(adequacy(34412.0, 1764.0, describes=False))
-    assert "34400 on 1760 " in said
+    assert "34400 on 1760 " in phrase("status", "chi", adequacy(34412.0, 1764.0, describes=False))
 
 
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
@@ -95,10 +93,10 @@ def test_a_chi_square_far_below_its_freedom_is_not() -> None:
 @pytest.mark.parametrize(
     ("inflation", "structure", "told"),
     [
-        (1.7, None, ("1.7 times",)),
-        (1.0, widened(12.3), ("12.3 times", TOGETHER)),
-        (1.0, widened(3.1, p_value=0.4, sizes_p=1e-6), ("3.1 times", UNEQUAL)),
-        (1.0, widened(3.1, sizes_p=1e-6), ("3.1 times", TOGETHER, UNEQUAL)),
+        (1.7, None, ("by 1.7",)),
+        (1.0, widened(12.3), ("by 12.3", TOGETHER)),
+        (1.0, widened(3.1, p_value=0.4, sizes_p=1e-6), ("by 3.1", UNEQUAL)),
+        (1.0, widened(3.1, sizes_p=1e-6), ("by 3.1", TOGETHER, UNEQUAL)),
     ],
     ids=["inflation", "together", "unequal", "both"],
 )
@@ -116,7 +114,7 @@ def test_widened_errors_are_told(
     assert all((words in ending.ground) is (words in told) for words in (TOGETHER, UNEQUAL))
     # how far is said where residuals of a curve are no noise of one size
     assert ending.extent == ("" if structure is None else how)
-    assert ending.extent in ending.told("")
+    assert ending.extent in phrase("status", "message", ending, "", "")
 
 
 F = 1000.0 + np.linspace(-40.0, 40.0, 33)
@@ -159,22 +157,24 @@ def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:
     bad = ending_of(Status.MISFIT, adequacy(173.0, 9.0, False), inflation=4.4, structure=None)
     assert bad == Ending(words=MISFIT, ground=bad.ground)
     assert "173 on 9 " in bad.ground
-    assert bad.told("Why so.").lower().startswith(MISFIT)
-    assert bad.told("Why so.").endswith(f"{bad.ground}. Why so.")
+    message = phrase("status", "message", bad, "Advice.", "Why so.")
+    assert message.lower().startswith(MISFIT)
+    assert message.endswith(f"{bad.ground}. Advice. Why so.")
     ragged = adequacy(4780.0, 8.034, False)
     said = ending_of(Status.MISFIT, ragged, inflation=24.4, structure=None)
     assert "4780 on 8.03 " in said.ground
-    assert "595 times" in misfit_sentence(ragged)
+    assert "595 times" in phrase("status", "advice", ragged)
     for status in (Status.NOT_CONVERGED, Status.INTERRUPTED):
         ending = ending_of(status, adequacy(4.0, 4.0), inflation=1.0, structure=None)
         assert ending == Ending(words=NOT_CONVERGED)
-    assert Ending(words=NOT_CONVERGED).told("Why so.").lower() == f"{NOT_CONVERGED}. why so."
+    message = phrase("status", "message", Ending(words=NOT_CONVERGED), "", "Why so.")
+    assert message.lower() == f"{NOT_CONVERGED}. why so."
 
 
 def test_where_nothing_can_be_held_against_the_noise_no_chi_square_is_claimed() -> None:
     for found, why in (
-        (None, UNTESTED),
-        (adequacy(3.0, 0.0), TOO_FEW),
+        (None, "nothing tested it"),
+        (adequacy(3.0, 0.0), "as many values"),
         (adequacy(float("nan"), 0.0), UNSTATED),
     ):
         ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None, extent="to 2 %")

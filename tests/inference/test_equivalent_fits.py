@@ -90,7 +90,6 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
         derived={name: float(np.mean(v)) for name, v in outputs.items()},
         delta=0.0,
         origin="alternative",
-        sentence="reflection = true fits as well",
         where="reflection = true",
     )
     sigma = measured.sigma
@@ -139,7 +138,6 @@ def test_another_fit_beyond_the_only_end_leaves_no_bound() -> None:
         derived={},
         delta=0.0,
         origin="alternative",
-        sentence="mirrored = true fits as well",
         where="mirrored = true",
     )
     [both] = learnt(own, alternatives=(twin,)).parameters.values()

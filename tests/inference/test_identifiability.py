@@ -15,6 +15,7 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.measurements.measurement import Evaluation
+from fitting.report.screen import phrase
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Verdict
@@ -81,7 +82,7 @@ def seeing() -> tuple[Objective, Determined]:
 
 def test_one_series_sees_one_direction_of_three(blind: tuple[Objective, Determined]) -> None:
     first, second, third = blind[1].knowledge.directions
-    assert first.sentence == ""
+    assert first.change == {}
     assert first.singular > 1e3 * second.singular > 0.0
     assert second.singular > third.singular
     for unseen in (second, third):
@@ -94,9 +95,8 @@ def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Determ
     objective, determined = blind
     unseen = determined.knowledge.directions[1]
     change, most = [unseen.change[name] for name in ("theta", "d1", "d2")], unseen.largest
-    told = [
-        float(n.replace("−", "-")) for n in re.findall(r"[−\d][\d.]*(?:e-\d+)?", unseen.sentence)
-    ]
+    text = phrase("knowledge", "change", unseen, determined.knowledge)
+    told = [float(n.replace("−", "-")) for n in re.findall(r"[−\d][\d.]*(?:e-\d+)?", text)]
     for number in (*change, most):  # rounded in words
         assert np.min(np.abs(np.array(told) - number)) <= 0.06 * abs(number)
     assert most <= 0.01
@@ -119,7 +119,7 @@ def test_a_prior_that_pulls_hides_no_direction() -> None:
     own = parameter("a", 1.0, 6.0, start=2.0), parameter("b", 1.0, 6.0, start=3.0)
     drift = parameter("o", -4.0, 4.0, start=0.0, prior=0.1)
     known = learnt(whitened(rows, *own, drift))
-    [unseen] = [each for each in known.knowledge.directions if each.sentence]
+    [unseen] = [each for each in known.knowledge.directions if each.change]
     assert abs(unseen.change["a"]) > 0.1
     best = np.array([known.parameters[name].likely for name in ("a", "b", "o")])
     moved = best + [unseen.change.get(name, 0.0) for name in ("a", "b", "o")]
@@ -135,13 +135,13 @@ def test_values_of_single_experiments_are_told_together() -> None:
         return np.asarray((x[0] + x[1:] - 5.0) / 0.1)
 
     known = learnt(whitened(rows, level, *single))
-    [unseen] = [each for each in known.knowledge.directions if each.sentence]
+    [unseen] = [each for each in known.knowledge.directions if each.change]
     by = unseen.change["level"]
     assert abs(by) > 0.01
     assert [unseen.change[each.name] for each in single] == pytest.approx([-by] * 4, abs=1e-3)
     sign = "+" if by < 0.0 else "−"
     about = f"with 4 values of single experiments by about {sign}{abs(by):.3g} Hz each"
-    assert about in unseen.sentence
+    assert about in phrase("knowledge", "change", unseen, known.knowledge)
 
 
 def test_with_the_cross_response_everything_is_determined(
@@ -149,7 +149,7 @@ def test_with_the_cross_response_everything_is_determined(
 ) -> None:
     determined = seeing[1]
     assert {p.status for p in determined.profiled.values()} == {"determined"}
-    assert all(direction.sentence == "" for direction in determined.knowledge.directions)
+    assert all(direction.change == {} for direction in determined.knowledge.directions)
     truth = seeing[0].response.derived_many([TRUTH])[0]["lambda"][0]
     low, high = determined.derived["lambda"].ci95
     assert low < truth < high
@@ -190,7 +190,7 @@ def test_a_parameter_without_effect_is_named() -> None:
     assert determined.knowledge.without_effect == ("d2",)
     assert determined.parameters["d1"].status == "determined"
     assert determined.parameters["d2"].status == "unconstrained"
-    [said] = [each for each in determined.knowledge.sentences if "no effect" in each]
+    said = phrase("knowledge", "idle", "d2", determined.knowledge)
     assert said.startswith("d2 ")
     assert f"d1 = {determined.parameters['d1'].likely:.4g} Hz" in said
 

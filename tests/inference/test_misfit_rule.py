@@ -345,7 +345,6 @@ def joint(**sigmas: float) -> JointResult:
             freedom=1,
             p_value=1e-9,
             sigmas=value,
-            sentence=key,
         )
         for key, value in sigmas.items()
     )

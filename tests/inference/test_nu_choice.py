@@ -13,6 +13,7 @@ from fitting.fit.objective import Objective
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.likelihood.knowledge import NuRow
 from fitting.inference.likelihood.nu_choice import choose_nu, corner_of, curvatures
+from fitting.report.screen import phrases
 from tests.support import single_line
 
 NUS = [0.1 * 0.1**k for k in range(9)]
@@ -115,5 +116,6 @@ def test_a_misfit_beyond_the_noise_chooses_none_and_says_so() -> None:
     assert math.isnan(choice.discrepancy)
     assert math.isnan(choice.corner)
     least = float(f"{min(row.chi_square for row in choice.rows):.3g}")
-    assert f" {least:.0f} " in choice.sentences[1]
-    assert f" {choice.allowed:.3g}" in choice.sentences[1]
+    second = phrases("knowledge", "nu", choice)[1]
+    assert f" {least:.0f} " in second
+    assert f" {choice.allowed:.3g}" in second

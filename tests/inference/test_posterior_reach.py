@@ -84,12 +84,10 @@ def determined(inflation: float = 1.0, beside: float = 5.0) -> Determined:
         delta_chi2=(4.0, 1.0, 0.0, 1.0, 4.0, 0.3),
         path={"d": values, "e": (5.0, 5.0, 5.0, beside, beside, beside)},
     )
-    other = Equivalent(
-        parameters={"d": 77.0, "e": 5.0}, derived={}, delta=1.0, origin="start", sentence=""
-    )
+    other = Equivalent(parameters={"d": 77.0, "e": 5.0}, derived={}, delta=1.0, origin="start")
     elsewhere = replace(other, parameters={"d": 88.0, "e": 5.0}, where="reflection = true")
     beyond = replace(other, parameters={"d": 99.0, "e": 30.0})
-    plain: dict[str, Any] = {"directions": (), "without_effect": (), "sentences": ()}
+    plain: dict[str, Any] = {"directions": (), "without_effect": ()}
     known = Knowledge(
         data=True,
         chi_square=4.0,

@@ -22,6 +22,7 @@ from fitting.inference.likelihood.profiles import Quantity, trace_branch
 from fitting.inference.likelihood.ranges import output_ranges
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Verdict
+from fitting.text.finding import Kind, of_kind
 from tests.support import closed_form, single_line
 from tests.support.datasets import dataset
 from tests.support.whitened import SIGMA, Z95, WhitenedResponse, learnt, parameter, whitened
@@ -217,7 +218,8 @@ def test_walks_that_are_cut_claim_nothing() -> None:
         assert profile.ci95 == profile.bounds
         assert profile.status is Verdict.UNKNOWN
     assert determined.knowledge.effort.evaluations <= 30
-    assert any("cost" in said for said in determined.knowledge.sentences)
+    [incomplete] = of_kind(determined.findings, Kind.profiles_incomplete)
+    assert incomplete.subject == "budget"
 
 
 def test_the_range_of_an_output_is_searched_not_sampled() -> None:

@@ -11,13 +11,17 @@ import pytest
 
 from fitting.campaign.parameters import Parameter
 from fitting.inference.likelihood.knowledge import Determined, Scan
-from fitting.inference.likelihood.outside import CUT
 from fitting.report.screen import phrase
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
+from fitting.text.finding import Kind, of_kind
+from fitting.text.sentences import sentence
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 Rows = Callable[[FloatArray], FloatArray]
+
+#: Kinds of findings on fits beyond the bounds.
+BEYOND = {Kind.fit_beyond_bounds, Kind.bounds_unsearched}
 
 
 def thrice(row: Callable[[float], float]) -> Rows:
@@ -369,7 +373,7 @@ def test_a_box_that_the_data_exclude_is_left_for_a_twin() -> None:
     known = lower_beyond_the_box(4.0)
     assert known.knowledge.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
     assert known.parameters["k"].status is Verdict.DETERMINED
-    assert [said for said in known.knowledge.sentences if "k = −1.5" in said]
+    assert known.parameters["k"].bound_passed > -1.5
 
 
 # --- what is not noise widens nothing
@@ -382,7 +386,7 @@ def test_a_box_that_leaves_the_truth_out_widens_no_interval() -> None:
     )
     assert found.knowledge.inflation == 1.0
     assert found.parameters["p"].ci95 == pytest.approx((14.0 - Z95, 14.0 + Z95), rel=0.005)
-    assert any("p = " in said for said in found.knowledge.sentences)
+    assert found.parameters["p"].bound_passed == 10.0
 
 
 @pytest.mark.parametrize("start", [-1.4, 1.4])
@@ -414,22 +418,23 @@ def _opening(p: FloatArray) -> FloatArray:
 def test_what_a_budget_left_out_beyond_the_box_is_told() -> None:
     """Whatever the budget: what rests on the box says so, or nobody claims to have looked."""
     own = (parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0))
-    seen: set[str] = set()
+    seen: set[Kind] = set()
     for budget in (80, 160, 320, 640, 1280, 2560):
         known = learnt(whitened(_opening, *own), budget=budget)
         if known.parameters["a"].status is Verdict.DETERMINED:
-            said = [s for s in known.knowledge.sentences if "eyond the bo" in s]
-            assert said, budget
-            seen.update(s if s == CUT else "found" for s in said)
-    assert seen == {CUT, "found"}
+            found = {f.kind for f in known.findings} & BEYOND
+            assert found, budget
+            seen |= found
+    assert seen == BEYOND
 
 
 def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     known = learnt(whitened(_opening, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
     assert known.parameters["a"].status is Verdict.DETERMINED
-    [said] = [s for s in known.knowledge.sentences if s.startswith("Beyond the box")]
-    assert "(box: 1 to 100)" in said
-    d, a = (float(v) for v in re.findall(r"[ad] = ([\d.]+)", said))
+    [beyond] = of_kind(known.findings, Kind.fit_beyond_bounds)
+    assert "(bounds 1 to 100)" in sentence(beyond)
+    assert (beyond.names["values"], beyond.names["outside"]) == (("a",), ("d",))
+    a, d = beyond.numbers["a"], beyond.numbers["d"]
     assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit
     assert a > known.parameters["a"].ci95[1]
     assert known.parameters["a"].active_bounds == ("d",)
@@ -446,8 +451,9 @@ def test_an_exchange_beyond_the_box_is_called_one() -> None:
 
     known = learnt(whitened(rows, parameter("a", 2.0, 4.5), parameter("b", 5.5, 9.0)))
     assert known.parameters["a"].status is Verdict.DETERMINED
-    [said] = [s for s in known.knowledge.sentences if s.startswith("Beyond the box")]
-    assert "a and b exchanged" in said
+    [beyond] = of_kind(known.findings, Kind.fit_beyond_bounds)
+    assert beyond.names["exchanged"] == ("a", "b")
+    assert "a and b exchanged" in sentence(beyond)
 
 
 def test_a_fit_is_seen_beyond_thirty_times_the_box() -> None:
@@ -513,9 +519,8 @@ def test_an_end_that_another_value_makes_at_its_limit_names_that_value() -> None
     assert known.scans["a"].held == ("d",)
     # the data make the end that is told, and the profile took d beyond its box
     assert known.parameters["a"].active_bounds == ()
-    [said] = [s for s in known.knowledge.sentences if "wider bounds" in s]
-    assert " a " in said
-    assert " d " in said
+    [at_bound] = of_kind(known.findings, Kind.interval_at_bound)
+    assert (at_bound.names["values"], at_bound.names["held"]) == (("a",), ("d",))
 
 
 def test_two_values_that_make_an_end_at_their_limits_are_both_named() -> None:
@@ -546,7 +551,7 @@ def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
         return np.append(_opening(p), (p[1] - 10.0) / 1.0)
 
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
-    assert not [s for s in known.knowledge.sentences if "rests on" in s]
+    assert not of_kind(known.findings, Kind.fit_beyond_bounds)
     assert not any(p.active_bounds for p in known.profiled.values())
 
 

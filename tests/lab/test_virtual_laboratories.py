@@ -12,7 +12,8 @@ import pytest
 
 import fitting as ff
 from fitting.fit.fit import Status
-from fitting.text.finding import Kind
+from fitting.text.finding import Kind, of_kind
+from fitting.text.sentences import sentence
 from tests.support import reference
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.findings import findings
@@ -169,12 +170,11 @@ def test_an_exchange_that_the_box_excludes_is_told(tmp_path: Path) -> None:
     solve = by_closed_form(ff.Fmu("CoupledOscillator"), ("d1", "lambda"), SQUARES)
     found = solve(laboratory, tmp_path)
     assert found.values["d1"].status == found.values["lambda"].status == "determined"
-    assert found.knowledge is not None
-    [told] = [s for s in found.knowledge.sentences if "Beyond" in s]
+    [beyond] = of_kind(found.findings, Kind.fit_beyond_bounds)
     turned = laboratory.truth(reflection=True)
-    assert "reflection = true" in told
+    assert "reflection = true" in sentence(beyond)
     assert found["d1"].active_bounds
-    there = float(told.split("d1 = ")[1].split(" ")[0])
+    there = beyond.numbers["d1"]
     assert there == pytest.approx(turned["d1"], abs=0.2)
     assert abs(there - laboratory.truth()["d1"]) > 5.0
 
@@ -268,7 +268,7 @@ def said(**changed: object) -> list[dict[str, object]]:
         ("wrong optimum", {"chi2_profile": 23.0}),
         ("short of minimum", {"chi2_end": 23.0}),
         ("short of optimum", {"chi2_best": 23.0}),
-        ("contradicts", {"warnings": ["q1 and q2 contradict each other: ..."]}),
+        ("contradicts", {"kinds": [Kind.contradiction]}),
         ("false alarm", {"kinds": [Kind.sweep_background]}),
         ("not named", {"fault": "rms", "honest": False}),
         ("failed", {"error": "IndexError: ..."}),

@@ -13,9 +13,9 @@ from scipy.signal import get_window
 from scipy.stats import chi2, gamma
 
 import fitting as ff
-from fitting.inference.quadratures import quadrature_sentences
 from fitting.measurements.noise.levels import best_levels
 from fitting.measurements.noise.record import NoiseRecord
+from fitting.report.screen import phrases
 from fitting.report.shown import figures_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -312,7 +312,7 @@ def test_a_campaign_file_tells_of_noise(fmu: ff.Fmu, swift_fmu: Path, tmp_path: 
     assert figure.name == "noise"
     assert f"{U.size} points" in figure.caption
     assert "100 averages" in figure.caption
-    said = quadrature_sentences(fit.result.quadratures)
+    said = phrases("result", "quadratures", fit.result.quadratures)
     assert any(sentence.startswith(f"{gain.name} = ") for sentence in said)
     assert not any("loaded" in sentence for sentence in said)  # as quality factors are
 

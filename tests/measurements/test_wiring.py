@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.campaign import Setup
-from fitting.inference.quadratures import quadrature_sentences
+from fitting.report.screen import phrases
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import number
@@ -114,7 +114,7 @@ def test_an_internal_quality_that_noise_hides_has_an_interval_open_above(
     assert 1.0 / low == pytest.approx(loss + 1.96 * widening * error, rel=0.02)
     assert np.isinf(high)
     assert low < 100.0 * Q
-    [said] = [s for s in quadrature_sentences(told) if s.startswith("Q_internal")]
+    [said] = [s for s in phrases("result", "quadratures", told) if s.startswith("Q_internal")]
     assert f" {number(low, 3)} or more" in said
 
 

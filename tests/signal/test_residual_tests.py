@@ -13,7 +13,8 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2, kstest
 
 from fitting.campaign import SweepData
-from fitting.inference.sweep_line import SweepLine, line_findings, line_of_sweep, line_sentences
+from fitting.inference.sweep_line import SweepLine, line_findings, line_of_sweep
+from fitting.report.screen import phrases
 from fitting.signal.line_record import TriedForm, no_line
 from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.residual_tests import (
@@ -389,7 +390,7 @@ def test_exact_data_raise_no_doubt() -> None:
     assert line.frequency.value == pytest.approx(ETA, abs=1e-9)
     assert not [*line_findings(line, fitted=False)]
     assert all(form.structure.widening == 1.0 for form in line.forms)
-    assert len(line_sentences(line)) == len(line.forms)
+    assert len(phrases("result", "line", line)) == len(line.forms)
 
 
 def test_a_fit_that_fails_is_told_beside_the_other() -> None:
@@ -397,4 +398,4 @@ def test_a_fit_that_fails_is_told_beside_the_other() -> None:
     failed = TriedForm(**no_line(), name="complex", message="it ended nowhere")
     broken = replace(line, forms=(line.forms[0], failed), background_p=math.nan)
     assert not [*line_findings(broken, fitted=True)]
-    assert "(it ended nowhere)" in line_sentences(broken)[-1]
+    assert "(it ended nowhere)" in phrases("result", "line", broken)[-1]

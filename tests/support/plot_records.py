@@ -74,7 +74,6 @@ def determined() -> Determined:
         directions=(),
         without_effect=(),
         equivalents=(),
-        sentences=(),
         effort=Effort(10, 10, 100),
         nu=nu_choice(),
     )
@@ -106,7 +105,6 @@ def nu_choice() -> NuChoice:
         discrepancy=1e-2,
         allowed=12.0,
         last=1e-3,
-        sentences=(),
         prior={"d1": 94.0},
         widths={"d1": 1000.0},
     )

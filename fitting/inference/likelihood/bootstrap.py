@@ -64,15 +64,7 @@ def bootstrap(
         refits = [refit for future in pending for refit in future.result()]
     done = [refit for refit in refits if refit is not None]
     values = _values(likelihood, expansion, done, known) if len(done) > 1 else {}
-    wide = f", widened {likelihood.inflation:.3g} times" if likelihood.inflation > 1.0 else ""
-    sentence = (
-        f"Parametric bootstrap: {samples} data sets drawn at the most likely point with the noise "
-        f"of the rows{wide}, {len(done)} of them fitted anew (seed {seed}). Values that the data "
-        "do not determine have none."
-    )
-    return Bootstrap(
-        samples=samples, failed=samples - len(done), seed=seed, values=values, sentence=sentence
-    )
+    return Bootstrap(samples=samples, failed=samples - len(done), seed=seed, values=values)
 
 
 def _refits(

@@ -1,27 +1,26 @@
-"""Which changes the data do not see, in words that were tried: directions, idle values, equal fits.
+"""Which changes the data do not constrain: directions, parameters without effect, equal fits.
 
-What is said of a direction is said of a finite change: the model was evaluated there, at the very
-numbers of the sentence, and the largest move of any row is given.
+A direction has a finite change: the model was evaluated there, at the very numbers that are
+printed, and the largest move of any row is given.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, canonical, search_bounds, to_model, to_search
+from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
 from fitting.fit.likelihood.descent import Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.inference.likelihood.exploration import Exploration
-from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
+from fitting.inference.likelihood.knowledge import STOPPED, Direction, Equivalent, Profile
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
-from fitting.text.notation import as_known, listed, number, signed_number, unit_text
+from fitting.text.finding import Finding, Kind, note
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
 UNSEEN = 1.0
@@ -29,12 +28,10 @@ UNSEEN = 1.0
 NO_CHANGE, IDLE = 0.01, 0.1
 #: Shares of the box that are tried as a change, the largest first.
 SHARES = (0.05, 0.01, 0.002)
-#: Values of single experiments from which on a sentence does not name each.
-FEW_TOLD = 3
-#: Share by which changes may differ that are told as one; share of the box that is no change.
-ALIKE, TRIFLE = 0.02, 1e-6
-#: Verdicts that say all there is to say of a walk that was cut: it would change none of them.
-TOLD = (Verdict.UNCONSTRAINED, Verdict.WITHDRAWN)
+#: Share of the box that is no change.
+TRIFLE = 1e-6
+#: Statuses that no further scan would change.
+FINAL = (Verdict.UNCONSTRAINED, Verdict.WITHDRAWN)
 #: Points closer than this share of the box are one minimum.
 SAME = 0.02
 
@@ -66,15 +63,20 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
     with evaluator.of(exact):
         changes = run_in_lockstep([_unseen(optimum, exact, led[k]) for k in open_], evaluator)
     tried = dict(zip(open_, changes, strict=True))
-    return tuple(
-        Direction(
-            singular=float(values[k]),
-            share=float(shares[k]),
-            vector=dict(zip(names, map(float, row), strict=True)),
-            **_said(likelihood, tried.get(k)),
+    found = []
+    for k, row in enumerate(led):
+        change = tried.get(k)
+        by = np.zeros(len(names)) if change is None else change.by
+        found.append(
+            Direction(
+                singular=float(values[k]),
+                share=float(shares[k]),
+                vector=dict(zip(names, map(float, row), strict=True)),
+                change={name: float(v) for name, v in zip(names, by, strict=True) if v},
+                largest=math.nan if change is None else change.largest,
+            )
         )
-        for k, row in enumerate(led)
-    )
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -83,19 +85,6 @@ class _Change:
 
     by: FloatArray
     largest: float
-
-
-def _said(likelihood: Likelihood, change: _Change | None) -> dict[str, Any]:
-    """What is told of a change along a direction; nothing of none."""
-    if change is None:
-        return {"change": {}, "largest": math.nan, "sentence": ""}
-    named = {
-        q.name: float(value)
-        for q, value in zip(likelihood.parameters, change.by, strict=True)
-        if value
-    }
-    sentence = _change_words(likelihood, named, change.largest)
-    return {"change": named, "largest": change.largest, "sentence": sentence}
 
 
 def _met_exactly(optimum: Optimum) -> Likelihood:
@@ -162,36 +151,6 @@ def _largest_move(exact: Likelihood, rows: FloatArray) -> float:
     # in the noise as it is stated, whatever errors are widened by
     white = rows[: exact.data_rows]
     return float(np.max(np.abs(exact.residuals(white)) / exact.noise.row_sigma))
-
-
-def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: float) -> str:
-    """The change in words; values of single experiments may be many and are told together."""
-    told = {p.name: p for p in likelihood.parameters}
-    (first, value), *rest = change.items()
-    alone = [name for name, _ in rest if told[name].experiments]
-    if len(alone) < FEW_TOLD:
-        alone = []
-    others = [_moved(told[name], v) for name, v in rest if name not in alone]
-    for unit in dict.fromkeys(told[name].unit for name in alone):
-        own = [change[name] for name in alone if told[name].unit == unit]
-        others.append(f"{len(own)} values of single experiments {_all_by(own, unit_text(unit))}")
-    with_ = f" with {', '.join(others)}" if others else ""
-    most_sigma = max(math.ceil(largest * 1000.0) / 1000.0, 0.001)
-    head = f"from the most likely values, a change of {first} by {signed_number(value, 4)} "
-    head = f"{head}{unit_text(told[first].unit)}".rstrip()
-    return f"{head}{with_} changes no measured value by more than {most_sigma:.2g} sigma"
-
-
-def _all_by(changes: Sequence[float], unit: str) -> str:
-    """By how much several values change: all about alike, or the most of them."""
-    low, high = min(changes), max(changes)
-    if high - low <= ALIKE * max(abs(low), abs(high)):
-        return f"by about {signed_number(0.5 * (low + high), 3)} {unit} each".replace("  ", " ")
-    return f"by {number(max(abs(low), abs(high)), 3)} {unit}".rstrip() + " at most"
-
-
-def _moved(parameter: Parameter, by: float) -> str:
-    return f"{parameter.name} {signed_number(by, 4)} {unit_text(parameter.unit)}".rstrip()
 
 
 def _rounded(value: float, digits: int) -> float:
@@ -263,7 +222,6 @@ def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
                 delta=max(0.0, point.delta),
                 origin="start",
                 possible=all(map(math.isfinite, derived.values())),
-                sentence=_equivalent_words(named, derived, explored),
             )
         )
     return tuple(kept)
@@ -306,75 +264,17 @@ def _beyond(explored: Exploration, x: FloatArray) -> bool:
     return False
 
 
-def _equivalent_words(
-    values: Mapping[str, float], derived: Mapping[str, float], explored: Exploration
-) -> str:
-    errors = {q.name: q.sigma for q in explored.quantities}
-    parameters = explored.optimum.likelihood.parameters
-    shown = ", ".join(
-        f"{p.name} = {as_known(values[p.name], p.scale * errors.get(p.name, math.nan), p.unit)}"
-        for p in parameters
-    )
-    none = [name for name, value in derived.items() if not math.isfinite(value)]
-    said = f"{shown} fits as well"
-    if none:
-        said += f", but {', '.join(none)} has no value there: findings hold where it has one"
-    return said
-
-
-def _idle_words(optimum: Optimum, name: str) -> str:
-    """That a parameter has no effect, and where: elsewhere it may have one."""
-    parameters = optimum.likelihood.parameters
-    best = canonical(parameters, to_model(parameters, optimum.expansion.x))
-    others = [
-        f"{p.name} = {number(float(value), 4)} {unit_text(p.unit)}".rstrip()
-        for p, value in zip(parameters, best, strict=True)
-        if p.name != name and not p.experiments
-    ]
-    where = f", where {listed(others)}" if others else ""
-    return f"{name} alone has no effect on these data, anywhere in its box{where}."
-
-
-def sentences(
-    optimum: Optimum,
-    profiles: Mapping[str, Profile],
-    unseen: Sequence[Direction],
-    idle: Sequence[str],
-    others: Sequence[Equivalent],
-) -> tuple[str, ...]:
-    """What was found beside the profiles, in words, for terminal and report.
+def incomplete_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
+    """Profiles whose scans ended before anything closed them, where that leaves a status open.
 
     Args:
-        optimum: the most likely point and its likelihood.
         profiles: by name of the value.
-        unseen: directions, those that the data see among them.
-        idle: names of parameters without effect.
-        others: equivalent fits.
     """
-    said = [
-        f"{direction.sentence[0].upper()}{direction.sentence[1:]}."
-        for direction in unseen
-        if direction.sentence
-    ]
-    said += [_idle_words(optimum, name) for name in idle]
-    said += [
-        f"The alternative {other.sentence}."
-        if other.origin == "alternative"
-        else f"Another minimum: {other.sentence}."
-        for other in others
-    ]
-    for end, why, more in (
-        ("budget", "were cut for their cost", ": a larger --budget would decide"),
-        ("search", "lost their way", ""),
-    ):
-        names = [
+    for why in STOPPED.values():
+        names = tuple(
             name
             for name, profile in profiles.items()
-            if end in profile.scan.stopped and profile.value.status not in TOLD
-        ]
+            if why in profile.scan.stopped and profile.value.status not in FINAL
+        )
         if names:
-            said.append(
-                f"The profiles of {', '.join(names)} {why}; their intervals extend to the "
-                f"bounds there, and what the data determine is not known{more}."
-            )
-    return tuple(said)
+            yield note(Kind.profiles_incomplete, why, {"values": names})

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from fitting.signal.misfit import CORRELATED
@@ -21,6 +21,7 @@ from fitting.text.estimate import (
     ParameterEstimate,
 )
 from fitting.text.finding import Finding
+from fitting.text.rendering import phrase
 
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
@@ -41,10 +42,6 @@ CLOSED: Mapping[str, Closed] = {
 #: Why a scan ended before anything closed its side: no further point was found, or chi square
 #: jumps; or it had spent its share of the budget.
 STOPPED = {"lost": "search", "cost": "budget"}
-
-#: Why values have no verdict, where nothing nearer is known.
-UNDESCRIBED = "the model does not describe the data"
-UNCONVERGED = "the fit has not converged"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,12 +93,10 @@ class Adequacy:
 
     @property
     def why_not(self) -> str:
-        """Why no verdict is given where there are no values, in a clause."""
+        """Why there are no values, in a clause."""
         if not self.converged:
-            return UNCONVERGED
-        if self.absent:
-            return "no line stands out of the noise"
-        return UNDESCRIBED
+            return phrase("status", "unconverged")
+        return phrase("status", "no_line" if self.absent else "undescribed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +130,7 @@ class Direction:
 
     `singular` in sigma per unit of the search vector, `share` per width of the box; `vector` by
     parameter. For a direction that the data do not see: `change` by parameter, a finite change that
-    was evaluated, `largest` the most that any row moved by it, in sigma, and a `sentence`.
+    was evaluated, and `largest`, the most that any row moved by it, in sigma.
     """
 
     singular: float
@@ -143,12 +138,11 @@ class Direction:
     vector: Mapping[str, float]
     change: Mapping[str, float]
     largest: float
-    sentence: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equivalent:
-    """Another point that fits as well: where it is, how it was found, Dchi^2, what it means.
+    """Another point that fits as well: where it is, its origin ("start", "alternative"), Dchi^2.
 
     `where` names the settings of another alternative, empty where they are the same; `possible`
     says whether every output has a value there, or near by at something that fits as well.
@@ -158,7 +152,6 @@ class Equivalent:
     derived: Mapping[str, float]
     delta: float
     origin: str
-    sentence: str
     where: str = ""
     possible: bool = True
 
@@ -181,8 +174,8 @@ class NuChoice:
     """nu as the data would choose it, beside the schedule; NaN where a criterion chooses none.
 
     `corner` of the L-curve, `discrepancy` the largest nu whose chi square noise explains
-    (`allowed`), `last` the schedule's. `sentences` say so. `prior` and `widths` are reference and
-    box width of the parameters.
+    (`allowed`), `last` the schedule's. `prior` and `widths` are reference and width of the bounds
+    of the parameters; `describes` is whether the model describes the data.
     """
 
     rows: tuple[NuRow, ...]
@@ -190,9 +183,9 @@ class NuChoice:
     discrepancy: float
     allowed: float
     last: float
-    sentences: tuple[str, ...]
     prior: Mapping[str, float]
     widths: Mapping[str, float]
+    describes: bool = True
 
 
 @dataclass(frozen=True)
@@ -215,7 +208,6 @@ class Bootstrap:
     failed: int
     seed: int
     values: Mapping[str, Percentiles]
-    sentence: str
 
 
 @dataclass(frozen=True)
@@ -233,9 +225,10 @@ class Knowledge:
 
     `chi_square` of the peaks (and sweep) at the most likely point, against `freedom`;
     `inflation` of all standard deviations for residuals beyond the noise, `adequacy` whether
-    the model describes the data at all, which the first of the `sentences` says. `most_likely`
-    are all parameters at that point. `data` is False where the profiles are those of assumed
-    data (before any measurement). `scans` are the profiles, by name of the value.
+    the model describes the data at all. `most_likely` are all parameters at that point, with their
+    `units`; those in `of_experiments` belong to single experiments. `data` is False where the
+    profiles are those of assumed data (before any measurement). `scans` are the profiles, by name
+    of the value.
     """
 
     data: bool
@@ -248,10 +241,32 @@ class Knowledge:
     directions: tuple[Direction, ...]
     without_effect: tuple[str, ...]
     equivalents: tuple[Equivalent, ...]
-    sentences: tuple[str, ...]
     effort: Effort
+    units: Mapping[str, str] = field(default_factory=dict)
+    of_experiments: tuple[str, ...] = ()
     nu: NuChoice | None = None
     bootstrap: Bootstrap | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ending:
+    """How it ended, in `words`; `ground`: what that rests on, empty where there is nothing more.
+
+    `extent` is how far the data are described, where residuals are no noise of one size or no
+    noise was stated: the residual of the curve that is described worst, root mean square, over its
+    largest amplitude; of complex values it is their distance from the model. `whole`: chi square is
+    what the noise explains, so that nothing need be added.
+    """
+
+    words: str = ""
+    ground: str = ""
+    whole: bool = False
+    extent: str = ""
+
+    @property
+    def clause(self) -> str:
+        """The words, and how far they hold."""
+        return f"{self.words} {self.extent}".rstrip()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,6 +283,8 @@ class Values:
     """What a reader has to know, decided once."""
     knowledge: Knowledge | None
     """What the data determine beside values: profiles, directions, other minima."""
+    ending: Ending = field(default_factory=Ending)
+    """Whether the model describes the data, in words, and what that rests on."""
 
     @property
     def scans(self) -> Mapping[str, Scan]:

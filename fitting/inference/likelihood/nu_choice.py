@@ -21,7 +21,6 @@ from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
 from fitting.signal.chi_square import largest
-from fitting.text.notation import number
 
 #: Probability with which noise alone stays below the allowed chi square.
 ALLOWED_P = 0.95
@@ -54,7 +53,6 @@ def choose_nu(
             discrepancy=math.nan,
             allowed=math.nan,
             last=math.nan,
-            sentences=(),
             prior={},
             widths={},
         )
@@ -91,9 +89,9 @@ def choose_nu(
         discrepancy=discrepancy,
         allowed=allowed,
         last=rows[-1].nu,
-        sentences=_sentences(rows, corner, discrepancy, allowed if describes else math.nan),
         prior=prior,
         widths=widths,
+        describes=describes,
     )
 
 
@@ -134,30 +132,3 @@ def corner_of(rows: Sequence[NuRow]) -> float:
         return math.nan
     bent = [row for row in rows if row.curvature > 0.0]
     return max(bent, key=lambda row: row.curvature).nu if bent else math.nan
-
-
-def _sentences(
-    rows: Sequence[NuRow], corner: float, discrepancy: float, allowed: float
-) -> tuple[str, ...]:
-    if math.isnan(corner):
-        first = (
-            "The L-curve has no corner: over all ν of the schedule misfit or distance from the "
-            "prior hardly changes, so that no ν stands out."
-        )
-    else:
-        first = f"The L-curve bends most at ν = {corner:.1e}."
-    last = f"The schedule ends at ν = {rows[-1].nu:.1e}."
-    if math.isnan(allowed):  # there is no noise to hold the misfit against
-        return first, last
-    if math.isnan(discrepancy):
-        least = min(row.chi_square for row in rows)
-        second = (
-            "At no ν is the misfit within the noise: where Algorithm 2 stood χ²(ν) was "
-            f"{number(least, 3)} at best, noise explains {number(allowed, 3)}; the discrepancy "
-            "principle chooses none."
-        )
-    else:
-        second = (
-            f"Discrepancy principle: the misfit is within the noise up to ν = {discrepancy:.1e}."
-        )
-    return first, second, last

@@ -6,8 +6,9 @@ it is. Which one it is only the reader knows: so fits beyond it are told, and de
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,10 +27,8 @@ from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
 from fitting.text.error_bars import ROOT_95
 from fitting.text.estimate import FittedEstimate, Verdict
-from fitting.text.notation import as_known, listed, number
+from fitting.text.finding import Finding, Kind, note
 
-#: Digits of the ends of a box: as somebody has written them.
-BOX_DIGITS = 10
 #: How many times as wide as the box the surroundings are that are looked at. In a box of ten times
 #: the guess profiles go ten times as far again: what they would find there is told here.
 TIMES = 100.0
@@ -46,11 +45,6 @@ CLAIMS = (
     Verdict.ABOVE,
     Verdict.BELOW,
     Verdict.SEVERAL,
-)
-#: Of a search beyond the box that was cut.
-CUT = (
-    "Whether other values beyond the bounds fit as well is not known: that search was "
-    "cut for its cost, and a larger --budget would decide."
 )
 
 
@@ -198,26 +192,43 @@ def _with_room(likelihood: Likelihood) -> Likelihood:
     )
 
 
-def beyond_sentences(
-    likelihood: Likelihood,
-    outside: Surroundings,
-    profiles: Mapping[str, Profile],
-) -> tuple[str, ...]:
-    """Which verdicts rest on the box, each told with a fit beyond it that says otherwise.
+def beyond_findings(
+    likelihood: Likelihood, outside: Surroundings, profiles: Mapping[str, Profile]
+) -> Iterator[Finding]:
+    """Fits beyond the bounds that make statuses conditional on them, each with its news.
+
+    Numbers are the values there by name, with ``error_NAME``, ``lower_NAME`` and ``upper_NAME`` of
+    those outside; names are the ``values`` that differ, those ``outside`` their bounds, the
+    ``units`` of both in this order, ``exchanged`` values one after the other, and ``where``.
 
     Args:
-        likelihood: with the parameters and their boxes.
+        likelihood: with the parameters and their bounds.
         outside: what fits as well beyond them.
         profiles: of parameters and outputs, by name.
     """
-    said = []
-    for other in _with_news(_others(likelihood, outside, profiles)):
-        places = [_place(p, other.values[p.name], profiles) for p in other.out]
-        at = " and ".join(places)
-        at = f"{at} at {other.where}" if other.where else at
-        told = _told(other.names, other.values, profiles)
-        said.append(f"Beyond the box {at} fits as well, {told}")
-    return (*said, CUT) if outside.was_cut else tuple(said)
+    known: set[str] = set()
+    for other in _others(likelihood, outside, profiles):
+        new = [name for name in other.names if name not in known]
+        known.update(new)
+        if not new:  # a better one has the same news
+            continue
+        every = dict.fromkeys((*new, *(p.name for p in other.out)))
+        sigma = {n: profiles[n].scan.sigma if n in profiles else math.nan for n in every}
+        numbers = {name: other.values[name] for name in every}
+        numbers |= {f"error_{name}": value for name, value in sigma.items()}
+        for p in other.out:
+            numbers |= {f"lower_{p.name}": p.lower, f"upper_{p.name}": p.upper}
+        units = (*(profiles[name].value.unit for name in new), *(p.unit for p in other.out))
+        names = {
+            "values": tuple(new),
+            "outside": tuple(p.name for p in other.out),
+            "units": units,
+            "exchanged": tuple(itertools.chain(*_exchanged(new, other.values, profiles))),
+            "where": (other.where,) if other.where else (),
+        }
+        yield note(Kind.fit_beyond_bounds, ", ".join(new), names, **numbers)
+    if outside.was_cut:
+        yield note(Kind.bounds_unsearched, "search")
 
 
 def with_boxes(
@@ -273,31 +284,6 @@ def _others(
             yield _Other(where=each.where, values=values, names=names, out=out)
 
 
-def _with_news(others: Iterable[_Other]) -> Iterator[_Other]:
-    """Each with what no better one has said; none that has nothing left to say."""
-    told: set[str] = set()
-    for other in others:
-        new = [name for name in other.names if name not in told]
-        told.update(new)
-        if new:
-            yield replace(other, names=new)
-
-
-def _told(
-    names: Sequence[str], values: Mapping[str, float], profiles: Mapping[str, Profile]
-) -> str:
-    """What a fit beyond the box says of values: an exchange of them, or each by itself."""
-    pairs = _exchanged(names, values, profiles)
-    if pairs:
-        both = ", ".join(f"{one} and {other}" for one, other in pairs)
-        return f"the same fit with {both} exchanged: which is which rests on the box."
-    there = ", ".join(
-        f"{name} = {as_known(values[name], profiles[name].scan.sigma, profiles[name].value.unit)}"
-        for name in names
-    )
-    return f"with {there}: the values of {', '.join(names)} rest on the box."
-
-
 def _exchanged(
     names: Sequence[str], values: Mapping[str, float], profiles: Mapping[str, Profile]
 ) -> list[tuple[str, str]]:
@@ -325,8 +311,8 @@ def _swapped(
     )
 
 
-def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
-    """Which profiles no data end where other parameters have gone as far as they may.
+def held_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
+    """Profiles that the data do not close where other parameters are at a limit of their room.
 
     Args:
         profiles: of parameters and outputs, by name.
@@ -335,14 +321,10 @@ def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
     for name, profile in profiles.items():
         # its own limit is another matter than that of another parameter
         held = () if name in profile.scan.held else profile.scan.held
-        if held and profile.value.status is not Verdict.WITHDRAWN:  # of that the fit says nothing
+        if held and profile.value.status is not Verdict.WITHDRAWN:  # that fit determines nothing
             by_limits.setdefault(held, []).append(name)
-    return tuple(
-        f"No data end {listed(names)} where {listed(held)} {'is' if len(held) == 1 else 'are'} as "
-        f"far as a profile may take {'it' if len(held) == 1 else 'them'}: wider bounds may "
-        f"change this interval."
-        for held, names in by_limits.items()
-    )
+    for held, names in by_limits.items():
+        yield note(Kind.interval_at_bound, ", ".join(names), {"values": tuple(names), "held": held})
 
 
 def _values(likelihood: Likelihood, point: ProfilePoint) -> dict[str, float]:
@@ -356,14 +338,6 @@ def _is_out(parameter: Parameter, values: Mapping[str, float]) -> bool:
     slack = 1e-9 * (parameter.upper - parameter.lower)
     inside = parameter.lower - slack <= values[parameter.name] <= parameter.upper + slack
     return parameter.period is None and not inside
-
-
-def _place(parameter: Parameter, value: float, profiles: Mapping[str, Profile]) -> str:
-    own = profiles.get(parameter.name)
-    shown = as_known(value, math.nan if own is None else own.scan.sigma, parameter.unit)
-    low, high = (number(end, BOX_DIGITS) for end in (parameter.lower, parameter.upper))
-    box = f"{low} to {high} {parameter.unit}".rstrip()
-    return f"{parameter.name} = {shown} (box: {box})"
 
 
 def _against(value: float, known: FittedEstimate) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -23,12 +22,6 @@ from tests.support.virtual.judge import (
     fits,
 )
 
-#: That a verdict holds inside the box only.
-RESTS = re.compile(
-    r"^Beyond the box .* with (?P<beyond>.*) rests? on the box\.$|"
-    r"^What the fit says of (?P<held>.*) rests on the box of",
-    re.DOTALL,
-)
 #: Verdicts that say nothing of a value: the search was lost, the model does not describe the data.
 SILENT = {"not known", "no verdict"}
 #: What one pair of peaks cannot determine.
@@ -59,7 +52,7 @@ def findings(judged: Judged) -> Iterator[Finding]:
 
 
 def _false(judged: Judged) -> Iterator[tuple[str, str]]:
-    warned = any(CONTRADICTED.search(w) for w in judged.warnings)
+    warned = not CONTRADICTED.isdisjoint(judged.kinds)
     said = {s.name: s for s in judged.said}
     for s in judged.said:
         yield from _of_value(judged, s, warned=warned)
@@ -72,8 +65,8 @@ def _false(judged: Judged) -> Iterator[tuple[str, str]]:
     if judged.honest:
         yield from _wrong_minima(judged)
         if warned and fits(judged):
-            words = next(w for w in judged.warnings if CONTRADICTED.search(w))
-            yield "contradicts", f"the truth fits, but: {words[:160]}"
+            named = ", ".join(kind for kind in judged.kinds if kind in CONTRADICTED)
+            yield "contradicts", f"the truth fits, but: {named}"
         for kind in judged.kinds:
             if kind in ALARM:
                 yield "false alarm", f"no such mistake was made: {kind}"
@@ -121,7 +114,7 @@ def _of_value(judged: Judged, s: Statement, *, warned: bool) -> Iterator[tuple[s
     if judged.kind == "one_pair" and s.verdict == DETERMINED and s.name in UNSEEN:
         yield "determined by two peaks", shown
     wide = judged.wide.get(s.name)
-    if _changed(judged, s) and not _rests(judged, s.name):
+    if _changed(judged, s) and not s.conditional:
         about = "nothing said in one box" if _says_nothing(judged, s) else "changed by the box"
         yield about, f"{s.name}: {s.verdict}, with boxes 10 times as wide {wide}"
 
@@ -135,12 +128,6 @@ def _changed(judged: Judged, s: Statement) -> bool:
 def _says_nothing(judged: Judged, s: Statement) -> bool:
     """Whether one of both fits says of itself that it knows nothing of a value."""
     return bool({s.verdict, judged.wide.get(s.name)} & SILENT)
-
-
-def _rests(judged: Judged, name: str) -> bool:
-    """Whether it was said that the verdict on a value rests on the box."""
-    told = [found["beyond"] or found["held"] for w in judged.warnings if (found := RESTS.search(w))]
-    return any(re.search(rf"\b{re.escape(name)}\b", values) for values in told)
 
 
 def _held(s: Statement) -> bool:
@@ -196,7 +183,7 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
     near = sum(abs(s.value - s.truth) <= s.std for s in errors if s.name != "theta")
     plain = sum(s.name != "theta" for s in errors)
     widened = sum(bool(j.wide) for j in done)
-    told = sum(_changed(j, s) and _rests(j, s.name) for j in done for s in j.said)
+    told = sum(_changed(j, s) and s.conditional for j in done for s in j.said)
     absent = [f for f in found if f.about == "absent"]
 
     def count(*about: str) -> int:
@@ -235,7 +222,7 @@ def faults_table(records: Sequence[Judged]) -> list[str]:
         mine = [j for j in faulty if j.fault == fault]
         done = [j for j in mine if not j.error]
         named = sum(bool(NAMED[fault].intersection(j.kinds)) for j in mine)
-        warned = sum(any(CONTRADICTED.search(w) for w in j.warnings) for j in done)
+        warned = sum(not CONTRADICTED.isdisjoint(j.kinds) for j in done)
         silent = sum(any(f.about.startswith("truth") for f in findings(j)) for j in done)
         rows.append(f"| {fault} | {len(mine)} | {named} | {warned} | {silent} |")
     return rows

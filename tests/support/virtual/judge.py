@@ -7,7 +7,6 @@ calls a better fit is one for any program.
 from __future__ import annotations
 
 import math
-import re
 import tempfile
 import time
 import traceback
@@ -37,9 +36,8 @@ TWINS = (("Q_plus", "width_plus"), ("Q_minus", "width_minus"))
 HELD = 0.03
 #: Chi square by which a fit may be above the truth.
 WORSE = 10.0
-CONTRADICTED = re.compile(
-    r"contradict|does not describe|do not describe|not describe these data|not noise", re.IGNORECASE
-)
+#: Kinds of findings by which data contradict the model, or each other.
+CONTRADICTED = frozenset({Kind.not_described, Kind.contradiction, Kind.scale_contradicted})
 
 #: Kinds of findings that name a mistake.
 NAMED: Mapping[str, frozenset[Kind]] = {
@@ -69,7 +67,10 @@ ALARM = frozenset(
 
 @dataclass(frozen=True)
 class Statement:
-    """What was said of one value, and what is true."""
+    """What was stated of one value, and what is true.
+
+    `conditional`: its status holds within the bounds of some parameters alone.
+    """
 
     name: str
     verdict: str
@@ -79,6 +80,7 @@ class Statement:
     high: float
     truth: float
     bound: float
+    conditional: bool = False
 
     @property
     def holds(self) -> bool:
@@ -222,6 +224,7 @@ def _compared(
                 high=high,
                 truth=true,
                 bound=bounds.get(name, math.nan),
+                conditional=bool(value.active_bounds or (value.scan and value.scan.held)),
             ).__dict__
         )
     statements += [each.__dict__ for each in _of_lines(inference, truth)]
@@ -238,7 +241,7 @@ def _compared(
         status=fit.status,
         statements=statements,
         wide=wide,
-        warnings=_sentences(inference),
+        warnings=inference.warnings,
         # two lines that overlap would look the same: that is said, and no false alarm
         kinds=[f.kind for f in inference.findings if not f.numbers.get("two_lines")],
         chi2_truth=judge.chi_square(judge.true),
@@ -276,17 +279,6 @@ def _of_lines(inference: ff.Inference, truth: Mapping[str, float]) -> list[State
                     )
                 )
     return said
-
-
-def _sentences(inference: ff.Inference) -> list[str]:
-    """Everything that is said beside the values."""
-    fit, joint = inference.fit, inference.record.joint
-    said = [*inference.warnings, fit.message]
-    if joint is not None:
-        said += [test.sentence for test in joint.tensions]
-    if inference.knowledge is not None:
-        said += inference.knowledge.sentences
-    return list(dict.fromkeys(said))
 
 
 def _nearest(theta: float, middle: float) -> float:
