@@ -12,6 +12,8 @@ from fitting.text.estimate import OLD_STATUS, Verdict
 SCHEMA = 2
 #: Keys of what the data determine in schema 1 whose numbers are those of values now.
 PROFILES = ("parameters", "derived", "findings")
+#: Keys under which texts were stored, and where.
+TEXTS, WITH_TEXTS = ("sentence", "sentences"), ("knowledge", "joint", "external")
 #: Numbers of a line in schema 1, by their names now; the key of the amplitude's unit is `unit`.
 OF_A_LINE = {
     "frequency": ("frequency_hz", "frequency_std_hz", "Hz"),
@@ -34,13 +36,13 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     Args:
         data: as it was read from the file.
     """
-    made = dict(data)
+    made = {key: _without_texts(item) if key in WITH_TEXTS else item for key, item in data.items()}
     if "frequency_hz" in (data.get("line") or {}):
         made["line"] = _line(data["line"])
     if data.get("schema", 1) != 1:
         _rename_ends(made)
         return made
-    knowledge = data.get("knowledge") or {}
+    knowledge = made.get("knowledge") or {}
     profiles = {**knowledge.get("parameters", {}), **knowledge.get("derived", {})}
     made["schema"] = SCHEMA
     if knowledge:
@@ -57,6 +59,15 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     ]
     _rename_ends(made)
     return made
+
+
+def _without_texts(node: Any) -> Any:
+    """The same without sentences, which templates make of the numbers."""
+    if isinstance(node, list):
+        return [_without_texts(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    return {key: _without_texts(item) for key, item in node.items() if key not in TEXTS}
 
 
 def _rename_ends(made: dict[str, Any]) -> None:

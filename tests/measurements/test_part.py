@@ -136,5 +136,5 @@ def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     assert found.status is Verdict.UNCONSTRAINED
     low, high = found.ci95
     assert low <= couplings[0] < couplings[1] <= high
-    incomplete = of_kind(part.record.findings, Kind.profiles_incomplete)
+    incomplete = of_kind(part.findings, Kind.profiles_incomplete)
     assert not any("lambda12" in finding.names["values"] for finding in incomplete)
