@@ -96,32 +96,28 @@ def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
     def by(wider: RowCovariance, kept: BoolArray) -> Adequacy:
         white = _stated(wider, data, widening).restricted(kept).whitened(rows[kept])
         slopes = wider.restricted(kept).whitened(matrix[kept])
-        solved = _solved_of(data, kept)
+        # unknowns that measurements are solved for inside, of those with rows kept
+        pairs = zip(data.measurements, data.slices, strict=True)
+        solved = sum(m.solved_inside + own_scale(m) for m, at in pairs if np.any(kept[at]))
         return judged(
             white, slopes, covariance, solved, data.noise_freedom, correlated_p=along.least_p
         )
 
     rest = known & ~along.correlated
     found = by(noise, known)
-    told = by(noise, rest) if np.any(along.correlated) else found
-    describes = told.describes
+    of_rest = by(noise, rest) if np.any(along.correlated) else found
+    describes = of_rest.describes
     if not describes and likelihood.bounded.columns:
         describes = by(noise.loosened(likelihood.bounded), rest).describes
     return replace(
         found,
         describes=describes and along.worst.misfit.describes,
-        noise_factor=told.noise_factor if describes else 1.0,
-        is_uneven=told.is_uneven and not describes,
+        noise_factor=of_rest.noise_factor if describes else 1.0,
+        is_uneven=of_rest.is_uneven and not describes,
         correlated_p=math.nan if math.isnan(along.least_p) else along.worst.p_value,
         share=math.nan if math.isnan(along.least_p) else along.worst.share,
         curve=along.name,
     )
-
-
-def _solved_of(data: Dataset, kept: BoolArray) -> int:
-    """Unknowns that measurements of known noise are solved for inside, of those with rows kept."""
-    pairs = zip(data.measurements, data.slices, strict=True)
-    return sum(m.solved_inside + own_scale(m) for m, at in pairs if np.any(kept[at]))
 
 
 def _stated(noise: RowCovariance, data: Dataset, widening: float) -> RowCovariance:

@@ -18,7 +18,6 @@ from fitting.campaign.parameters import canonical, outside_box, to_model
 from fitting.fit.fit import Status
 from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
 from fitting.fit.likelihood.likelihood import (
-    Likelihood,
     LikelihoodEvaluator,
     Spent,
     likelihood_of,
@@ -45,7 +44,6 @@ from fitting.inference.likelihood.exploration import (
 )
 from fitting.inference.likelihood.knowledge import (
     Adequacy,
-    Bootstrap,
     Determined,
     Effort,
     Equivalent,
@@ -53,7 +51,6 @@ from fitting.inference.likelihood.knowledge import (
 )
 from fitting.inference.likelihood.mirrored import Model, mirrored
 from fitting.inference.likelihood.outside import (
-    Outside,
     Surroundings,
     beyond,
     beyond_findings,
@@ -72,7 +69,7 @@ from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
 from fitting.text.errors import OutOfBudget
-from fitting.text.estimate import FittedEstimate, OutputEstimate, ParameterEstimate
+from fitting.text.estimate import OutputEstimate, ParameterEstimate
 from fitting.text.notation import span
 
 _log = logging.getLogger(__name__)
@@ -153,10 +150,24 @@ def determine(
     """
     options = options or InferenceOptions()
     parameters = objective.parameters
-    twins = _all_twins(objective, options)
+    # the model's symmetries, and those of the data that priors break: other minima begin there
+    search = Evaluator(objective)
+    exact = find_twins(search, options.seed) if options.twins is None else options.twins
+    twins = [*exact, *twins_but_for_priors(search, options.seed)]
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
-    likelihood = _likelihood(objective, solution, noise, tuple(boxes), data=options.data)
-    evaluator = _evaluator(likelihood, solution, options)
+    # the likelihood of the data, or of what the model gives at the solution
+    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes), noise.bounded)
+    if options.data:
+        likelihood = replace(likelihood, scatter=noise.scatter)
+    else:
+        [point] = evaluate_many(objective, [solution])
+        likelihood = replace(likelihood, shift=point.residuals)
+    limit = options.budget
+    if limit is None:
+        [point] = evaluate_many(likelihood.objective, [solution])
+        limit = usual_budget(point.runs)
+    evaluator = LikelihoodEvaluator(likelihood, limit, options.progress)
+
     evaluator.begin(Stage.MINIMA)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     if evaluator.cuts and not optimum.converged and not _adequacy(optimum, options).describes:
@@ -170,9 +181,21 @@ def determine(
         optimum.degrees_of_freedom,
     )
     found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
+
     evaluator.begin(Stage.BEYOND)
-    outside = _outside(evaluator, found, options)
-    found = _come_in(evaluator, found, outside.found, boxes, options)
+    outside = Surroundings()  # what fits beyond the bounds: exact twins, then what is come by
+    if options.beyond and cut_sides(found):
+        images = mirrored(found.optimum, options.models, options.seed)
+        around = beyond(evaluator, found)
+        outside = replace(around, found=(*images, *around.found))
+    # profiles continue from where fits beyond the bounds come into them
+    inside = taken_in(evaluator, found, outside.found)
+    begin = _better(found.optimum, inside)
+    if begin is not None and begin.delta < -BETTER:
+        found = _anew(evaluator, found, begin, boxes, options)
+    elif inside:
+        found = extended(evaluator, found, inside)
+
     optimum = found.optimum
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
@@ -186,30 +209,37 @@ def determine(
         redundant=is_redundant(optimum),
     )
     profiles = with_boxes(optimum.likelihood, outside, profiles_of(found, basis))
-    if options.only:  # what nobody asked for was not walked: nothing is said of it
+    if options.only:  # what was not requested was not scanned: nothing is known of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
     values = {name: p.value for name, p in profiles.items()}
-    _log_of(values)
+    for name, value in values.items():
+        interval = span(*value.ci95, value.unit).replace("\u00a0", " ")
+        _log.info("profile of %s: %s, %s", name, interval, value.status)
+
     evaluator.begin(Stage.DIRECTIONS)
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
     idle = identifiability.without_effect(evaluator, optimum, values)
-    resampled = _resampled(evaluator, optimum, values, options)
+    resampled = None
+    if options.bootstrap > 1:
+        evaluator.begin(Stage.REFITS)
+        drawn = (options.bootstrap, options.seed, options.executor)
+        resampled = bootstrap_of(optimum, values, *drawn, options.progress)
     rates = [rate for m in objective.data.measurements for rate in m.sampled_hz]
-    spent = Effort(evaluator.evaluations, evaluator.derived, evaluator.runs)
+    here = canonical(parameters, to_model(parameters, optimum.expansion.x))
     knowledge = Knowledge(
         data=options.data,
         chi_square=optimum.chi_square,
         freedom=optimum.degrees_of_freedom,
         adequacy=adequacy,
-        most_likely=_most_likely_values(optimum),
+        most_likely={p.name: float(v) for p, v in zip(parameters, here, strict=True)},
         inflation=optimum.likelihood.inflation,
         scans={name: p.scan for name, p in profiles.items()},
         directions=directions,
         without_effect=idle,
         equivalents=equivalents,
-        effort=spent,
-        units={p.name: p.unit for p in objective.parameters},
-        of_experiments=tuple(p.name for p in objective.parameters if p.experiments),
+        effort=Effort(evaluator.evaluations, evaluator.derived, evaluator.runs),
+        units={p.name: p.unit for p in parameters},
+        of_experiments=tuple(p.name for p in parameters if p.experiments),
         bootstrap=resampled,
     )
     return Determined(
@@ -230,78 +260,6 @@ def determine(
             noise=objective.data.noise_words,
         ),
     )
-
-
-def _all_twins(objective: Objective, options: InferenceOptions) -> list[Twin]:
-    """The model's symmetries, and those of the data that priors break: other minima begin there."""
-    evaluator = Evaluator(objective)
-    exact = find_twins(evaluator, options.seed) if options.twins is None else options.twins
-    return [*exact, *twins_but_for_priors(evaluator, options.seed)]
-
-
-def _evaluator(
-    likelihood: Likelihood, solution: FloatArray, options: InferenceOptions
-) -> LikelihoodEvaluator:
-    """For as many simulation runs as were asked for, or as are usual of such an objective."""
-    limit = options.budget
-    if limit is None:
-        [point] = evaluate_many(likelihood.objective, [solution])
-        limit = usual_budget(point.runs)
-    return LikelihoodEvaluator(likelihood, limit, options.progress)
-
-
-def _likelihood(
-    objective: Objective,
-    solution: FloatArray,
-    noise: RowNoise,
-    outputs: tuple[str, ...],
-    *,
-    data: bool,
-) -> Likelihood:
-    """The likelihood of the data, or of what the model says at the solution."""
-    likelihood = likelihood_of(objective, noise.sigma, noise.common, outputs, noise.bounded)
-    if data:
-        return replace(likelihood, scatter=noise.scatter)
-    [point] = evaluate_many(objective, [solution])
-    return replace(likelihood, shift=point.residuals)
-
-
-def _resampled(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    values: Mapping[str, FittedEstimate],
-    options: InferenceOptions,
-) -> Bootstrap | None:
-    """The bootstrap, where one is asked for."""
-    if options.bootstrap < 2:
-        return None
-    evaluator.begin(Stage.REFITS)
-    drawn = (options.bootstrap, options.seed, options.executor)
-    return bootstrap_of(optimum, values, *drawn, options.progress)
-
-
-def _log_of(values: Mapping[str, FittedEstimate]) -> None:
-    for name, p in values.items():
-        interval = span(*p.ci95, p.unit).replace("\u00a0", " ")
-        _log.info("profile of %s: %s, %s", name, interval, p.status)
-
-
-def _outside(
-    evaluator: LikelihoodEvaluator, found: Exploration, options: InferenceOptions
-) -> Surroundings:
-    """What fits beyond the box: exact twins, then what is come by."""
-    if not (options.beyond and cut_sides(found)):
-        return Surroundings()
-    twins = mirrored(found.optimum, options.models, options.seed)
-    around = beyond(evaluator, found)
-    return replace(around, found=(*twins, *around.found))
-
-
-def _most_likely_values(optimum: Optimum) -> dict[str, float]:
-    """All parameters at the most likely point, periodic ones in their first period."""
-    parameters = optimum.likelihood.parameters
-    shown = canonical(parameters, to_model(parameters, optimum.expansion.x))
-    return {p.name: float(value) for p, value in zip(parameters, shown, strict=True)}
 
 
 def _explored(
@@ -363,21 +321,6 @@ def _anew(
     optimum, minima = _moved(evaluator, found.optimum, begin, found.minima)
     known = _counted(evaluator, optimum, found.near)
     return _explore(evaluator, optimum, minima, boxes, options, known)
-
-
-def _come_in(
-    evaluator: LikelihoodEvaluator,
-    found: Exploration,
-    outside: Sequence[Outside],
-    boxes: Mapping[str, OutputRange],
-    options: InferenceOptions,
-) -> Exploration:
-    """The profiles, gone on with from where fits beyond the box come into it."""
-    inside = taken_in(evaluator, found, outside)
-    begin = _better(found.optimum, inside)
-    if begin is not None and begin.delta < -BETTER:
-        return _anew(evaluator, found, begin, boxes, options)
-    return extended(evaluator, found, inside) if inside else found
 
 
 def _beginnings(

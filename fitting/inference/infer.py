@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +15,6 @@ from fitting.fit.likelihood.descent import let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
-from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of
@@ -46,7 +45,6 @@ from fitting.inference.findings import (
     simulation_findings,
 )
 from fitting.inference.inferred import Inferred, judged
-from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy, Determined, Ending, Equivalent
 from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
@@ -122,27 +120,56 @@ def _inferred(
     fit: Fit, sweeps: SweepFindings, read: _Reading, request: InferenceRequest
 ) -> Inference:
     """Values, how the fit ended, and findings, of what it was read as."""
+    problem, search = fit.problem, fit.outcome.search
     best, adequacy, determined = read.best, read.adequacy, read.determined
-    solution = _widened(fit.solution, read.inflation)
+    # one estimator: its errors are as wide as its own residuals make them
+    errors = fit.solution.errors.widened(read.inflation / fit.solution.errors.inflation)
+    if read.inflation > 1.0:  # then they tell the noise of all rows
+        m = errors.rows.size
+        errors = replace(errors, scatter=np.ones(m), freedom=errors.degrees_of_freedom)
+    solution = replace(fit.solution, errors=errors)
     estimates = Estimates(best, solution.final.parameters, fit.options.estimator)
     parameters = parameter_results(solution, estimates)
     derived = derived_results(solution, estimates, request.units, fit.options.schedule.seed)
-    joint = consistency(fit.problem, solution) if fit.problem.is_joint else None
-    status = _status(fit, adequacy)
-    is_best = status is Status.CONVERGED and _is_best(fit, determined)
-    why_not = _why_not(fit, adequacy)
+    joint = consistency(problem, solution) if problem.is_joint else None
+
+    # how it ended: a fit that converged may still not describe the data
+    status = fit.status
+    if adequacy is not None and not adequacy.describes and status is Status.CONVERGED:
+        status = Status.MISFIT
+    # whether a better fit was looked for than the descent from the start
+    is_best = status is Status.CONVERGED and (determined is not None or search is not None)
+    why_not = ""
+    if adequacy is not None:
+        why_not = "" if adequacy.gives_values else adequacy.why_not
+    elif fit.status is not Status.CONVERGED:
+        why_not = phrase("status", "unconverged")
     describes = not why_not
-    left = _left_at(fit, best)
+    residuals = _residuals_at(fit, best)
+    data = solution.objective.data
     units = {name: value.unit for name, value in (*parameters.items(), *derived.items())}
-    apart = contradicted(joint, units) if is_best else _unexplained(fit, units, left)
+    apart = contradicted(joint, units) if is_best else {}
+    if not is_best and data.unexplained(residuals):
+        apart = dict.fromkeys(units, phrase("status", "undescribed"))
     profiled = {} if determined is None else determined.profiled
     parameters = judged(parameters, profiled, apart, why_not)
     derived = judged(derived, profiled, apart, why_not)
     offsets = judged(offset_results(solution, estimates), {}, {}, why_not)
     named: dict[str, FittedEstimate] = {**parameters, **derived, **offsets}
-    ending = _ending(fit, status, read, left)
+    ending = ending_of(
+        status,
+        adequacy,
+        inflation=read.inflation,
+        structure=solution.structure,
+        extent=extent_of(data, residuals),
+        noise=data.noise_words,
+    )
     if is_best and contradictions(joint):
-        ending = _contradicted(ending, joint)
+        ground = phrase("status", "between", contradictions(joint))
+        ending = Ending(words=CONTRADICTED, ground=ground)
+    misfit = status is Status.MISFIT and adequacy is not None
+    advice = phrase("status", "advice", adequacy) if misfit else ""
+
     inference = Inference(
         fit=fit,
         parameters=parameters,
@@ -151,7 +178,7 @@ def _inferred(
         knowledge=None if determined is None else determined.knowledge,
         joint=joint if describes else without_values(joint),
         status=status,
-        message=phrase("status", "message", ending, _advice(status, adequacy), fit.message),
+        message=phrase("status", "message", ending, advice, fit.message),
         ending=ending,
         reported=estimates.reported,
         sweeps=_with_names(sweeps, fit, {**parameters, **derived}),
@@ -173,15 +200,6 @@ def _inferred(
         *read.missing,
     )
     return replace(inference, findings=findings)
-
-
-def _widened(solution: Solution, inflation: float) -> Solution:
-    """The solution with one estimator: its errors are as wide as its own residuals make them."""
-    errors = solution.errors.widened(inflation / solution.errors.inflation)
-    if inflation > 1.0:  # then they tell the noise of all rows
-        m = errors.rows.size
-        errors = replace(errors, scatter=np.ones(m), freedom=errors.degrees_of_freedom)
-    return replace(solution, errors=errors)
 
 
 def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFindings]:
@@ -247,12 +265,6 @@ def _quadratures(
     except (FmuFailure, np.linalg.LinAlgError):
         return Quadratures()
     return replace(found, gains=as_reported(found.gains, {n: v.std for n, v in named.items()}))
-
-
-def _minima(fit: Fit) -> tuple[Minimum, ...]:
-    """What the search of the reported alternative's box found."""
-    search = fit.outcome.search
-    return () if search is None else search.minima
 
 
 @dataclass(frozen=True)
@@ -363,6 +375,13 @@ def _determined(
     noise = noise_at(solution)
     # what one experiment holds has a table of its own
     everything = (*(p.name for p in solution.parameters if not p.experiments), *fit.problem.outputs)
+    every = zip(fit.objectives, fit.problem.alternatives, strict=True)
+    others = (
+        Model(objective, settings_words(settings))
+        for k, (objective, settings) in enumerate(every)
+        if k != fit.reported
+    )
+    search = fit.outcome.search
     try:
         options = InferenceOptions(
             units=request.units,
@@ -372,11 +391,11 @@ def _determined(
             bootstrap=request.bootstrap,
             structure=solution.structure,
             only=request.only or everything,
-            minima=[minimum.x for minimum in _minima(fit)],
+            minima=[] if search is None else [minimum.x for minimum in search.minima],
             twins=fit.outcome.twins,
-            closer=_refuted(solution),
+            closer=unseen(solution) or closer_form(solution),
             scale_off=_scale_off(solution, sweeps),
-            models=_other_models(fit),
+            models=tuple(others),
             progress=request.progress,
         )
         found = determine(solution.objective, solution.final.x, noise, options)
@@ -391,35 +410,6 @@ def _determined(
     return None, (Finding(kind=Kind.profiles_missing, severity="warning", subject=why),)
 
 
-def _refuted(solution: Solution) -> Adequacy | None:
-    """What speaks against the model of curves where chi square does not; None: nothing."""
-    return unseen(solution) or closer_form(solution)
-
-
-def _why_not(fit: Fit, adequacy: Adequacy | None) -> str:
-    """Why there are no values; empty: the fit has converged, and the model describes the data."""
-    if adequacy is not None:
-        return "" if adequacy.gives_values else adequacy.why_not
-    return "" if fit.status is Status.CONVERGED else phrase("status", "unconverged")
-
-
-def _unexplained(fit: Fit, names: Iterable[str], left: FloatArray) -> dict[str, str]:
-    """Why values have no verdict of whose data (m,) are `left`; mostly nothing."""
-    missed = fit.solution.objective.data.unexplained(left)
-    return dict.fromkeys(names, phrase("status", "undescribed")) if missed else {}
-
-
-def _is_best(fit: Fit, determined: Determined | None) -> bool:
-    """Whether a better fit was looked for than the descent from the start."""
-    return determined is not None or fit.outcome.search is not None
-
-
-def _contradicted(ending: Ending, joint: JointResult | None) -> Ending:
-    """How a fit ended whose campaigns are not of one set of values."""
-    ground = phrase("status", "between", contradictions(joint))
-    return replace(ending, words=CONTRADICTED, ground=ground, whole=False, extent="")
-
-
 def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
     """The most likely point without profiles.
 
@@ -432,50 +422,27 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
         return stood
     evaluator = LikelihoodEvaluator(likelihood_with(solution.objective, noise_at(solution)))
     try:
-        begins = [solution.final.x, *(minimum.x for minimum in _minima(fit)[:LOWEST])]
+        search = fit.outcome.search
+        lowest = () if search is None else search.minima[:LOWEST]
+        begins = [solution.final.x, *(minimum.x for minimum in lowest)]
         optimum = let_out(evaluator, most_likely(evaluator, begins))
     except (FmuFailure, KeyboardInterrupt):
         return stood
-    adequacy = adequacy_of(
-        optimum, solution.structure, _refuted(solution), _scale_off(solution, sweeps)
-    )
+    closer = unseen(solution) or closer_form(solution)
+    scale_off = _scale_off(solution, sweeps)
+    adequacy = adequacy_of(optimum, solution.structure, closer, scale_off)
     best = to_model(solution.parameters, optimum.expansion.x)
     return _Reading(best, adequacy, optimum.likelihood.inflation)
 
 
-def _status(fit: Fit, adequacy: Adequacy | None) -> Status:
-    """How it ended: a fit that converged may still not describe the data."""
-    if adequacy is None or adequacy.describes or fit.status is not Status.CONVERGED:
-        return fit.status
-    return Status.MISFIT
-
-
-def _ending(fit: Fit, status: Status, read: _Reading, left: FloatArray) -> Ending:
-    solution = fit.solution
-    return ending_of(
-        status,
-        read.adequacy,
-        inflation=read.inflation,
-        structure=solution.structure,
-        extent=extent_of(solution.objective.data, left),
-        noise=solution.objective.data.noise_words,
-    )
-
-
-def _left_at(fit: Fit, best: FloatArray) -> FloatArray:
-    """What is left of the data, (m,): at the most likely point where that is beyond the box."""
+def _residuals_at(fit: Fit, best: FloatArray) -> FloatArray:
+    """Residuals of all rows, (m,), at the most likely point where that is beyond the bounds."""
     solution = fit.solution
     x = to_search(solution.parameters, best)
     if outside_box(solution.parameters, x):
         with contextlib.suppress(FmuFailure):
             return evaluate_many(solution.objective, [x])[0].residuals
     return solution.final.residuals
-
-
-def _advice(status: Status, adequacy: Adequacy | None) -> str:
-    """What may help where the model does not describe the data."""
-    misfit = status is Status.MISFIT and adequacy is not None
-    return phrase("status", "advice", adequacy) if misfit else ""
 
 
 def noise_at(solution: Solution) -> RowNoise:
@@ -488,16 +455,6 @@ def noise_at(solution: Solution) -> RowNoise:
     if solution.structure is None:
         return noise
     return noise.widened(solution.objective.data.curve_rows, solution.structure.widening)
-
-
-def _other_models(fit: Fit) -> tuple[Model, ...]:
-    """Alternatives of the model that are not reported."""
-    every = zip(fit.objectives, fit.problem.alternatives, strict=True)
-    return tuple(
-        Model(objective, settings_words(settings))
-        for k, (objective, settings) in enumerate(every)
-        if k != fit.reported
-    )
 
 
 def _alternatives(fit: Fit, noise: RowNoise) -> tuple[Equivalent, ...]:

@@ -27,6 +27,7 @@ from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.measurements.measurement import Estimated, Prediction
 from fitting.text.arrays import FloatArray
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import number
 
 #: Step of x for slopes of derived outputs, in units of the search vector.
@@ -50,25 +51,16 @@ class PhaseGain:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quality:
-    """A quality that follows from what is solved inside; `ci95` is symmetric in its logarithm.
+class Quadratures:
+    """Gains in precision by phases, and qualities that follow from what is solved inside.
 
-    That of a quality factor is symmetric in 1/Q, and infinite above where no loss at all would suit
-    the data as well; the value is NaN where its loss comes out negative.
+    Both are empty without any. The interval of a quality is symmetric in its logarithm, that of a
+    quality factor in 1/Q, and infinite above where no loss at all would suit the data as well; its
+    value is NaN where its loss comes out negative.
     """
 
-    name: str
-    value: float
-    std: float
-    ci95: tuple[float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quadratures:
-    """What complex values tell: gains in precision, and qualities; both empty without any."""
-
     gains: tuple[PhaseGain, ...] = ()
-    qualities: tuple[Quality, ...] = ()
+    qualities: tuple[Estimate, ...] = ()
 
     @property
     def alike(self) -> list[list[PhaseGain]]:
@@ -115,20 +107,22 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
     return Quadratures(gains=gains, qualities=tuple(found))
 
 
-def _of_value(name: str, value: float, std: float) -> Quality:
+def _of_value(name: str, value: float, std: float) -> Estimate:
     reach = math.exp(min(NINETY_FIVE * std / value, 50.0))
-    return Quality(name=name, value=value, std=std, ci95=(value / reach, value * reach))
+    return Estimate(name=name, value=value, unit="", std=std, ci95=(value / reach, value * reach))
 
 
-def _of_loss(name: str, loss: float, error: float) -> Quality:
+def _of_loss(name: str, loss: float, error: float) -> Estimate:
     """1/loss, with an interval whose ends are those of the loss."""
     most, least = loss + NINETY_FIVE * error, loss - NINETY_FIVE * error
     there = loss > 0.0
-    return Quality(
+    return Estimate(
         name=name,
         value=1.0 / loss if there else math.nan,
+        unit="",
         std=error / loss**2 if there else math.nan,
         ci95=(1.0 / most if most > 0.0 else math.nan, 1.0 / least if least > 0.0 else math.inf),
+        status=Verdict.LINEARISED if there else Verdict.UNKNOWN,
     )
 
 

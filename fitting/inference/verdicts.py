@@ -124,7 +124,10 @@ def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
         basis: what else the verdicts rest on.
     """
     parameters = {p.name: p for p in explored.optimum.likelihood.parameters}
-    turn = _turn(explored.optimum)
+    # what brings the optimum into the canonical period, (n,), in the parameters' units
+    every = explored.optimum.likelihood.parameters
+    here = to_model(every, explored.optimum.expansion.x)
+    turn = np.asarray(canonical(every, here) - here)
     made = {}
     for quantity in explored.quantities:
         subject = _subject(quantity, parameters.get(quantity.name), basis, turn)
@@ -134,13 +137,6 @@ def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
             made[name] = _without_value(explored, name, basis)
     why = basis.withdrawn
     return {n: p._replace(value=p.value.withdrawn(why)) for n, p in made.items()} if why else made
-
-
-def _turn(optimum: Optimum) -> FloatArray:
-    """What brings the optimum into the canonical period, (n,), in the parameters' units."""
-    parameters = optimum.likelihood.parameters
-    p = to_model(parameters, optimum.expansion.x)
-    return np.asarray(canonical(parameters, p) - p)
 
 
 def _subject(
@@ -190,10 +186,13 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     narrow = interval(quantity, branches, (tight[0], tight[1]), "68")
     low68, high68 = (min(max(subject.shown(end), wide[0]), wide[1]) for end in narrow)
     others = [] if goes_round else _elsewhere(explored, subject, basis.equivalents)
+    # where one end is cut the width of the interval is no measure: the other end is a bound
     sides = (low68 - wide[0], wide[1] - high68)
-    exchange = _exchange(subject, wide, basis.equivalents, _slack(ends, sides))
-    if others or exchange:
-        wide = _no_bound(subject, wide, ends)
+    cut = [side for end, side in zip(ends, sides, strict=True) if end == "crossed"]
+    slack = 0.5 * cut[0] if len(cut) == 1 else None
+    exchange = _exchange(subject, wide, basis.equivalents, slack)
+    if (others or exchange) and len(cut) == 1:  # another fit lies beyond the only end that is cut
+        wide = min(wide[0], subject.box[0]), max(wide[1], subject.box[1])
     found = _Found(
         interval=wide,
         ends=ends,
@@ -365,23 +364,6 @@ def _elsewhere(
     return values
 
 
-def _slack(ends: tuple[str, str], sides: tuple[float, float]) -> float | None:
-    """How far beyond a bound another value is still the same; None where both ends are cut.
-
-    Where one end is cut the width of the interval says nothing: the other end is that of the box.
-    `sides` are how far the 68 % interval is inside that of 95 %.
-    """
-    cut = [side for end, side in zip(ends, sides, strict=True) if end == "crossed"]
-    return 0.5 * cut[0] if len(cut) == 1 else None
-
-
-def _no_bound(subject: _Subject, interval: Interval, ends: tuple[str, str]) -> Interval:
-    """The interval; the whole box where another fit lies beyond the only end that the data cut."""
-    if ends.count("crossed") != 1:
-        return interval
-    return min(interval[0], subject.box[0]), max(interval[1], subject.box[1])
-
-
 def _exchange(
     subject: _Subject, bounds: Interval, equivalents: Sequence[Equivalent], slack: float | None
 ) -> tuple[float, str] | None:
@@ -419,7 +401,10 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
             phrase("status", "both_ends") if both_fit else phrase("status", "sides", ends, held)
         )
         return Verdict.UNCONSTRAINED, reason
-    share = _share_of_prior(subject, found)
+    # width of the interval over that of the Gaussian prior
+    prior = None if subject.parameter is None else subject.parameter.prior_sigma
+    low, high = found.interval
+    share = 0.0 if prior is None else (high - low) / (2.0 * ROOT_95 * prior)
     if share > PRIOR_ALONE:
         return Verdict.UNCONSTRAINED, phrase("status", "prior_alone")
     if found.exchange is not None or found.others:
@@ -491,14 +476,6 @@ def _own_error(subject: _Subject, interval: Interval) -> float:
     error = subject.scale * subject.quantity.sigma
     widest = 0.1 * (interval[1] - interval[0])
     return min(error, widest) if 0.0 < error < math.inf and widest > 0.0 else math.nan
-
-
-def _share_of_prior(subject: _Subject, found: _Found) -> float:
-    """Width of an interval over that of the Gaussian prior; zero without one."""
-    if subject.parameter is None or subject.parameter.prior_sigma is None:
-        return 0.0
-    low, high = found.interval
-    return (high - low) / (2.0 * ROOT_95 * subject.parameter.prior_sigma)
 
 
 def _in_order(explored: Exploration, quantity: Quantity) -> list[ProfilePoint]:

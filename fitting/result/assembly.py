@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
 
@@ -26,7 +27,7 @@ from fitting.result.result import (
     Scale,
     SweepCurves,
 )
-from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
+from fitting.signal.scale import laboratory_maximum
 from fitting.simulate.budget import PlanRecord
 from fitting.text.finding import Finding, Kind
 from fitting.text.sentences import warning_sentences
@@ -49,23 +50,68 @@ def result_of(
         plan: how the FMU was simulated.
     """
     problem, solution, last = fit.problem, fit.solution, fit.solution.last
-    maximum = _maximum(problem)
+    data, sweep = problem.data, problem.sweep
     findings = in_order(*inference.findings, *further)
     shared = {each.name: getattr(inference, each.name) for each in fields(Inferred)}
+    # the sweep, and the scale that simulated amplitudes take from it
+    scale_kind, maximum, curves = "none", None, None
+    if sweep is not None:
+        scale_kind, maximum = sweep.scale, laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
+        [k] = [k for k, m in enumerate(problem.measurements) if isinstance(m, Sweep)]
+        curves = SweepCurves(
+            frequency_hz=tuple(map(float, sweep.frequency_hz)),
+            measured_v=tuple(map(float, sweep.amplitude_v)),
+            initial_v=tuple(map(float, solution.initial.scaled[k])),
+            final_v=tuple(map(float, solution.final.scaled[k])),
+        )
+    scale = Scale(
+        kind="one per campaign" if problem.is_joint else scale_kind,
+        initial=solution.initial.chi,
+        final=solution.final.chi,
+        grid_bias=solution.final.scale_bias,
+        maximum_v=maximum.value_v if maximum is not None else math.nan,
+        maximum_bias=maximum.bias if maximum is not None else math.nan,
+        maximum_bias_std=maximum.bias_std if maximum is not None else math.nan,
+    )
+    lines = ((e.label, float(f)) for e in problem.experiments for f in e.read_hz)
+    columns = (
+        np.concatenate([np.empty(0), *(tones.peaks_v for tones in data.tones)]),
+        np.concatenate([np.empty(0), *(tones.sigmas_v for tones in data.tones)]),
+        data.peaks(solution.initial.scaled),
+        data.peaks(solution.final.scaled),
+    )
+    peaks = tuple(
+        Peak(
+            experiment=label,
+            frequency_hz=frequency_hz,
+            measured_v=float(measured),
+            sigma_v=float(sigma),
+            initial_v=float(initial),
+            final_v=float(final),
+        )
+        for (label, frequency_hz), measured, sigma, initial, final in zip(
+            lines, *columns, strict=True
+        )
+    )
+    # of the parameters of the whole campaign
+    own = [i for i, p in enumerate(solution.parameters) if not p.experiments]
+    covariance = solution.errors.covariance[np.ix_(own, own)]
+    std = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(std, std)
     return Result(
         title=problem.title,
         synthetic=problem.synthetic,
         alternative=dict(fit.alternative),
         deviations=deviations(problem, solution),
         j_fit=solution.final.j_fit,
-        j_reg=last.j_reg if last is not None else float("nan"),
-        optimality=last.optimality if last is not None else float("nan"),
-        scale=_scale(problem, solution, maximum),
-        peaks=_peaks(problem, solution),
-        sweep=_sweep(problem, solution),
+        j_reg=last.j_reg if last is not None else math.nan,
+        optimality=last.optimality if last is not None else math.nan,
+        scale=scale,
+        peaks=peaks,
+        sweep=curves,
         history=fit.path,
         alternatives=fit.alternatives,
-        correlation=_correlation(solution),
+        correlation=tuple(tuple(map(float, row)) for row in correlation),
         evaluations=Cost(fit.cost.evaluations, fit.cost.jacobians, fit.cost.runs),
         seconds=fit.seconds,
         warnings=warning_sentences(findings),
@@ -114,65 +160,3 @@ def _deviation_set(problem: Problem, point: Point) -> DeviationSet:
         tuple(mean(group) for group in groups),
         mean(everything),
     )
-
-
-def _maximum(problem: Problem) -> LaboratoryMaximum | None:
-    if problem.sweep is None:
-        return None
-    return laboratory_maximum(problem.sweep.frequency_hz, problem.sweep.amplitude_v)
-
-
-def _scale(problem: Problem, solution: Solution, maximum: LaboratoryMaximum | None) -> Scale:
-    own = problem.sweep.scale if problem.sweep is not None else "none"
-    return Scale(
-        kind="one per campaign" if problem.is_joint else own,
-        initial=solution.initial.chi,
-        final=solution.final.chi,
-        grid_bias=solution.final.scale_bias,
-        maximum_v=maximum.value_v if maximum is not None else float("nan"),
-        maximum_bias=maximum.bias if maximum is not None else float("nan"),
-        maximum_bias_std=maximum.bias_std if maximum is not None else float("nan"),
-    )
-
-
-def _peaks(problem: Problem, solution: Solution) -> tuple[Peak, ...]:
-    data = problem.data
-    lines = [(e.label, float(f)) for e in problem.experiments for f in e.read_hz]
-    columns = (
-        np.concatenate([np.empty(0), *(t.peaks_v for t in data.tones)]),
-        np.concatenate([np.empty(0), *(t.sigmas_v for t in data.tones)]),
-        data.peaks(solution.initial.scaled),
-        data.peaks(solution.final.scaled),
-    )
-    return tuple(
-        Peak(
-            experiment=label,
-            frequency_hz=frequency_hz,
-            measured_v=float(measured),
-            sigma_v=float(sigma),
-            initial_v=float(initial),
-            final_v=float(final),
-        )
-        for (label, frequency_hz), measured, sigma, initial, final in zip(
-            lines, *columns, strict=True
-        )
-    )
-
-
-def _sweep(problem: Problem, solution: Solution) -> SweepCurves | None:
-    if problem.sweep is None:
-        return None
-    [k] = [k for k, m in enumerate(problem.measurements) if isinstance(m, Sweep)]
-    return SweepCurves(
-        frequency_hz=tuple(map(float, problem.sweep.frequency_hz)),
-        measured_v=tuple(map(float, problem.sweep.amplitude_v)),
-        initial_v=tuple(map(float, solution.initial.scaled[k])),
-        final_v=tuple(map(float, solution.final.scaled[k])),
-    )
-
-
-def _correlation(solution: Solution) -> tuple[tuple[float, ...], ...]:
-    own = [i for i, p in enumerate(solution.parameters) if not p.experiments]
-    total = solution.errors.covariance[np.ix_(own, own)]
-    std = np.sqrt(np.diag(total))
-    return tuple(tuple(map(float, row)) for row in total / np.outer(std, std))

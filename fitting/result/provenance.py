@@ -32,7 +32,6 @@ class Identity:
     sha256: str = ""
     command: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
-    plan: tuple[str, ...] = ()
 
 
 def job_of(problem: Problem, identity: Identity, options: Options) -> str:
@@ -89,7 +88,7 @@ def provenance_of(problem: Problem, identity: Identity, options: Options) -> Pro
             "optimality_absolute": solve.absolute,
             "optimality_relative": solve.relative,
         },
-        plan=identity.plan,
+        plan=(),
         start_values=_start_values(problem),
         finished=datetime.now(UTC).isoformat(timespec="seconds"),
     )

@@ -88,6 +88,14 @@ def _rename_ends(made: dict[str, Any]) -> None:
                 scans[name] = {**scans[name], "stopped": stopped}
     if scans:
         made["knowledge"] = {**made["knowledge"], "scans": scans}
+    bootstrap = (made.get("knowledge") or {}).get("bootstrap") or {}
+    for name, value in bootstrap.get("values", {}).items():
+        if "median" in value:  # percentiles had no unit of their own
+            unit = {**made["parameters"], **made["derived"]}[name]["unit"]
+            number = {"name": name, "value": value["median"], "unit": unit, "std": value["std"]}
+            bootstrap["values"][name] = {**number, "ci95": value["interval95"]}
+    for quality in (made.get("quadratures") or {}).get("qualities", ()):
+        quality.setdefault("unit", "")
 
 
 def _estimate(

@@ -50,7 +50,7 @@ Role = Literal["parameter", "derived", "offset"]
 #: What files hold of a plain value; the rest only where it is not the default.
 PLAIN = ("name", "value", "unit", "std", "ci95", "status")
 #: How errors and intervals were determined.
-Method = Literal["covariance", "linearised, verified", "profile", "posterior"]
+Method = Literal["covariance", "linearised, verified", "profile", "posterior", "bootstrap"]
 #: What closes a side of an interval: chi square of the data, priors of what drifts, a bound of the
 #: value or of another parameter, or its period; empty where the search ended before any of these.
 Closed = Literal["data", "prior", "bound", "periodic", ""]

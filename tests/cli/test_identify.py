@@ -156,9 +156,9 @@ def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Determined])
     for name, bound in zip(("eta", "w", "A"), bounds, strict=True):
         # 400 draws know a standard deviation to 3.5 %
         assert found.values[name].std == pytest.approx(bound, rel=0.12)
-        low, high = found.values[name].interval95
+        low, high = found.values[name].ci95
         assert high - low == pytest.approx(2 * 1.96 * bound, rel=0.2)
-    assert found.values["Q"].median == pytest.approx(125.0, rel=2e-3)
+    assert found.values["Q"].value == pytest.approx(125.0, rel=2e-3)
 
 
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])

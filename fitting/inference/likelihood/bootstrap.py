@@ -19,10 +19,10 @@ from fitting.campaign.parameters import to_model
 from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, Spent
 from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
-from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles
+from fitting.inference.likelihood.knowledge import Bootstrap
 from fitting.inference.stages import Stage
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import FittedEstimate
+from fitting.text.estimate import Estimate, FittedEstimate
 
 #: Refits handed to an executor at a time.
 CHUNK = 25
@@ -116,7 +116,7 @@ def _values(
     expansion: Expansion,
     refits: Sequence[tuple[FloatArray, FloatArray]],
     known: Mapping[str, FittedEstimate],
-) -> dict[str, Percentiles]:
+) -> dict[str, Estimate]:
     parameters = likelihood.parameters
     here = to_model(parameters, expansion.x)
     table = to_model(parameters, np.array([x for x, _ in refits]))
@@ -135,5 +135,13 @@ def _values(
             continue
         low, middle, high = np.percentile(column, [2.5, 50.0, 97.5])
         std = float(np.std(column, ddof=1))
-        found[name] = Percentiles(float(middle), std, (float(low), float(high)))
+        found[name] = Estimate(
+            name=name,
+            value=float(middle),
+            unit=known[name].unit,
+            std=std,
+            ci95=(float(low), float(high)),
+            status=known[name].status,
+            method="bootstrap",
+        )
     return found

@@ -14,6 +14,7 @@ from fitting.signal.misfit import CORRELATED
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import (
     Closed,
+    Estimate,
     FittedEstimate,
     OffsetEstimate,
     OldNames,
@@ -188,26 +189,18 @@ class NuChoice:
     describes: bool = True
 
 
-@dataclass(frozen=True)
-class Percentiles:
-    """Bootstrap of one value: median, standard deviation, 2.5 % and 97.5 % points."""
-
-    median: float
-    std: float
-    interval95: Interval
-
-
 @dataclass(frozen=True, kw_only=True)
 class Bootstrap:
     """Parametric bootstrap: refits of synthetic data drawn at the most likely point.
 
-    `values` for what has a value by its verdict; `failed` refits are not counted.
+    `values` for what has a value by its status: median, standard deviation, 2.5 % and 97.5 %
+    points; `failed` refits are not counted.
     """
 
     samples: int
     failed: int
     seed: int
-    values: Mapping[str, Percentiles]
+    values: Mapping[str, Estimate]
 
 
 @dataclass(frozen=True)
