@@ -100,10 +100,8 @@ def identify(
         findings += (*equivalent_findings(found), *found.findings)
     if own <= FEW_OWN:
         return replace(found, findings=findings)
-    limits = {"count": float(own), "most": float(FEW_OWN)}
-    return replace(
-        found, findings=(*findings, note(Kind.profiles_limited, "experiments", **limits))
-    )
+    limited = note(Kind.profiles_limited, "experiments", count=float(own), most=float(FEW_OWN))
+    return replace(found, findings=(*findings, limited))
 
 
 def own_profiled(problem: Problem) -> int:
