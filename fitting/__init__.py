@@ -15,40 +15,32 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from fitting.api import plot
     from fitting.api.calibration import calibrate
-    from fitting.api.check import check
     from fitting.api.cost import Cost, cost
-    from fitting.api.design import Goal, Limits, WaysToMeasure, design, limits, ways
-    from fitting.api.ensemble import (
+    from fitting.api.examples import example
+    from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
+    from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
+    from fitting.api.jobs import identify, report
+    from fitting.api.line import Columns, Line, line, write_line
+    from fitting.api.noise_line import NoiseLine, noise_line
+    from fitting.api.problem import Problem
+    from fitting.api.ringdown import Ringdown, ringdown
+    from fitting.campaign.arrays import Parameter, Sweep, Tones
+    from fitting.campaign.laws import Laws
+    from fitting.campaign.noise import Noise
+    from fitting.campaign.setup import Drive, Setup
+    from fitting.check.api import check
+    from fitting.design.api import Goal, Limits, WaysToMeasure, design, limits, ways
+    from fitting.draft.api import init
+    from fitting.ensembles.api import (
         Ensemble,
         EnsembleOptions,
         Laboratories,
         ensemble,
         write_ensemble,
     )
-    from fitting.api.examples import example
-    from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
-    from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
-    from fitting.api.init import init
-    from fitting.api.jobs import identify, report
-    from fitting.api.line import Columns, Line, line, write_line
-    from fitting.api.noise_line import NoiseLine, noise_line
-    from fitting.api.posterior import (
-        Posterior,
-        PosteriorCost,
-        Sampling,
-        posterior,
-        posterior_cost,
-        write_posterior,
-    )
-    from fitting.api.problem import Problem
-    from fitting.api.ringdown import Ringdown, ringdown
-    from fitting.api.synthesis import synthesize, synthesize_curves
-    from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
-    from fitting.campaign.arrays import Parameter, Sweep, Tones
-    from fitting.campaign.laws import Laws
-    from fitting.campaign.noise import Noise
-    from fitting.campaign.setup import Drive, Setup
     from fitting.fmu.isolation import Isolation
+    from fitting.lab.api import synthesize, synthesize_curves
+    from fitting.lab.tradeoff.api import StudyOptions, tradeoff, write_tradeoff
     from fitting.measurements.complex.curve import ComplexCurve
     from fitting.measurements.complex.sweep import ComplexSweep
     from fitting.measurements.complex.wiring import Wiring
@@ -59,16 +51,24 @@ if TYPE_CHECKING:
     from fitting.measurements.noise.spectra import NoiseSpectrum
     from fitting.measurements.traces.traces import Trace
     from fitting.measurements.traces.waveform import Chirp, Pulse
+    from fitting.posterior.api import (
+        Posterior,
+        PosteriorCost,
+        Sampling,
+        posterior,
+        posterior_cost,
+        write_posterior,
+    )
     from fitting.text.errors import BadInput, FmuFailure
 
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
 #: nothing and a worker process or ``--help`` loads no more than it needs.
 _HOMES = {
     "api.calibration": ("calibrate",),
-    "api.check": ("check",),
+    "check.api": ("check",),
     "api.cost": ("Cost", "cost"),
-    "api.design": ("Goal", "Limits", "WaysToMeasure", "design", "limits", "ways"),
-    "api.ensemble": (
+    "design.api": ("Goal", "Limits", "WaysToMeasure", "design", "limits", "ways"),
+    "ensembles.api": (
         "Ensemble",
         "EnsembleOptions",
         "Laboratories",
@@ -78,10 +78,10 @@ _HOMES = {
     "api.examples": ("example",),
     "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
     "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
-    "api.init": ("init",),
+    "draft.api": ("init",),
     "api.jobs": ("identify", "report"),
     "api.line": ("Columns", "Line", "line", "write_line"),
-    "api.posterior": (
+    "posterior.api": (
         "Posterior",
         "PosteriorCost",
         "Sampling",
@@ -92,8 +92,8 @@ _HOMES = {
     "api.problem": ("Problem",),
     "api.noise_line": ("NoiseLine", "noise_line"),
     "api.ringdown": ("Ringdown", "ringdown"),
-    "api.synthesis": ("synthesize", "synthesize_curves"),
-    "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
+    "lab.api": ("synthesize", "synthesize_curves"),
+    "lab.tradeoff.api": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.setup": ("Drive", "Setup"),
     "campaign.laws": ("Laws",),
@@ -216,5 +216,5 @@ class _FrontDoor(ModuleType):
         return sorted({*globals(), *__all__})
 
 
-_ROOMS_OF_VERBS = ("design", "fit", "report", "simulate")
+_ROOMS_OF_VERBS = ("check", "design", "fit", "posterior", "report", "simulate")
 sys.modules[__name__].__class__ = _FrontDoor

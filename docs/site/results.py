@@ -14,7 +14,7 @@ from docs.site.markdown import code, escaped, table
 from fitting.design.result import Design
 from fitting.design.ways import Ways
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.inference.posterior.summary import PosteriorSummary
+from fitting.posterior.summary import PosteriorSummary
 from fitting.resonance.line import Line
 from fitting.resonance.noise_line import NoiseLine
 from fitting.resonance.ringdown import Ringdown

@@ -22,11 +22,12 @@ Each returns the axes, computes and saves nothing, and keeps any style.
 
 from __future__ import annotations
 
+import importlib
 import re
+from typing import TYPE_CHECKING
 
 from fitting.api.fitted import Inference, Value, Valued
 from fitting.report.figures import fit, inference, measurements, tones
-from fitting.report.figures.design import candidates, expected_errors
 from fitting.report.figures.simulate import (
     amplitude_spectrum,
     beating,
@@ -41,6 +42,9 @@ from fitting.resonance.figure import figure_of
 from fitting.resonance.line import Line
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
+
+if TYPE_CHECKING:
+    from fitting.design.figure import candidates, expected_errors
 
 __all__ = [
     "amplitude_spectrum",
@@ -60,6 +64,16 @@ __all__ = [
     "residuals",
     "swept_tone",
 ]
+
+
+#: Plots of optional packages, by the module that is loaded when they are first used.
+_HOMES = {"candidates": "fitting.design.figure", "expected_errors": "fitting.design.figure"}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'fitting.plot' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOMES[name]), name)
 
 
 def profile(found: Inference | Value, name: str = "", *, ax: Axes | None = None) -> Axes:

@@ -1,1 +1,11 @@
-"""Which measurement next: candidates, information, choice, campaign."""
+"""Which measurement next, to know a value better: `ff.design`, `ff.ways`, `fmu-fit design`."""
+
+FILES = (
+    "design.json",
+    "design.csv",
+    "report.html",
+    *(f"campaign/{name}" for name in ("campaign.toml", "experiments.csv", "sweep.*", "sweeps.csv")),
+    "campaign/next[0-9]*.csv",
+    "figures/[0-9]*_*.*",
+)
+WAYS_FILES = ("ways.json",)

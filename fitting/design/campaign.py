@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fitting.campaign import BoundCampaign, Drive, SweepData
+from fitting import Drive
+from fitting.campaign import SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.continued import continued_of
 from fitting.design.recordings import traces_of
@@ -18,6 +19,7 @@ from fitting.design.result import Design, Proposal
 from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, fill_in, sweeps_csv
 from fitting.design.times import written_times
 from fitting.design.trace_campaign import edit_for_traces, recording_files
+from fitting.extension.records import BoundCampaign
 from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_line

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, Drive, Experiment, Phases
+from fitting import Drive
+from fitting.campaign import Experiment, Phases
 from fitting.campaign.control_table import LEAST_POINTS
 from fitting.design.result import DriveChoice
+from fitting.extension.records import BoundCampaign
 from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.signal.combinations import Combination
 from fitting.text.arguments import checked

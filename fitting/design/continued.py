@@ -21,12 +21,11 @@ from functools import partial
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
 from fitting.campaign.kind import BoundMeasurement
-from fitting.campaign.parameters import Parameter
+from fitting.extension.problem import Parameter
+from fitting.extension.records import BoundCampaign, Measurement, Prediction
 from fitting.measurements.complex.sweep import DELAY, ComplexSweep
 from fitting.measurements.control.sweep import ControlSweep
-from fitting.measurements.measurement import Measurement, Prediction
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
 from fitting.text.errors import BadInput
 

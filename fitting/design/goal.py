@@ -6,10 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
-from fitting.campaign.file import WrittenDesign
 from fitting.design.weighing import DesignGoal
-from fitting.result.result import Result
+from fitting.extension.problem import Result
+from fitting.extension.records import BoundCampaign, WrittenDesign
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.choices import CRITERIA
 from fitting.text.errors import BadInput

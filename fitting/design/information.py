@@ -18,27 +18,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, Experiment
-from fitting.campaign.parameters import (
+from fitting.campaign import Experiment
+from fitting.extension.problem import (
     UNIFORM_WIDTH,
+    Objective,
     Parameter,
+    Point,
+    RowCovariance,
+    central,
+    evaluate_many,
+    information,
+    make_objective,
     planning_points,
+    problem_of,
+    row_sigmas,
     search_bounds,
 )
-from fitting.fit.covariance import RowCovariance
-from fitting.fit.differences import central
-from fitting.fit.linearisation import information, row_sigmas
-from fitting.fit.objective import (
-    Objective,
-    Point,
-    evaluate_many,
-    make_objective,
-)
-from fitting.fit.problem import problem_of
+from fitting.extension.records import BoundCampaign, Measurement
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
-from fitting.measurements.measurement import Measurement
 from fitting.measurements.planning import plan_series
 from fitting.measurements.tones import Tones
 from fitting.simulate.batch import Workers

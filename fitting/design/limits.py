@@ -13,14 +13,14 @@ from typing import Annotated
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, Drive
+from fitting import Drive
 from fitting.campaign.binder import Binder
-from fitting.campaign.file import WrittenCampaign, WrittenDesign
 from fitting.design.candidates import MOST_NUMBER, Limits
 from fitting.design.sweep_limits import HEADROOM, asked_of, sweep_limits, with_unit
 from fitting.design.table import DesignTable
 from fitting.design.times import most_of, timed
 from fitting.design.trace_limits import trace_limits, traces_asked_of
+from fitting.extension.records import BoundCampaign, WrittenCampaign, WrittenDesign
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum

@@ -17,7 +17,7 @@ from fitting.design.candidates import Limits
 from fitting.design.continued import continued_of
 from fitting.design.information import Place, Series, information_of_data, scale_sigma
 from fitting.design.points import LinearisedFit, WhitenedData, nearest_fit
-from fitting.fit.covariance import RowCovariance
+from fitting.extension.problem import RowCovariance
 from fitting.fit.likelihood.descent import inflation_of
 from fitting.fit.search.box import Box
 from fitting.fit.search.evolution import merit

@@ -14,12 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, search_bounds
 from fitting.design.information import Place, Series
-from fitting.fit.covariance import RowCovariance
-from fitting.fit.differences import central
-from fitting.fit.linearisation import Linearisation, whitened
-from fitting.fit.objective import evaluate_many
+from fitting.extension.problem import (
+    Linearisation,
+    Parameter,
+    RowCovariance,
+    central,
+    evaluate_many,
+    search_bounds,
+    whitened,
+)
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
 

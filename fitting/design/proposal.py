@@ -7,13 +7,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
-from fitting.campaign.parameters import canonical, to_model
 from fitting.design.candidates import Limits, SweepLimits, TraceLimits
 from fitting.design.continued import continued_of
 from fitting.design.recordings import traces_of
 from fitting.design.result import Design, DriveChoice, Expected, Kind, PlacePoint, Proposal
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by
+from fitting.extension.problem import canonical, to_model
+from fitting.extension.records import BoundCampaign
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, number, quantity
 

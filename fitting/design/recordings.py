@@ -27,21 +27,22 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lstsq
 
-from fitting.campaign import BoundCampaign
-from fitting.campaign.parameters import planning_points, search_bounds, to_model
 from fitting.design.candidates import Limits
 from fitting.design.information import Place, Series
 from fitting.design.result import DriveChoice, Recording
-from fitting.fit.differences import central
-from fitting.fit.linearisation import SMALLEST_SIGMA
+from fitting.extension.problem import (
+    SMALLEST_SIGMA,
+    central,
+    planning_points,
+    search_bounds,
+    to_model,
+)
+from fitting.extension.records import BoundCampaign, Prediction, Recorded, TimeRecord, TraceRecord
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import Prediction, Values
+from fitting.measurements.measurement import Values
 from fitting.measurements.traces.grid import LEAST_SAMPLES, ROUNDED
-from fitting.measurements.traces.record import TraceRecord
-from fitting.measurements.traces.time_record import TimeRecord
 from fitting.measurements.traces.together import TracesTogether
-from fitting.measurements.traces.waveform import Recorded
 from fitting.simulate.batch import Batch, Workers, answered
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput

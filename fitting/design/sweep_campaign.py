@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fitting.campaign import BoundCampaign
 from fitting.design.candidates import Limits
 from fitting.design.continued import continued_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweeps import frequencies_hz
 from fitting.design.times import written_times
+from fitting.extension.records import BoundCampaign
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_line
 from fitting.text.notation import hertz, in_its_unit, listed, number, prefixed

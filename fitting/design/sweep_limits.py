@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
 from fitting.campaign.binder import Binder
-from fitting.campaign.file import WrittenDesign, WrittenSweeps
 from fitting.design.candidates import Limits, SweepLimits
 from fitting.design.continued import Continued, continued_of
 from fitting.design.sweeps import check_controls
 from fitting.design.table import DesignTable
 from fitting.design.times import most_of
+from fitting.extension.records import BoundCampaign, WrittenDesign, WrittenSweeps
 from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput

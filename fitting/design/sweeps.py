@@ -17,17 +17,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
-from fitting.campaign.parameters import planning_points, search_bounds, to_model
 from fitting.design.candidates import Limits, combinations
 from fitting.design.continued import Continued, Responses, SweepRows, continued_of
 from fitting.design.information import Place, Series
 from fitting.design.result import DriveChoice
-from fitting.fit.differences import central
-from fitting.fit.linearisation import SMALLEST_SIGMA
+from fitting.extension.problem import (
+    SMALLEST_SIGMA,
+    central,
+    planning_points,
+    search_bounds,
+    to_model,
+)
+from fitting.extension.records import BoundCampaign, Prediction
 from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import Prediction
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.signal.magnitude import mean_magnitude

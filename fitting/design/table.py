@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from fitting.campaign.file import WrittenDesign
+from fitting.extension.records import WrittenDesign
 
 #: Keys that choose the kind of measurement, and what its limits cannot do without.
 OF_KIND = ("sweeps", "traces", "noise_floor", "relative_noise")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fitting.campaign.file import WrittenDesign
 from fitting.design.candidates import MOST_NUMBER, Limits
+from fitting.extension.records import WrittenDesign
 
 
 def timed(limits: Limits, said: WrittenDesign) -> Limits:

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
-from fitting.campaign import BoundCampaign
 from fitting.design.candidates import Limits
 from fitting.design.recordings import TracesSoFar, traces_of
 from fitting.design.result import Design, Proposal, Recording
 from fitting.design.sweep_campaign import MEASURED_BEFORE
 from fitting.design.times import written_times
+from fitting.extension.records import BoundCampaign, Recorded, TraceRecord
 from fitting.fmu.variables import VariableLike
-from fitting.measurements.traces.record import TraceRecord
 from fitting.measurements.traces.time_record import FOUND
-from fitting.measurements.traces.waveform import Recorded
 from fitting.text.csv_cells import csv_line
 from fitting.text.notation import in_its_unit, prefixed
 from fitting.text.toml import Tables, inline, put

@@ -13,8 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
-from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
 from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
 from fitting.design.choice import DesignProblem, choose, choose_within, target_sigmas
 from fitting.design.continued import ANY_PHASE, continued_of
@@ -33,10 +31,18 @@ from fitting.design.points import equal_fits, nearest_fit, spread_out
 from fitting.design.recordings import RecordingsToSimulate, recording_choices, traces_of
 from fitting.design.result import DriveChoice
 from fitting.design.sweeps import information_of_sweeps, simulated_sweeps, sweep_choices
-from fitting.fit.differences import central
-from fitting.fit.linearisation import SMALLEST_SIGMA, information
-from fitting.fit.objective import evaluate_many
-from fitting.fit.outputs import output_means
+from fitting.extension.problem import (
+    SMALLEST_SIGMA,
+    canonical,
+    central,
+    evaluate_many,
+    information,
+    output_means,
+    search_bounds,
+    to_model,
+    to_search,
+)
+from fitting.extension.records import BoundCampaign
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput

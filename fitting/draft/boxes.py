@@ -17,7 +17,7 @@ from itertools import pairwise
 from fitting.campaign.parameters import ParameterTable
 from fitting.draft.model import Offer
 from fitting.draft.two_modes import TwoModes
-from fitting.fmu import Run
+from fitting.extension.fmu import Run
 from fitting.resonance.two_lines import TwoLines
 from fitting.signal.line_record import LineValues
 from fitting.text.arrays import Scalar

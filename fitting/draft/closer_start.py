@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from fitting.fmu import FmuVariable
+from fitting.extension.fmu import FmuVariable
 from fitting.text.arrays import FloatArray
 
 #: Factors on a value that are tried, and how often all values are gone through.

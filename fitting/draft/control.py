@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign.instruments import Channel
 from fitting.draft.boxes import Box
 from fitting.draft.crossing import Crossing, Spectra, crossing_of, phases_of
 from fitting.draft.document import (
@@ -27,6 +26,7 @@ from fitting.draft.files import MapFile
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
 from fitting.draft.sweeps import LOAD, meaning, phase_keys
+from fitting.extension.records import Channel
 from fitting.resonance.control_map import PAGE, TABLES
 from fitting.resonance.reading import POWERS, hertz_in, lead, values_in
 from fitting.signal.roughness import roughness
@@ -145,7 +145,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     if crossing.place is not None:
         more = math.log10(max(10.0, abs(crossing.place) / spectra.half))
         place = number(crossing.place, 2 + math.ceil(more))
-    found = blocks("draft").map(file, crossing, control, place, len(laws) > 1, delayed)
+    found = blocks("draft/text").map(file, crossing, control, place, len(laws) > 1, delayed)
     said = (*sentence_lines(lead(file.roles)), *str(found).splitlines(), *answers.said)
     head = (
         "A first campaign, written by fmu-fit init from this map: it runs as it is.",

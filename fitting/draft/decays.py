@@ -20,9 +20,8 @@ import numpy as np
 from fitting.draft.boxes import Box, Shown, decade_box
 from fitting.draft.model import COUPLING, UNCOUPLED, Offer, is_of_solver
 from fitting.draft.questions import Answers, Question
-from fitting.fmu import Run
-from fitting.measurements.traces.record import TraceRecord
-from fitting.measurements.traces.waveform import Pulse
+from fitting.extension.fmu import Run
+from fitting.extension.records import Pulse, TraceRecord
 from fitting.resonance.decay_record import SAMPLES, decay_record_of
 from fitting.resonance.ringdown import Ringdown
 from fitting.resonance.ringdown import ringdown_of as lines_of

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign.instruments import Channel
 from fitting.draft.boxes import decay_boxes
 from fitting.draft.decays import (
     decay_boxes_asked,
@@ -31,6 +30,7 @@ from fitting.draft.document import (
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
 from fitting.draft.traces import EARLIER, LATEST, SPANS
+from fitting.extension.records import Channel
 from fitting.measurements.traces.time_record import FOUND
 from fitting.resonance.decay_reading import decay_roles_of, is_over_time, read_decay_of
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, DecayRecord
@@ -155,7 +155,7 @@ def demodulated_draft(
         ],
         **fitted_tables(asked, qualities(offer, lines) if phasors else ()),
     }
-    text = blocks("draft")
+    text = blocks("draft/text")
     said = text.amplitudes(first, offer)
     if phasors:
         said = text.decay(str(text.demodulated(first.reference_hz)), lines, lines, offer, left)

@@ -16,11 +16,9 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from fitting.campaign.binding import bind
-from fitting.campaign.instruments import Channel
 from fitting.draft.boxes import Box
 from fitting.draft.model import Offer
-from fitting.measurements.kinds import read_campaign
+from fitting.extension.records import Channel, bind, read_campaign
 from fitting.resonance.reading import Roles
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -227,7 +225,7 @@ def starts_words(boxes: Sequence[Box]) -> list[str]:
     Args:
         boxes: of the parameters.
     """
-    return [str(blocks("draft").start(box)) for box in boxes]
+    return [str(blocks("draft/text").start(box)) for box in boxes]
 
 
 def accuracy_table(residual: float, remark: str, *, held: bool) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.extension.fmu import FmuDescription, FmuVariable, FmuWorkers
 from fitting.text.arrays import Scalar
 from fitting.text.units import same_kind
 

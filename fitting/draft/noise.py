@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.instruments import PLAIN
 from fitting.draft.questions import Question
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
 from fitting.draft.two_modes import TwoModes, apart_hz
+from fitting.extension.records import PLAIN
 from fitting.measurements.noise.table import (
     DENSITY,
     HOLDS,

@@ -93,7 +93,7 @@ class Answers:
                 wanted += "another variable with a start value, that is a Real number"
             raise BadInput(f"--{key}: {wanted}")
         others = any(name not in question.default for name in question.options)
-        said = blocks("draft").default(key, question.default, question.why, others)
+        said = blocks("draft/text").default(key, question.default, question.why, others)
         self.said.append(str(said))
         return question.default
 
@@ -136,5 +136,5 @@ class Answers:
                     raise BadInput(f"{where}: found '{name}'{hint}")
             if len(answer) > 1 and not question.several:
                 raise BadInput(f"{where}: found {len(answer)} names, wanted one")
-        self.said.append(str(blocks("draft").requested(question.key, text)))
+        self.said.append(str(blocks("draft/text").requested(question.key, text)))
         return taken

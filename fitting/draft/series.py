@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.control_table import FILE
-from fitting.campaign.instruments import Channel, Recording, head_of
 from fitting.campaign.instruments.recording import channel_of
 from fitting.draft.document import relative_path
 from fitting.draft.files import MapFile
 from fitting.draft.noise import BY_SCATTER, noise_look
+from fitting.extension.records import Channel, Recording, head_of
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.noise_reading import told_density
 from fitting.resonance.reading import Columns, Roles, hertz_in, map_in, roles_of
@@ -303,7 +303,7 @@ def _joined(
     return Series(
         map=MapFile(path=table, roles=replace(roles[0], **made), found=found),
         text=csv_text(cells),
-        words=str(blocks("draft").control(quantity, settings.tolist(), where)),
+        words=str(blocks("draft/text").control(quantity, settings.tolist(), where)),
     )
 
 

@@ -192,7 +192,7 @@ def _boxes(
 
 def _conditions(files: Files, offer: Offer, held: Sequence[str], *, reported: bool) -> list[str]:
     """What results will rest on, in sentences."""
-    words, said, modes = blocks("draft"), [], files.modes
+    words, said, modes = blocks("draft/text"), [], files.modes
     if files.two is not None and offer.is_two_modes:
         kind = "" if modes is None else modes.kind
         said.append(str(words.taken_modes(kind, files.where, files.is_noise)))
@@ -237,17 +237,17 @@ def _undescribed(files: Files, offer: Offer) -> str:
     if files.table is not None:
         return ""
     if offer.is_model and files.two is not None and not files.describes_two:
-        return str(blocks("draft").two_and_more())
+        return str(blocks("draft/text").two_and_more())
     for sweep in files.sweeps:
         line = None if sweep.is_complex else sweep.driven_line
         if line is not None and line.forms[0].name in BEYOND:
-            return str(blocks("draft").undescribed(line, WORDS_BESIDE, offer.is_model))
+            return str(blocks("draft/text").undescribed(line, WORDS_BESIDE, offer.is_model))
     return ""
 
 
 def _described(files: Files) -> list[str]:
     """What every file was found to be, in sentences."""
-    words, said = blocks("draft"), list[str]()
+    words, said = blocks("draft/text"), list[str]()
     for sweep in files.sweeps:
         said += sentence_lines(sweep.reading)
         line = sweep.driven_line

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign import instruments
-from fitting.campaign.instruments import Channel, read_recording
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, usual
 from fitting.draft.boxes import Box, Shown, decade_box, decay_boxes
 from fitting.draft.closer_start import closer_starts
@@ -43,8 +42,9 @@ from fitting.draft.document import (
 )
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
-from fitting.fmu import Run
-from fitting.measurements.traces.record import FIT, STATES_OF_ONE, UNKNOWN, TraceRecord
+from fitting.extension.fmu import Run
+from fitting.extension.records import Channel, TraceRecord, read_recording
+from fitting.measurements.traces.record import FIT, STATES_OF_ONE, UNKNOWN
 from fitting.measurements.traces.time_record import FOUND
 from fitting.measurements.traces.waveform import HELD, LINEAR
 from fitting.resonance.reading import TIME_PAGE, Columns, with_unit
@@ -244,7 +244,7 @@ def traces_draft(
     tables["fmu"] = fmu_table(offer, taken, tuple(taken))
     said = _described(files, output, driven)
     if not driven and offer.inputs:
-        said.append(str(blocks("draft").undriven(TIME_PAGE)))
+        said.append(str(blocks("draft/text").undriven(TIME_PAGE)))
     return draft_from(tables, offer, folder, (*said, *answers.said, *starts_words(made)))
 
 
@@ -294,9 +294,9 @@ def _ringdowns(
     tables = _tables(files, offer, output, traces)
     tables |= fitted_tables(asked, qualities(offer, lines))
     tables["fmu"] = fmu_table(offer, start, [name for name in left if name not in names])
-    said = _described(files, output, "") + ([str(blocks("draft").late())] if late else [])
+    said = _described(files, output, "") + ([str(blocks("draft/text").late())] if late else [])
     lead = "A ringdown: no column drives, and "
-    said += str(blocks("draft").decay(lead, shown, lines, offer, left)).splitlines()
+    said += str(blocks("draft/text").decay(lead, shown, lines, offer, left)).splitlines()
     return draft_from(tables, offer, folder, (*said, *answers.said, *starts_words(asked)))
 
 
@@ -347,7 +347,7 @@ def _is_scaled(file: TraceFile, offer: Offer, output: str) -> bool:
 
 def _described(files: Sequence[TraceFile], output: str, driven: str) -> list[str]:
     """What files were taken for, in sentences."""
-    words, said = blocks("draft"), []
+    words, said = blocks("draft/text"), []
     for file in files:
         said.append(str(words.recording(file, output, driven)))
         columns = [file.time, file.observed, *([file.driven] if file.driven else []), *file.further]

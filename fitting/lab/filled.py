@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.file import WrittenSweep
+from fitting.extension.records import WrittenSweep
 from fitting.lab.writer import csv_text
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

@@ -17,6 +17,8 @@ RINGDOWN, CHIRP = TIME_SERIES = ("ringdown", "chirp")
 #: Demodulated decays, `fitting.lab.demodulated`.
 LOCK_IN, ZERO_SPAN = DEMODULATED = ("lock-in", "zero-span")
 CURVES = (*WIRED, CROSSING, *TIME_SERIES, *DEMODULATED)
+#: Series of the virtual laboratory.
+SERIES = (*BENCHES, PUMPED, SUBHARMONIC)
 #: Scenes of a study of accuracy against cost, `fitting.lab.tradeoff.scenes`.
 SCENES = ("string", "low-q", "duffing", "duffing-string")
 #: What such a study measures: the amplitudes of a two-tone drive; the line width, read off a sweep

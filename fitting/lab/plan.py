@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.file import read_campaign_file
+from fitting.extension.records import KINDS, read_campaign_file
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Measured, Row, measure_rows
 from fitting.lab.drive import Drive
 from fitting.lab.filled import FilledTable, mark_synthetic, sweep_beside
@@ -15,7 +15,6 @@ from fitting.lab.instruments.averaged import Averaged
 from fitting.lab.names import TRUTH_NAME
 from fitting.lab.truth import truth_toml
 from fitting.lab.writer import CAMPAIGN_NAME, head_of, written_mhz
-from fitting.measurements.kinds import KINDS
 from fitting.text.errors import BadInput
 from fitting.text.tables import Table, read_table, read_text
 from fitting.text.toml import Tables, inline, rewritten

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from fitting.campaign.file import WrittenCampaign, WrittenDesign, read_campaign_file
+from fitting.extension.records import KINDS, WrittenCampaign, WrittenDesign, read_campaign_file
 from fitting.lab.curves import CURVE, AvoidedCrossing, changed_curve, curve_of
 from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts
 from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, TRUTH_NAME
@@ -32,7 +32,6 @@ from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.measurements.complex.control_table import ComplexControlSweepTable
 from fitting.measurements.control.table import ControlSweepTable
-from fitting.measurements.kinds import KINDS
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput

@@ -16,13 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign.file import read_campaign_file
+from fitting.extension.records import KINDS, read_campaign_file
 from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts, sweep_beside
 from fitting.lab.names import TRUTH_NAME
 from fitting.lab.sweep_plan import SweptLaboratory
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
-from fitting.measurements.kinds import KINDS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed

@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign.check import Check
-from fitting.fmu import FmuVariable
-from fitting.fmu.trial.steps import Repeatability
 from fitting.signal.combinations import combination_name
 from fitting.simulate.budget import record_of
 from fitting.simulate.drive_plan import DrivePlan
@@ -20,41 +17,6 @@ from fitting.simulate.frf import SweepResponse
 from fitting.simulate.response import DriveResponse
 from fitting.simulate.words import warnings_in_words
 from fitting.text.arrays import FloatArray
-
-
-def check_document(found: Check) -> dict[str, Any]:
-    """What a doctor found of an FMU.
-
-    Args:
-        found: of the FMU.
-    """
-    d = found.description
-    return {
-        "fmu": str(d.path),
-        "model_name": d.model_name,
-        "fmi_version": d.fmi_version,
-        "guid": d.guid,
-        "sha256": d.sha256,
-        "platforms": d.platforms,
-        "variables": {v.name: _variable(v) for v in d.variables.values()},
-        "sound": found.sound,
-        "findings": found.findings,
-        "trial": found.examination.trial,
-        "resets": found.examination.resets,
-        "repeats": found.examination.repeats and _repeats(found.examination.repeats),
-        "effects": found.examination.effects,
-        "costs": found.examination.costs,
-        "failure": None if found.failure is None else str(found.failure),
-        "suits": found.suits and {**vars(found.suits), "campaign": str(found.suits.campaign)},
-        "unsuited": found.unsuited,
-        "warnings": found.warnings,
-    }
-
-
-def _repeats(repeats: Repeatability) -> dict[str, Any]:
-    """Without what is there for a figure."""
-    left = ("outputs", "times_s", "differences")
-    return {name: value for name, value in vars(repeats).items() if name not in left}
 
 
 def plan_document(plan: DrivePlan) -> dict[str, Any]:
@@ -124,11 +86,6 @@ def sweep_document(response: SweepResponse, unit: str) -> dict[str, Any]:
         "difference": response.difference,
         "plan": plan_document(response.plan),
     }
-
-
-def _variable(v: FmuVariable) -> dict[str, Any]:
-    names = ("causality", "variability", "kind", "unit", "start", "min", "max", "description")
-    return {name: getattr(v, name) for name in names}
 
 
 def _numbers(values: FloatArray | Sequence[float]) -> list[float]:

@@ -7,20 +7,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting.campaign.check import Check
-from fitting.design.result import Design
-from fitting.design.ways import Ways
-from fitting.fmu import FmuDescription, FmuVariable
-from fitting.fmu.findings import Severity
 from fitting.fmu.tone_names import OtherTone
-from fitting.fmu.trial.findings import ROUNDING
-from fitting.fmu.trial.steps import SHIFT
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.inference.posterior.summary import PosteriorSummary
-from fitting.lab.tradeoff.records import Study
 from fitting.report.documents import drive_document, sweep_document
-from fitting.report.posterior import tables_of
-from fitting.report.screen import lines_of, phrase, printed_lines
+from fitting.report.screen import phrase, printed_lines
 from fitting.report.summary import (
     EXPRESSED,
     Summary,
@@ -29,9 +19,7 @@ from fitting.report.summary import (
     with_values,
 )
 from fitting.report.table import table
-from fitting.report.tradeoff import choice_tables
 from fitting.result.calibration import Calibration
-from fitting.result.ensemble import Ensemble
 from fitting.simulate.budget import Budget
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
@@ -44,43 +32,8 @@ from fitting.simulate.words import (
     spectrum_in_words,
     warnings_in_words,
 )
-from fitting.text.controls import spelled_out
 from fitting.text.error_bars import EVEN
 from fitting.text.estimate import Verdict
-
-#: Kinds of variables of an FMU that are listed, as far as they are no observed ones.
-SHOWN = ("parameter", "input", "output", "calculatedParameter")
-#: What sentences on an FMU need besides its record.
-CHECKED = {"rounding": ROUNDING, "shift": SHIFT}
-
-
-def check_lines(found: Check, *, verbose: bool = False, report: Path | None = None) -> list[str]:
-    """What `fmu-fit check` prints.
-
-    Args:
-        found: of the FMU.
-        verbose: whether all that was tried is printed, with a row for each variable.
-        report: the page, if one was written.
-    """
-    careful = [f for f in found.findings if f.severity is Severity.CAREFUL]
-    urgent = [phrase("check", "described", f) for f in careful]
-    urgent += [f"the FMU reports: {warning}" for warning in found.warnings]
-    numbers = {**CHECKED, "urgent": urgent}
-    listed = table("variables", variables=variables_of(found.description), meaning=False)
-    variables = lines_of(listed) if verbose else ""
-    lines = printed_lines("check", "screen", found, numbers, verbose, variables, report)
-    return [spelled_out(line) for line in lines]
-
-
-def variables_of(description: FmuDescription) -> list[FmuVariable]:
-    """Parameters, inputs and outputs, and what else is observed.
-
-    Args:
-        description: of the FMU.
-    """
-    observed = {v.name for v in description.seen}
-    every = description.variables.values()
-    return [v for v in every if v.causality in SHOWN or v.name in observed]
 
 
 def plan_lines(model: str, plan: DrivePlan, *, verbose: bool = False) -> list[str]:
@@ -177,30 +130,6 @@ def sweep_lines(
     return printed_lines("simulation", "sweep", *records)
 
 
-def design_lines(design: Design, files: Sequence[Path] = (), *, verbose: bool = False) -> list[str]:
-    """What `fmu-fit design` prints: a row for each proposed measurement.
-
-    Args:
-        design: the proposed next measurements.
-        files: design.json, design.csv, the campaign to be filled in, the report if there is one.
-        verbose: whether candidates, points of equal fit and assumptions are printed.
-    """
-    rows = table("expected", of=design, rows=design.proposals)
-    return printed_lines("design", "screen", design, rows, verbose, files)
-
-
-def ways_lines(ways: Ways, files: Sequence[Path] = (), *, verbose: bool = False) -> list[str]:
-    """What `fmu-fit design` prints of several kinds of measurements that are compared.
-
-    Args:
-        ways: to spend the same time, the least expected error first.
-        files: ways.json, and the campaigns to be filled in.
-        verbose: whether the times of each kind are printed.
-    """
-    rows = table("expected", of=ways, rows=ways.ways, takes=True)
-    return printed_lines("design", "ways", ways, rows, verbose, files)
-
-
 def calibration_lines(
     title: str, found: Calibration, files: Sequence[Path], *, compiled: bool = False
 ) -> list[str]:
@@ -255,43 +184,3 @@ def identification_lines(
         None if found.part is None else table("part", whole=found, part=found.part),
         files,
     )
-
-
-def posterior_lines(
-    found: PosteriorSummary, files: Sequence[Path] = (), *, again: str = "", verbose: bool = False
-) -> list[str]:
-    """What `fmu-fit posterior` prints: values with intervals, and how to continue.
-
-    Args:
-        found: the draws, summarised.
-        files: that were written, the report last.
-        again: the command that continues; empty where there are enough draws.
-        verbose: whether convergence, outputs and minima are printed.
-    """
-    short, tables = tables_of(found, short=True)[0], tables_of(found)
-    return printed_lines("posterior", "screen", found, short, tables, verbose, again, files)
-
-
-def ensemble_lines(
-    found: Ensemble, files: Sequence[Path] = (), *, resumed: int = 0, again: str = ""
-) -> list[str]:
-    """What `fmu-fit ensemble` prints: coverage where the truth is known, else values.
-
-    Args:
-        found: many fits.
-        files: that were written, the report last.
-        resumed: items that an earlier run had finished.
-        again: the command that continues; empty where all items have ended.
-    """
-    first = table("coverage" if found.coverage else "fitted", ensemble=found)
-    return printed_lines("ensemble", "screen", found, first, resumed, again, files)
-
-
-def tradeoff_lines(study: Study, files: Sequence[Path] = ()) -> list[str]:
-    """What `fmu-fit tradeoff` prints: for each accuracy the cheapest settings, and the plan's.
-
-    Args:
-        study: errors and costs of every setting.
-        files: that were written.
-    """
-    return printed_lines("tradeoff", "screen", study, choice_tables(study), files)

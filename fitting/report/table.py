@@ -97,10 +97,12 @@ def table(name: str, **records: Any) -> Table:
     """The table of that name; without rows where there is nothing to list.
 
     Args:
-        name: of a macro of `templates/tables.j2`.
+        name: of a macro of `templates/tables.j2`; with the name of an optional package before it,
+            as "posterior/minima", of that package's `tables.j2`.
         records: its arguments.
     """
-    rendered = getattr(_macros(), name)(**records)
+    package, _, macro = name.rpartition("/")
+    rendered = getattr(_macros(f"{package}/tables.j2".lstrip("/")), macro)(**records)
     caption, *lines = [line.strip() for line in rendered.split("\n") if line.strip()] or [""]
     rows: list[str] = []
     for line in (line for line in lines if not line.startswith(NOTE)):
@@ -114,7 +116,7 @@ def table(name: str, **records: Any) -> Table:
 
 
 @cache
-def _macros() -> Any:
+def _macros(template: str) -> Any:
     # imported late: the filters of values need what infers them, a terminal's text does not
     from fitting.report import tables
 
@@ -123,7 +125,7 @@ def _macros() -> Any:
     for module in (notation, tables):
         made.filters.update(vars(module))
         made.globals.update(vars(module))
-    return made.get_template("tables.j2").module
+    return made.get_template(template).module
 
 
 def _printed(value: Any) -> str:

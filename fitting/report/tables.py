@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
@@ -12,7 +11,6 @@ from fitting.inference.likelihood.knowledge import Scan
 from fitting.report.same_values import Valued, same_values
 from fitting.report.screen import phrase
 from fitting.report.table import Cell, numeric
-from fitting.result.ensemble import Ensemble, Share
 from fitting.simulate.budget import Decision
 from fitting.text.estimate import Estimate, FittedEstimate, OutputEstimate, Verdict
 from fitting.text.notation import (
@@ -424,33 +422,3 @@ def with_all(labels: Sequence[str], before: Any, after: Any) -> list[tuple[str, 
     """
     means = [*zip(labels, before.per_experiment, after.per_experiment, strict=False)]
     return [*means, ("all", before.mean, after.mean)] if len(means) > 1 else means
-
-
-def share(part: Share) -> str:
-    """So many of so many, with its interval.
-
-    Args:
-        part: of fits.
-    """
-    if not part.total:
-        return "–"
-    low, high = (f"{100.0 * end:.1f}" for end in part.interval)
-    return f"{part.count}/{part.total} = {100.0 * part.part:.1f} % ({low} to {high})"
-
-
-def over_all(ensemble: Ensemble) -> list[tuple[str, str, int, int, float, float, float]]:
-    """Name, unit, fits, those that report a value, least, median and largest value.
-
-    Args:
-        ensemble: many fits.
-    """
-    names: dict[str, list[Any]] = {}
-    for fitted in (v for row in ensemble.rows for v in row.values):
-        names.setdefault(fitted.name, []).append(fitted)
-    rows = []
-    for name, every in names.items():
-        reported = [v.value for v in every if math.isfinite(v.value)] or [math.nan]
-        count = sum(math.isfinite(v) for v in reported)
-        ends = (min(reported), statistics.median(reported), max(reported))
-        rows.append((name, every[0].unit, len(every), count, *ends))
-    return rows

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
+#: Templates of an optional package are named by their path in it: "posterior/text.txt.j2".
+PACKAGE = Path(__file__).parents[1]
 #: Numbers without a prefix from which a power of ten is printed.
 MANY = 1e5
 #: Share of the upper end of a range below which its lower end is printed as zero.
@@ -60,7 +62,7 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined  # most commands print little
 
     made = Environment(
-        loader=FileSystemLoader([*folders, TEMPLATES]),
+        loader=FileSystemLoader([*folders, TEMPLATES, PACKAGE]),
         autoescape=escaped,  # noqa: S701 - a terminal renders no HTML
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -17,16 +17,17 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.choices import SCENES
-from fitting.api.design import CAMPAIGN_FOLDER, TABLE_NAME
-from fitting.api.written import DESIGN_FILES, LEVELS_FILE, STUDY_FILES
+from fitting.api.written import LEVELS_FILE
 from fitting.cli.main import main
+from fitting.design import FILES as DESIGN_FILES
 from fitting.design import result as design_result
+from fitting.design.api import CAMPAIGN_FOLDER, TABLE_NAME
 from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME
 from fitting.design.sweep_campaign import SWEEPS_NAME
 from fitting.fit import checkpoint
 from fitting.lab import benches
-from fitting.lab.names import BENCHES
+from fitting.lab.names import BENCHES, SCENES
+from fitting.lab.tradeoff import FILES as STUDY_FILES
 from fitting.lab.tradeoff import study
 from fitting.lab.tradeoff.scenes import scene_named
 from tests.support.processes import MOST_S

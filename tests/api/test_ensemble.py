@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 import fitting as ff
-from fitting.api.ensemble import Progress
-from fitting.api.written import ITEMS_FILE
-from fitting.report.ensemble import csv_of, document, markdown
+from fitting.ensembles import ITEMS_FILE
+from fitting.ensembles.api import Progress
+from fitting.ensembles.report import csv_of, document, markdown
 from fitting.text.records import json_text
 from fitting.text.results_folder import open_folder_of, results_folder
 from tests.support.clusters import cluster_of_two

@@ -11,15 +11,15 @@ import pytest
 from scipy.stats import t
 
 import fitting as ff
-from fitting.api.written import CHAIN_FILE
+from fitting.posterior import CHAIN_FILE, job, summary
 from tests.support import closed_posteriors as closed
 
 
 @pytest.fixture(autouse=True)
 def always(monkeypatch: pytest.MonkeyPatch) -> None:
     """First walks whatever the posterior, and short ones."""
-    monkeypatch.setattr("fitting.api.posterior.GOOD", 1.1)
-    monkeypatch.setattr("fitting.api.posterior.LEARNING", 1)
+    monkeypatch.setattr(job, "GOOD", 1.1)
+    monkeypatch.setattr(job, "LEARNING", 1)
 
 
 def fitted(problem: ff.Problem) -> ff.Fit:
@@ -78,7 +78,7 @@ def test_while_draws_are_made_it_says_so_and_how_far_they_are(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The line stays until the next one: none may tell what has ended while another thing runs."""
-    monkeypatch.setattr("fitting.inference.posterior.summary.LONG_ENOUGH", 1e9)
+    monkeypatch.setattr(summary, "LONG_ENOUGH", 1e9)
     problem, told = ring(), list[str]()
     ff.posterior(problem, fitted(problem), ff.Sampling(steps=220, walkers=8), progress=told.append)
     begun = next(k for k, words in enumerate(told) if words.startswith("drawing "))

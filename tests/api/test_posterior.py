@@ -16,9 +16,9 @@ import pytest
 from scipy.stats import t
 
 import fitting as ff
-from fitting.api.written import CHAIN_FILE
 from fitting.fit.problem import Problem as Record
-from fitting.report.figures.posterior import draw
+from fitting.posterior import CHAIN_FILE, chain
+from fitting.posterior.figure import draw
 from fitting.report.figures.style import RED
 from tests.support import closed_posteriors as closed
 from tests.support.datasets import dataset
@@ -153,8 +153,8 @@ def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
     """Without the mixture each walker stays where it began: any share would come out."""
     problem = closed.exchange()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fitting.inference.posterior.chain.MIXED", 0.0)
-        patch.setattr("fitting.inference.posterior.chain.DIFFERENCE", 0.0)
+        patch.setattr(chain, "MIXED", 0.0)
+        patch.setattr(chain, "DIFFERENCE", 0.0)
         found = ff.posterior(problem, fitted(problem), ff.Sampling(steps=1000, walkers=8))
     assert found.status == "not converged"
     assert math.isnan(found["p1"].value)

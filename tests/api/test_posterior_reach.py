@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.inference.posterior.minima import Target, minima_of
-from fitting.inference.posterior.start import Minimum
+from fitting.posterior import job, summary
+from fitting.posterior.minima import Target, minima_of
+from fitting.posterior.mixture import Minimum
 from fitting.text.arrays import FloatArray
 from tests.support import closed_posteriors as closed
 from tests.support.closed_posteriors import Formula, parameter, problem
@@ -29,7 +30,7 @@ def one_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
         here = [m for m in found if abs(target.in_units(m.centre)[0] - closed.NARROW) < 1.0]
         return tuple(here)
 
-    monkeypatch.setattr("fitting.api.posterior.minima_of", first)
+    monkeypatch.setattr(job, "minima_of", first)
 
 
 @pytest.mark.usefixtures("one_minimum")
@@ -61,9 +62,9 @@ def test_a_bent_posterior_beside_no_profiles_is_not_converged() -> None:
     names = [parameter("p1", -2.0, 2.0, 1.0), parameter("p2", -2.0, 2.0, 0.1)]
     made = problem(formula, names, np.array([1.0]), np.array([0.05]))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fitting.api.posterior.LEARNING", 1)
-        patch.setattr("fitting.inference.posterior.summary.LONG_ENOUGH", 0.0)
-        patch.setattr("fitting.inference.posterior.summary.AGREE", math.inf)
+        patch.setattr(job, "LEARNING", 1)
+        patch.setattr(summary, "LONG_ENOUGH", 0.0)
+        patch.setattr(summary, "AGREE", math.inf)
         found = ff.posterior(made, fitted(made), ff.Sampling(steps=200, walkers=8))
     assert found.status == "not converged"
     assert [finding.kind for finding in found.summary.findings] == ["posterior_unchecked"]

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.ensemble import Progress
 from fitting.engine.local import LocalProcesses
 from fitting.engine.place import opened
 from fitting.engine.run import run
+from fitting.ensembles.api import Progress
 from fitting.text.journal import Journal
 from tests.support import work
 from tests.support.work import Piece

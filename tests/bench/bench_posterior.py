@@ -4,7 +4,7 @@
         [--record ranks.jsonl]
 
 Truths are drawn from the prior, data from the model at the truth: ranks of the truth among
-independent draws of its posterior are then uniform (`fitting.inference.posterior.ranks`).
+independent draws of its posterior are then uniform (`tests.support.ranks`).
 
     line       one line of 9 points with 5 % of noise, in a box that cuts many posteriors
     exchange   a sum and a squared difference: two minima, alike but for a prior on one value
@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 import fitting as ff
-from fitting.inference.posterior.ranks import rank_of, uniformity
 from fitting.text.arrays import FloatArray
 from tests.bench.records import Records
 from tests.support import closed_posteriors as closed
+from tests.support.ranks import rank_of, uniformity
 
 #: Independent draws of each laboratory, and bins of the ranks.
 DRAWS, BINS = 99, 10

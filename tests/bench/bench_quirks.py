@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 import fitting as ff
+from fitting.check.findings import Severity
 from fitting.cli.main import main as fmu_fit
-from fitting.fmu.findings import Severity
 from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

@@ -14,7 +14,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 import fitting as ff
-from fitting.api.init import init
+from fitting.draft.api import init
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 

@@ -35,7 +35,7 @@ def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -
     assert "eta_plus" not in resets["idle"]
     description = read_description(oscillator_fmu)
     assert description.own_steps.usual_s == 1e-8
-    further = phrases("check", "further", description)
+    further = phrases("check/text", "further", description)
     [needs] = [s for s in further if s.startswith("needsExecutionTool: ")]
     assert re.findall(r"\d+\.\d+", needs) == ["3.8", "3.13"]  # of libpython
 
@@ -189,7 +189,7 @@ def test_times_take_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     text = capsys.readouterr().out
     assert "step of 2 ms" in text
     assert "needsExecutionTool" not in text
-    once = phrases("check", "further", read_description(build_c_fmu(tmp_path, once=True)))
+    once = phrases("check/text", "further", read_description(build_c_fmu(tmp_path, once=True)))
     assert any(line.startswith("canBeInstantiatedOnlyOncePerProcess: ") for line in once)
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 import fitting as ff
-from fitting.api.written import ITEMS_FILE
-from fitting.report.ensemble import csv_of
+from fitting.ensembles import ITEMS_FILE
+from fitting.ensembles.report import csv_of
 from tests.support.in_process import told
 from tests.support.processes import Job, wait_until
 

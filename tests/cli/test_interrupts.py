@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from fitting.api.fitted import Spent
+from fitting.check import command
 from fitting.cli.running.interrupts import interruptible
 from fitting.cli.running.remaining import Remaining
 from fitting.fit import checkpoint
@@ -136,7 +137,7 @@ def test_a_library_that_makes_a_fault_of_an_interrupt_does_not_change_the_ending
         except KeyboardInterrupt as error:
             raise ImportError("initialization failed") from error
 
-    monkeypatch.setattr("fitting.cli.check.run", loaded)
+    monkeypatch.setattr(command, "run", loaded)
     with harmless(signal.SIGINT):
         ended = told("check", tmp_path / "none.fmu")
     assert (ended.code, ended.err) == (130, INTERRUPTED)

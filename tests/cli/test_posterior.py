@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting.inference.posterior.summary import PosteriorSummary
+from fitting.posterior.summary import PosteriorSummary
 from fitting.result.result import read_result
 from fitting.text.records import read_json
 from tests.support.in_process import told

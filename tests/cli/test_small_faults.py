@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 import fitting as ff
-from fitting.api.ensemble import Ensemble
 from fitting.api.problem import one_fmu
 from fitting.cli.words.again import command_again
 from fitting.cli.words.parser import parsed
-from fitting.result.ensemble import FAILED
+from fitting.ensembles.api import Ensemble
+from fitting.ensembles.result import FAILED
 from fitting.text.errors import BadInput
 from fitting.text.notation import with_unit
 from tests.support.in_process import told

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from fitting.campaign import read_campaign
-from fitting.cli import synthesize
 from fitting.cli.main import main
+from fitting.lab import command as synthesize
 from fitting.lab.duffing import Cubic, CubicModes
 from fitting.lab.truth import read_bench
 from fitting.text.errors import BadInput

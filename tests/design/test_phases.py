@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.synthesis import PhaseDetectors
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenDesign
 from fitting.campaign.parameters import to_search
@@ -28,6 +27,7 @@ from fitting.design.information import (
 from fitting.design.limits import limits_of, refuse_wider
 from fitting.design.table import DesignTable
 from fitting.fmu import FmuWorkers
+from fitting.lab.api import PhaseDetectors
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput

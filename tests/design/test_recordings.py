@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.design import NextMeasurements
 from fitting.cli.main import main
+from fitting.design.api import NextMeasurements
 from fitting.design.candidates import Limits, TraceLimits
 from fitting.design.information import Place, Series
 from fitting.design.recordings import RecordingsToSimulate, recording_choices, traces_of
-from fitting.report.screens import design_lines
+from fitting.design.report import screen_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
 from tests.support.demodulated import demodulated
@@ -232,7 +232,7 @@ def test_recordings_are_chosen_and_judged_as_numpy_does(
     assert second.expected.at == pytest.approx(expected(OLD_T, mine, more)[index], rel=0.01)
     assert first.peaks_v[0] == pytest.approx(np.max(np.abs(ring(mine))), rel=1e-3)
     assert first.sigmas_v == (SIGMA,)
-    assert any(f"{mine.size} samples" in line for line in design_lines(found))
+    assert any(f"{mine.size} samples" in line for line in screen_lines(found))
 
 
 def test_a_time_is_spent_on_the_recordings_that_it_allows(beam: ff.Fmu, tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ import pytest
 from scipy.special import ive
 
 import fitting as ff
-from fitting.api.design import NextMeasurements
+from fitting.design.api import NextMeasurements
 from fitting.design.continued import SweepRows
+from fitting.design.report import screen_lines
 from fitting.design.sweeps import information_of_sweeps
-from fitting.report.screens import design_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.modal_workers import phasors
 
@@ -245,7 +245,7 @@ def test_the_campaign_asks_for_the_sweeps_and_is_read_when_they_are_filled_in(
     assert wanted is not None
     assert dict(wanted.controls) == {"V": (0.0, 0.4, 1.0, 1.6)}
     assert wanted.points == 41
-    said = " ".join(design_lines(made.design, verbose=True)).replace("\u00a0", " ")
+    said = " ".join(screen_lines(made.design, verbose=True)).replace("\u00a0", " ")
     assert "41 points" in said
     assert "1.6 kHz" in said
     assert len((tmp_path / "next/design.csv").read_text().splitlines()) == 4

@@ -13,9 +13,9 @@ import pytest
 import fitting as ff
 from fitting.campaign import bind
 from fitting.design.choice import DesignProblem, choose_within, losses
+from fitting.design.report import ways_lines
 from fitting.design.ways import TOGETHER, read_ways
 from fitting.design.weighing import DesignGoal, weigh_ways
-from fitting.report.screens import ways_lines
 from fitting.text.arrays import FloatArray
 from tests.design.test_sweeps import (
     BOX,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import Question, init
 from fitting.cli.main import main
+from fitting.draft.api import Question, init
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray
 from tests.support.cfmu_build import build_lag_fmu

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import Question, drafted, init
 from fitting.cli.main import main
+from fitting.draft.api import Question, drafted, init
 from fitting.draft.decays import ringdown_of
 from fitting.draft.two_modes import two_modes_of
 from fitting.fit.fit import Status

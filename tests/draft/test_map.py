@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import init
 from fitting.campaign.recognised import recognised
 from fitting.cli.main import main
+from fitting.draft.api import init
 from fitting.draft.crossing import Spectra, crossing_of
 from fitting.resonance.reading import Columns
 from fitting.result.result import read_result

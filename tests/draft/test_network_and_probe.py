@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import init
+from fitting.draft.api import init
 from fitting.text.errors import BadInput
 
 pytestmark = pytest.mark.usefixtures("swift_models")

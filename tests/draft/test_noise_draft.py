@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import init
 from fitting.cli.main import main
+from fitting.draft.api import init
 from fitting.draft.files import files_of, settled
 from fitting.draft.questions import Answers
 from fitting.resonance.reading import Columns

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import Question, init
+from fitting.draft.api import Question, init
 from fitting.measurements.record_table import ReadRecords
 from fitting.measurements.traces.table import TraceTable
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import init
+from fitting.draft.api import init
 from fitting.draft.series import series_of
 from fitting.measurements.control.table import ReadControlSweep
 from fitting.resonance.reading import Columns

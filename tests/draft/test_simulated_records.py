@@ -11,8 +11,8 @@ import pytest
 from scipy.io import savemat
 
 import fitting as ff
-from fitting.api.init import init
 from fitting.campaign.instruments import Selection, layout_of, read_recording
+from fitting.draft.api import init
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.cfmu_build import build_lag_fmu

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import init
+from fitting.draft.api import init
 from fitting.text.arrays import Scalar
 from tests.support.lines import mode, write_csv
 

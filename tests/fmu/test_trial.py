@@ -8,15 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from fitting.check.costs import Costs, measure_costs, repeated_steps
+from fitting.check.examination import Examination, examine
+from fitting.check.findings import Severity, rule_findings, trial_findings
+from fitting.check.inputs import try_inputs
+from fitting.check.resets import try_resets
+from fitting.check.runs import STEPS, pushed_run, trial_step_s
+from fitting.check.steps import try_repeats
 from fitting.fmu import FmuWorkers, read_description
-from fitting.fmu.findings import Severity, rule_findings
-from fitting.fmu.trial.costs import Costs, measure_costs, repeated_steps
-from fitting.fmu.trial.examination import Examination, examine
-from fitting.fmu.trial.findings import trial_findings
-from fitting.fmu.trial.inputs import try_inputs
-from fitting.fmu.trial.resets import try_resets
-from fitting.fmu.trial.runs import STEPS, pushed_run, trial_step_s
-from fitting.fmu.trial.steps import try_repeats
 from tests.support.cfmu_build import (
     build_c_fmu,
     build_lag_fmu,

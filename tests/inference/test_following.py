@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from fitting.inference.posterior.chain import Walk
-from fitting.inference.posterior.first_walks import about_walk
-from fitting.inference.posterior.learnt import worth
-from fitting.inference.posterior.minima import Target, minima_of
-from fitting.inference.posterior.start import Mixture
+from fitting.posterior.chain import Walk
+from fitting.posterior.learning import about_walk
+from fitting.posterior.minima import Target, minima_of
+from fitting.posterior.mixture import Mixture, worth
 from fitting.text.arrays import FloatArray
 from tests.support.closed_posteriors import parameter
 

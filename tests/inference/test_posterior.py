@@ -8,14 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitting.inference.posterior.diagnostics import autocorrelation_time, split_rhat
-from fitting.inference.posterior.learnt import worth
-from fitting.inference.posterior.minima import Target, about, minima_of
-from fitting.inference.posterior.ranks import rank_of, uniformity
-from fitting.inference.posterior.start import Minimum, Mixture
-from fitting.inference.posterior.turns import begins_of, told, told_interval, told_value
+from fitting.posterior.convergence import autocorrelation_time, split_rhat
+from fitting.posterior.minima import Target, about, minima_of
+from fitting.posterior.mixture import Minimum, Mixture, worth
+from fitting.posterior.periods import (
+    in_period,
+    interval_in_period,
+    period_begins,
+    value_in_period,
+)
 from fitting.text.arrays import FloatArray
 from tests.support.closed_posteriors import parameter
+from tests.support.ranks import rank_of, uniformity
 
 
 def autoregressive(rho: float, steps: int, walkers: int, seed: int) -> FloatArray:
@@ -142,44 +146,44 @@ def test_draws_that_do_not_go_all_round_are_told_in_one_piece(
     """Even draws in a tenth of the period, two turns off: the gap is cut in its middle."""
     target, off = turning(), np.linspace(-0.05, 0.05, 101)
     draws = (middle - 2.0 + off)[:, None]
-    found = begins_of(target, draws, {"q": reported})
+    found = period_begins(target, draws, {"q": reported})
     assert found == pytest.approx([begins])
-    turned = told(target, found, draws)[:, 0]
+    turned = in_period(target, found, draws)[:, 0]
     assert turned == pytest.approx(begins + 0.5 + off)
     assert np.ptp(turned) == pytest.approx(0.1)
     # a truth a little beyond the draws is told beside them, on whichever side it is
     for beside in (-0.2, 0.2):
-        shown = told_value(target.parameters[0], float(found[0]), middle + beside + 5.0)
+        shown = value_in_period(target.parameters[0], float(found[0]), middle + beside + 5.0)
         assert shown == pytest.approx(begins + 0.5 + beside)
 
 
 def test_draws_that_go_all_round_are_told_in_the_period_of_the_fit() -> None:
     target = turning()
     even = np.random.default_rng(1).uniform(-2.0, 2.0, (4000, 1))
-    assert begins_of(target, even, {"q": 0.7})[0] == 0.0
+    assert period_begins(target, even, {"q": 0.7})[0] == 0.0
     # three of four draws about a multiple of the period: where they are rarest is half of it off
     most = np.concatenate([even, np.random.default_rng(2).normal(1.0, 0.08, (12000, 1))])
-    begin = float(begins_of(target, most, {"q": 0.1})[0])
+    begin = float(period_begins(target, most, {"q": 0.1})[0])
     assert -0.75 < begin < -0.25
-    assert begins_of(target, most, {"q": 0.9}) == pytest.approx([begin + 1.0])  # by the fit
+    assert period_begins(target, most, {"q": 0.9}) == pytest.approx([begin + 1.0])  # by the fit
     # a draw in the middle of an eighth without any leaves no gap that were wide enough
     few = even[np.abs(np.mod(even[:, 0], 1.0) - 14 / 32) > 2 / 32]
     middle = np.concatenate([few, most[4000:], [[14 / 32]]])
-    assert begins_of(target, middle, {"q": 0.1}) == pytest.approx([14 / 32 - 1.0])
+    assert period_begins(target, middle, {"q": 0.1}) == pytest.approx([14 / 32 - 1.0])
     # the fit's interval of a whole period is the told one, another stays as the fit tells it
     angle = target.parameters[0]
-    assert told_interval(angle, begin, (0.1, 1.1)) == (begin, begin + 1.0)
-    assert told_interval(angle, begin, (0.1, 0.4)) == (0.1, 0.4)
+    assert interval_in_period(angle, begin, (0.1, 1.1)) == (begin, begin + 1.0)
+    assert interval_in_period(angle, begin, (0.1, 0.4)) == (0.1, 0.4)
 
 
 def test_a_box_without_a_whole_period_is_told_in_one_piece_where_the_fit_tells_it() -> None:
     target = turning(-0.3, 0.2)
     ends = np.array([[-0.3], [0.2]])
-    found = begins_of(target, ends, {"q": 0.98})  # the fit calls -0.02 so
-    assert told(target, found, ends)[:, 0] == pytest.approx([0.7, 1.2])
+    found = period_begins(target, ends, {"q": 0.98})  # the fit calls -0.02 so
+    assert in_period(target, found, ends)[:, 0] == pytest.approx([0.7, 1.2])
     straight = replace(target, parameters=(parameter("q", -2.0, 2.0, 0.0),))
-    assert np.isnan(begins_of(straight, ends, {"q": 0.1}))[0]
-    assert np.array_equal(told(straight, np.array([math.nan]), ends), ends)
+    assert np.isnan(period_begins(straight, ends, {"q": 0.1}))[0]
+    assert np.array_equal(in_period(straight, np.array([math.nan]), ends), ends)
 
 
 def test_ranks_of_truths_that_are_draws_are_uniform_and_others_are_not() -> None:

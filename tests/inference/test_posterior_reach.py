@@ -17,8 +17,8 @@ from fitting.inference.likelihood.knowledge import (
     Knowledge,
     Scan,
 )
-from fitting.inference.posterior.minima import Target
-from fitting.inference.posterior.reach import Accepted, accepted_by, missed_by
+from fitting.posterior.convergence import accepted_by, missed_by
+from fitting.posterior.minima import Target
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import ParameterEstimate
 from tests.support.closed_posteriors import parameter
@@ -38,33 +38,33 @@ def draws(low: float, high: float) -> FloatArray:
     return np.linspace(low, high, 400).reshape(20, 20, 1)
 
 
-def missed(known: Accepted, drawn: FloatArray, **changes: Any) -> float | None:
+def missed(known: Any, drawn: FloatArray, **changes: Any) -> float | None:
     found = missed_by(target(**changes), np.array([math.nan]), drawn, {"d": known})
-    return None if found is None else found.value
+    return None if found is None else found.numbers["value"]
 
 
 def test_an_end_that_fits_and_that_no_draw_is_near_is_missed() -> None:
     """As a chain that never saw the upper half of what its profile accepts."""
-    whole = Accepted((0.0, 30.0, 60.0, 100.0), 100.0)
+    whole = ((0.0, 30.0, 60.0, 100.0), 100.0)
     assert missed(whole, draws(5.0, 95.0)) is None
     assert missed(whole, draws(5.0, 56.6)) == 100.0
     assert missed(whole, draws(40.0, 99.0)) == 0.0  # the farthest of two
     found = missed_by(target(), np.array([math.nan]), draws(5.0, 56.6), {"d": whole})
     assert found is not None
-    assert found.name == "d"
-    assert found.nearest == pytest.approx(56.6)
+    assert found.subject == "d"
+    assert found.numbers["nearest"] == pytest.approx(56.6)
 
 
 def test_a_gap_between_two_solutions_is_no_gap_but_a_missing_one_is() -> None:
     """The interval of either is 2 wide: a tenth of that is near."""
-    both = Accepted((9.0, 10.0, 11.0, 70.0), 2.0)
+    both = ((9.0, 10.0, 11.0, 70.0), 2.0)
     two = np.concatenate([draws(9.0, 11.0), draws(69.5, 70.5)])
     assert missed(both, two) is None
     assert missed(both, draws(9.0, 11.0)) == 70.0
 
 
 def test_a_value_a_period_off_is_the_same() -> None:
-    known = Accepted((0.5, 99.5), 4.0)
+    known = ((0.5, 99.5), 4.0)
     turning = target(period=100.0)
     at_both_ends = draws(-1.0, 1.0)  # about 0, in a period that begins at -50
     assert missed_by(turning, np.array([-50.0]), at_both_ends, {"d": known}) is None
@@ -110,17 +110,17 @@ BOUNDS = (parameter("d", 0.0, 100.0, 50.0), parameter("e", 0.0, 10.0, 5.0))
 def test_accepted_are_points_of_the_profile_and_other_minima() -> None:
     """What fits beyond a bound counts at it; a minimum beyond the bounds is none of theirs."""
     found = accepted_by(determined(), BOUNDS)["d"]
-    assert sorted(found.values) == [30.0, 40.0, 50.0, 77.0, 100.0]
-    assert found.width == pytest.approx(79.6)
+    assert sorted(found[0]) == [30.0, 40.0, 50.0, 77.0, 100.0]
+    assert found[1] == pytest.approx(79.6)
 
 
 def test_what_fits_only_with_another_value_beyond_its_bounds_is_not_accepted() -> None:
     """Profiles are scanned beyond the bounds of all parameters; draws are not there."""
     found = accepted_by(determined(beside=12.0), BOUNDS)["d"]
-    assert sorted(found.values) == [30.0, 40.0, 77.0]
+    assert sorted(found[0]) == [30.0, 40.0, 77.0]
 
 
 def test_draws_take_the_noise_as_stated_and_so_does_what_they_have_to_come_near() -> None:
     """Noise that the fit widened by 2.5: Dchi^2 of the stated noise is 6.25 times as much."""
     found = accepted_by(determined(inflation=2.5), BOUNDS)["d"]
-    assert sorted(found.values) == [40.0, 77.0, 100.0]
+    assert sorted(found[0]) == [40.0, 77.0, 100.0]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import fitting as ff
-from fitting.api.choices import CURVES
-from fitting.api.synthesis import LockIns
+from fitting.lab.api import LockIns
+from fitting.lab.names import CURVES
 from fitting.text.errors import BadInput
 
 
@@ -51,7 +52,7 @@ def test_a_truth_of_no_curve_is_refused_with_its_file(tmp_path: Path) -> None:
 
 def test_an_ensemble_like_a_crossing_has_a_seed_for_each_laboratory(tmp_path: Path) -> None:
     made = ff.synthesize_curves("crossing", seed=5, out=tmp_path, noise=0.02)
-    many = ff.Laboratories(tmp_path / "campaign.toml", 2, seed=5)
-    files = [many.one(k, many.source).made().files["map.csv"] for k in (0, 1)]
+    many = ff.Laboratories(tmp_path / "campaign.toml", 2, seed=5).portable
+    files = [replace(many, seed=seed).first().files["map.csv"] for seed in (5, 6)]
     assert _rows(str(files[0])) == _rows(str(made.files["map.csv"]))
     assert _rows(str(files[1])) != _rows(str(files[0]))

@@ -16,23 +16,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import build_fmu
-from fitting.api.tradeoff import write_tradeoff
 from fitting.cli.main import main
 from fitting.fmu import FmuWorkers
 from fitting.lab import exact as exact_modes
 from fitting.lab.names import AMPLITUDES
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.tradeoff import study
+from fitting.lab.tradeoff.api import write_tradeoff
 from fitting.lab.tradeoff.bench import Bench, Patience, largest_lines, read, window_of
 from fitting.lab.tradeoff.extrapolation import closed_orbits, stepped_setting
 from fitting.lab.tradeoff.front import cheapest, pareto
 from fitting.lab.tradeoff.quantities import error_of, values_of
 from fitting.lab.tradeoff.records import COHERENT, Cost, Measurement, Setting, Study
 from fitting.lab.tradeoff.reference import references_of
+from fitting.lab.tradeoff.report import markdown, page_of, screen_lines
 from fitting.lab.tradeoff.scenes import SENSOR, STRING, STRING_TONES, scene_named
 from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study
-from fitting.report.screens import tradeoff_lines
-from fitting.report.tradeoff import markdown, page_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import reference
@@ -318,7 +317,7 @@ def test_what_may_still_come_is_not_told_as_missed(
     setting = Setting(quantity=AMPLITUDES, solver="exact", window_s=1.0, samples=8)
     rough = Measurement(setting=setting, error=1e-3, cost=Cost(seconds=1.0, cpu_s=1.0, repeats=1))
     half = halfway(rough, replace(rough, planned_for=1e-2), status=status)
-    shown = "\n".join(tradeoff_lines(half))
+    shown = "\n".join(screen_lines(half))
     assert wanted[0] in shown
     for text in (shown, markdown(half), repr(page_of(half, ()))):
         assert not any(words in text for words in unwanted)

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.tradeoff import memory_of
 from fitting.engine import files, run
 from fitting.engine.local import LocalProcesses, LostProcess
 from fitting.fmu import FmuWorkers
 from fitting.lab.names import AMPLITUDES
 from fitting.lab.tradeoff import item, study
+from fitting.lab.tradeoff.api import memory_of
 from fitting.lab.tradeoff.bench import Bench, Patience
 from fitting.lab.tradeoff.records import Measurement, Study
 from fitting.lab.tradeoff.scenes import scene_named

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 
-from fitting.report.ensemble import csv_of, markdown
-from fitting.report.figures.ensemble import draw
+from fitting.ensembles.figure import draw
+from fitting.ensembles.report import csv_of, markdown, screen_lines
+from fitting.ensembles.result import FAILED, Ensemble, EnsembleRow, EnsembleValue, Share
 from fitting.report.figures.style import style
-from fitting.report.screens import ensemble_lines
-from fitting.result.ensemble import FAILED, Ensemble, EnsembleRow, EnsembleValue, Share
 from fitting.text.estimate import Verdict
 
 
@@ -98,7 +97,7 @@ def test_every_item_is_in_the_table_and_a_failure_says_why(several: Ensemble) ->
     assert rows[5]["message"] == WHY
     assert rows[5]["value"] == ""
     assert f"| seed 5 | {WHY.replace('|', f'{chr(92)}|')} |" in markdown(several)
-    words = "\n".join(ensemble_lines(several))
+    words = "\n".join(screen_lines(several))
     assert "2/4 = 50.0 % (6.8 to 93.2)" in words  # Clopper and Pearson's table
     assert "seed 5" in words
 

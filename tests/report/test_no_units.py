@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 
+from fitting.design.report import proposal_table, screen_lines
 from fitting.design.result import design_csv
-from fitting.report.design import proposal_table
-from fitting.report.screens import design_lines
 from tests.support import plot_records
 from tests.support import plots as plot
 
@@ -21,6 +20,6 @@ def test_a_design_without_units_has_no_empty_brackets() -> None:
     labels = [text for one in axes for text in (one.get_xlabel(), one.get_ylabel())]
     plt.close(figure)
     heads = [head.text for head in proposal_table(design).heads]
-    for text in (*design_lines(design), *labels, *heads, design_csv(design)):
+    for text in (*screen_lines(design), *labels, *heads, design_csv(design)):
         assert "()" not in text
         assert "( " not in text

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import init
+from fitting.draft.api import init
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.in_process import told

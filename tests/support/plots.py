@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.report.figures.design import candidates, expected_errors
+from fitting.design.figure import candidates, expected_errors
 from fitting.report.figures.fit import (
     objective_path,
     output_by_experiment,

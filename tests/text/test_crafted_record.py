@@ -12,7 +12,7 @@ from threading import Thread
 
 import pytest
 
-from fitting.api.written import ITEMS_FILE
+from fitting.ensembles import ITEMS_FILE
 from fitting.lab.synthesis import SyntheticFiles
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole

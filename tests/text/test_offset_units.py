@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.init import init
+from fitting.draft.api import init
 from fitting.measurements.traces.traces import Traces
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

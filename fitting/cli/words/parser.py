@@ -35,6 +35,16 @@ COMMANDS = {
     "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
     "completion": "completion of commands, options and file names by a shell: bash, zsh, tcsh",
 }
+#: Modules of the commands of optional packages; that of every other is in `fitting.cli`.
+HOMES = {
+    "posterior": "posterior.command",
+    "ensemble": "ensembles.command",
+    "check": "check.command",
+    "design": "design.command",
+    "init": "draft.command",
+    "synthesize": "lab.command",
+    "tradeoff": "lab.tradeoff.command",
+}
 PROGRAM = "fmu-fit"
 #: What the exit codes mean, for --help and the documentation.
 EXIT_CODES = {
@@ -129,7 +139,7 @@ def command_of(name: str) -> ModuleType:
     Args:
         name: one of COMMANDS.
     """
-    return importlib.import_module(f"fitting.cli.{name}")
+    return importlib.import_module(f"fitting.{HOMES.get(name, f'cli.{name}')}")
 
 
 def add_options(parser: argparse.ArgumentParser, command: ModuleType) -> None:

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.signal import windows
 
-from fitting.fmu import FmuWorkers, Run
+from fitting.extension.fmu import FmuWorkers, Run
 from fitting.lab.tradeoff.records import COHERENT, FLAT_TOP, HELD, SUBSTEPS, Cost, Setting
 from fitting.lab.tradeoff.scenes import LONGEST_PERIOD_S, Scene
 from fitting.signal.window import SPARE_SAMPLES, Window, plan_window, whole_steps

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, VariableLike, WrittenFmu
+from fitting.campaign import VariableLike
+from fitting.extension.records import BoundCampaign, WrittenFmu
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.lab.tradeoff.records import SUBSTEPS, TOLERANCE
 from fitting.lab.tradeoff.scenes import Scene, Solver

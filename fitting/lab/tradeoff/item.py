@@ -7,11 +7,17 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitting.engine.files import NeededFile, place_of
-from fitting.engine.place import Where, opened
-from fitting.engine.run import Ended, run
-from fitting.engine.threads import one_thread
-from fitting.fmu import FmuWorkers, read_description
+from fitting.extension.fmu import (
+    Ended,
+    FmuWorkers,
+    NeededFile,
+    Where,
+    opened,
+    place_of,
+    read_description,
+    run,
+)
+from fitting.extension.problem import one_thread
 from fitting.lab.tradeoff.bench import Bench, Patience
 from fitting.lab.tradeoff.records import Measurement, Reference, Setting
 from fitting.lab.tradeoff.ruler import Ruler

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import pairwise
 
-from fitting.campaign import WrittenFmu
+from fitting.extension.records import WrittenFmu
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.lab.duffing import Cubic, CubicModes
 from fitting.lab.exact import line_width_hz

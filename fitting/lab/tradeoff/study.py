@@ -10,9 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting.engine.place import Where
-from fitting.engine.run import Ended
-from fitting.fmu import FmuWorkers
+from fitting.extension.fmu import Ended, FmuWorkers, Where
 from fitting.lab.names import AMPLITUDES, QUANTITIES
 from fitting.lab.tradeoff.bench import Bench, Patience
 from fitting.lab.tradeoff.grid import settings_of

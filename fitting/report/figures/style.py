@@ -248,10 +248,13 @@ def described(name: str, **records: Any) -> Described:
     """A figure that is not drawn yet: its title, its caption, and what is read to the blind.
 
     Args:
-        name: of a macro of `templates/figures.txt.j2`.
+        name: of a macro of `templates/figures.txt.j2`; with the name of an optional package before
+            it, as "posterior/corner", of that package's `text.txt.j2`.
         records: its arguments.
     """
-    text = re.sub(r"[ \n]+", " ", phrase("figures", name, **records))
+    package, _, name = name.rpartition("/")
+    template = f"{package}/text" if package else "figures"
+    text = re.sub(r"[ \n]+", " ", phrase(template, name, **records))
     title, caption, *alt = (part.strip() for part in text.split("¦"))
     return Described(name=name, title=title, caption=caption, alt=alt[0] if alt else caption)
 

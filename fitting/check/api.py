@@ -1,0 +1,136 @@
+"""A check of an FMU: does it load, validate, run, survive a reset, suit a campaign."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting import Fmu
+from fitting.check import FILES
+from fitting.check.examination import Examination, examine
+from fitting.check.findings import Finding, Severity, rule_findings, trial_findings
+from fitting.check.runs import trial_step_s
+from fitting.extension.fmu import FmuDescription, held_fmu, validation_problems
+from fitting.extension.records import BoundCampaign, Campaign, bind, read_campaign
+from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.results_folder import remove_earlier, results_folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suits:
+    """What a campaign would do with an FMU that it suits: how much there is to fit, from what."""
+
+    campaign: Path
+    parameters: int
+    experiments: int
+    output: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """What was found of an FMU; ``sound`` sums it up.
+
+    ``findings`` are rules of FMI that it breaks, and what it does that a fit or another tool may
+    not expect, by severity; ``examination`` is what came of everything that was tried, ``failure``
+    what ended that, if anything did; ``suits`` is what the campaign would fit, ``unsuited`` why it
+    does not suit; ``warnings`` are what the FMU logged.
+    """
+
+    description: FmuDescription
+    findings: tuple[Finding, ...]
+    examination: Examination
+    suits: Suits | None
+    unsuited: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def failure(self) -> FmuFailure | None:
+        """What ended the examination."""
+        return self.examination.failure
+
+    @property
+    def sound(self) -> bool:
+        """Whether it runs and suits, and whatever rules it breaks are cosmetic."""
+        cosmetic = all(f.severity is Severity.COSMETIC for f in self.findings)
+        return cosmetic and not self.unsuited
+
+
+def check(
+    fmu: Fmu | str | Path,
+    campaign: str | Path | Campaign | None = None,
+    *,
+    step_s: float | None = None,
+) -> Check:
+    """Examine an FMU: what is wrong is reported, not raised.
+
+    Args:
+        fmu: The FMU, its path, or the name of a model of this project.
+        campaign: A campaign that it may suit; its start values hold for the trial run.
+        step_s: Length of the trial step, s, above zero; None: the FMU's own, four of a fixed one of
+            its solver, else 1 ms.
+
+    Returns:
+        ``sound`` sums it up; ``findings`` (by severity), ``failure`` and ``unsuited``
+        say what is wrong, ``examination`` holds what was tried and measured.
+
+    Raises:
+        BadInput: no FMU that this machine can run, a campaign that cannot be read, no time.
+    """
+    if step_s is not None and not step_s > 0.0:
+        raise BadInput(f"step_s: found {step_s!r}, wanted a positive time")
+    held = held_fmu(fmu)  # its processes live as long as it does
+    workers = held.workers
+    if campaign is not None and not isinstance(campaign, Campaign):
+        campaign = read_campaign(campaign)
+    description = workers.description
+    bound: BoundCampaign | None = None
+    unsuited: tuple[str, ...] = ()
+    if campaign is not None:
+        try:
+            bound = bind(campaign, description.variables)
+        except BadInput as error:
+            unsuited = tuple(map(str, error.args))
+    values = bound.setup.start_values if bound else {}
+    examination = examine(workers, step_s or trial_step_s(description), values)
+    findings = (
+        *trial_findings(description, examination),
+        *rule_findings(validation_problems(description.path)),
+    )
+    suits = None
+    if bound is not None:
+        suits = Suits(
+            campaign=bound.path,
+            parameters=len(bound.parameters),
+            experiments=len(bound.experiments),
+            output=bound.setup.output,
+        )
+    return Check(
+        description=description,
+        findings=tuple(sorted(findings, key=lambda f: f.severity.rank)),
+        examination=examination,
+        suits=suits,
+        unsuited=unsuited,
+        warnings=workers.warnings,
+    )
+
+
+def write_check(found: Check, out: str | Path) -> Path:
+    """Write what was found as a page, report.html with its figure.
+
+    Args:
+        found: What `check` returned.
+        out: Folder, made where there is none.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        BadInput: the folder cannot be written, or holds files of these names that are not ours.
+    """
+    # matplotlib takes a second to import: only where something is drawn
+    report = importlib.import_module("fitting.check.report")
+    with results_folder(Path(out), "check", FILES):
+        page: Path = report.write_report(found, Path(out))
+        remove_earlier(Path(out), FILES)
+    return page

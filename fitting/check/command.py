@@ -1,0 +1,74 @@
+"""``fmu-fit check``: will an FMU load, validate, run, survive a reset, and suit a campaign."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import fitting as ff
+from fitting.check import FILES
+from fitting.extension.command import (
+    add_fmu,
+    add_isolate,
+    add_timeout,
+    fmu_of,
+    hand_over,
+    positive_time,
+    status_line,
+    writes,
+)
+
+NAME = "check"
+DOCUMENT = "the findings"
+EXAMPLE = "fmu-fit check CoupledOscillator --campaign string_q1/campaign.toml"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    add_fmu(parser)
+    parser.add_argument(
+        "--campaign", type=Path, metavar="CAMPAIGN.toml", help="a campaign that the FMU has to suit"
+    )
+    parser.add_argument(
+        "--step",
+        type=positive_time("--step"),
+        metavar="TIME",
+        help='length of the trial step, as "1 ms" (one that suits the FMU, else 0.001 s)',
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FOLDER", help="also write a page, FOLDER/report.html"
+    )
+    add_timeout(parser, 60.0, "longest run")
+    add_isolate(parser)
+
+
+def _out(args: argparse.Namespace) -> Path | None:
+    out: Path | None = args.report
+    return out
+
+
+@writes(NAME, *FILES, to=_out)
+def run(args: argparse.Namespace) -> int:
+    """Check and print; returns 0.
+
+    Raises:
+        BadInput: the FMU cannot be read, or does not suit the campaign, or no page can be written.
+        FmuFailure: the trial run failed.
+    """
+    from fitting.check.api import write_check
+    from fitting.check.report import document, screen_lines
+
+    written = None
+    with fmu_of(args) as fmu, status_line(NAME) as show:
+        show("trial run and resets")
+        found = ff.check(fmu, args.campaign, step_s=args.step)
+        if args.report is not None:
+            show("writing")
+            written = write_check(found, args.report)
+    hand_over(args, document(found))
+    print(*screen_lines(found, verbose=args.verbose, report=written), sep="\n")
+    if found.failure is not None:
+        raise found.failure
+    if found.unsuited:
+        raise ff.BadInput(*found.unsuited)
+    return 0

@@ -1,0 +1,145 @@
+"""What a check of an FMU prints, its page with the figure, its document for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fitting.check.api import Check
+from fitting.check.findings import ROUNDING, Severity
+from fitting.check.steps import SHIFT
+from fitting.extension.fmu import FmuDescription, FmuVariable
+from fitting.extension.report import lines_of, phrase, phrases, printed_lines, table, write_page
+from fitting.text.controls import spelled_out
+
+#: Kinds of variables of an FMU that are listed, as far as they are no observed ones.
+SHOWN = ("parameter", "input", "output", "calculatedParameter")
+#: What the document has of each variable; what a record has for the figure alone.
+VARIABLE = ("causality", "variability", "kind", "unit", "start", "min", "max", "description")
+DRAWN = ("outputs", "times_s", "differences")
+#: What sentences on an FMU need besides its record.
+CHECKED = {"rounding": ROUNDING, "shift": SHIFT}
+
+
+def screen_lines(found: Check, *, verbose: bool = False, report: Path | None = None) -> list[str]:
+    """What `fmu-fit check` prints.
+
+    Args:
+        found: of the FMU.
+        verbose: whether all that was tried is printed, with a row for each variable.
+        report: the page, if one was written.
+    """
+    careful = [f for f in found.findings if f.severity is Severity.CAREFUL]
+    urgent = [phrase("check/text", "described", f) for f in careful]
+    urgent += [f"the FMU reports: {warning}" for warning in found.warnings]
+    numbers = {**CHECKED, "urgent": urgent}
+    listed = table("check/variables", variables=variables_of(found.description), meaning=False)
+    variables = lines_of(listed) if verbose else ""
+    lines = printed_lines("check/text", "screen", found, numbers, verbose, variables, report)
+    return [spelled_out(line) for line in lines]
+
+
+def variables_of(description: FmuDescription) -> list[FmuVariable]:
+    """Parameters, inputs and outputs, and what else is observed.
+
+    Args:
+        description: of the FMU.
+    """
+    observed = {v.name for v in description.seen}
+    every = description.variables.values()
+    return [v for v in every if v.causality in SHOWN or v.name in observed]
+
+
+def document(found: Check) -> dict[str, Any]:
+    """What was found of an FMU, as plain data.
+
+    Args:
+        found: of the FMU.
+    """
+    d, repeats = found.description, found.examination.repeats
+    return {
+        "fmu": str(d.path),
+        "model_name": d.model_name,
+        "fmi_version": d.fmi_version,
+        "guid": d.guid,
+        "sha256": d.sha256,
+        "platforms": d.platforms,
+        "variables": {
+            v.name: {name: getattr(v, name) for name in VARIABLE} for v in d.variables.values()
+        },
+        "sound": found.sound,
+        "findings": found.findings,
+        "trial": found.examination.trial,
+        "resets": found.examination.resets,
+        "repeats": repeats and {k: v for k, v in vars(repeats).items() if k not in DRAWN},
+        "effects": found.examination.effects,
+        "costs": found.examination.costs,
+        "failure": None if found.failure is None else str(found.failure),
+        "suits": found.suits and {**vars(found.suits), "campaign": str(found.suits.campaign)},
+        "unsuited": found.unsuited,
+        "warnings": found.warnings,
+    }
+
+
+def write_report(found: Check, out_dir: Path) -> Path:
+    """Draw the figure (`out_dir`/figures), write `report.html` and return its path.
+
+    Args:
+        found: of the FMU.
+        out_dir: where the files go.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    # matplotlib takes a second to import: only where something is drawn
+    from fitting.check.figure import draw_repeats
+    from fitting.extension.drawing import save, style
+
+    d, examination = found.description, found.examination
+    figures = []
+    with style():
+        repeats = examination.repeats
+        drawing = None if repeats is None else draw_repeats(repeats, d.model_name)
+        if drawing is not None:
+            figures.append(save(drawing, out_dir / "figures", for_page=True))
+    costs = "" if examination.costs is None else phrase("check/text", "costs", examination.costs)
+    status, message, mark = _status(found)
+    return write_page(
+        out_dir,
+        "check/page.html.j2",
+        title=d.model_name,
+        kind="check of an FMU",
+        status=status,
+        message=message,
+        mark=mark,
+        warnings=found.warnings,
+        figures=figures,
+        cost=costs,
+        findings=[phrase("check/text", "finding", f) for f in found.findings],
+        tried=[
+            *(() if found.suits is None else (phrase("check/text", "suits", found.suits),)),
+            *found.unsuited,
+            *phrases("check/text", "examination", found, CHECKED),
+        ],
+        variables=variables_of(d),
+        origin={
+            "file": str(d.path),
+            "FMI": d.fmi_version,
+            "platforms": ", ".join(d.platforms),
+            "guid": d.guid,
+            "sha256": d.sha256,
+            "made by": phrase("check/text", "tool", d),
+            "further": "; ".join(phrases("check/text", "further", d)) or "nothing",
+        },
+    )
+
+
+def _status(found: Check) -> tuple[str, str, str]:
+    if found.failure is not None:
+        return "Fails", str(found.failure), "bad"
+    if found.unsuited:
+        return "Runs, does not suit", found.unsuited[0], "bad"
+    careful = sum(f.count for f in found.findings if f.severity is Severity.CAREFUL)
+    if careful:
+        return "Runs", f"Warnings: {careful}.", "doubt"
+    return "Sound", "It runs, repeats, and violates no rule that matters.", ""

@@ -1,0 +1,129 @@
+"""Whether a reset brings an FMU back to where it began."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.check.runs import VARIED, moved, tried
+from fitting.extension.fmu import FmuWorkers, Handling, Run
+from fitting.text.arrays import Scalar
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resets:
+    """Whether a reset instance gives what a new one gives: ``reuse`` is a sentence.
+
+    ``true`` tells whether every reset did, those that were called OK in the sense of FMI too: what
+    is not set anew is back at its start. ``kept`` are values of which a trace is left where nothing
+    is set anew, "" stands for a run with nothing set at all. Also with every parameter and input
+    varied, but for those of ``unvaried``, which the FMU refuses to take; those of ``idle`` changed
+    no output in ``idle_steps`` steps of ``step_s`` seconds, ``steps`` of which were taken here.
+    ``fails`` tells how a reset failed, or ended the process; empty: it did not.
+    """
+
+    reuse: str
+    true: bool
+    kept: tuple[str, ...]
+    unvaried: tuple[str, ...]
+    idle: tuple[str, ...]
+    step_s: float
+    steps: int
+    idle_steps: int
+    fails: str
+
+
+def try_resets(workers: FmuWorkers, run: Run) -> Resets:
+    """Run some steps again after resets, every parameter and input varied in turn.
+
+    Args:
+        workers: processes that run the FMU.
+        run: some steps (`pushed_run`).
+
+    Raises:
+        FmuFailure: a run did not end in its time.
+    """
+    others = _others(workers, run)
+    refused, idle = [], []
+    for name, other in others.items():
+        changed = replace(run, start_values={**run.start_values, name: other})
+        if (results := tried(workers, [run, changed])) is None:
+            refused.append(name)  # the trial run itself went well: it is this value
+        elif np.array_equal(results[0], results[1], equal_nan=True):
+            idle.append(name)
+    acting = {name: other for name, other in others.items() if name not in refused}
+    kept = () if workers.resets_end else _kept(workers, run, acting)
+    return Resets(
+        reuse=workers.reuse_note,
+        true=not (kept or workers.reset_lies),
+        kept=kept,
+        unvaried=tuple(refused),
+        idle=tuple(idle),
+        step_s=run.sample_step_s,
+        steps=run.samples - 1,
+        idle_steps=run.samples - 1,
+        fails=workers.reset_failure,
+    )
+
+
+def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Resets:
+    """Look at values that changed nothing over more steps: some act late.
+
+    Args:
+        workers: processes that run the FMU.
+        resets: what some steps told.
+        run: the steps.
+        steps: their number here.
+
+    Raises:
+        FmuFailure: a run did not end in its time.
+    """
+    long = replace(run, samples=steps + 1)
+    if not resets.idle or steps <= resets.steps or tried(workers, [long]) is None:
+        return resets
+    others = _others(workers, run)
+    changed = [
+        replace(long, start_values={**long.start_values, name: others[name]})
+        for name in resets.idle
+    ]
+    found = [tried(workers, [long, other]) for other in changed]
+    idle = tuple(
+        name
+        for name, results in zip(resets.idle, found, strict=True)
+        if results is not None and np.array_equal(results[0], results[1], equal_nan=True)
+    )
+    return replace(resets, idle=idle, idle_steps=steps)
+
+
+def _others(workers: FmuWorkers, run: Run) -> dict[str, Scalar]:
+    """Another value of every variable that has one."""
+    found = {
+        v.name: moved(v, run.start_values.get(v.name, v.start), VARIED)
+        for v in workers.description.variables.values()
+    }
+    return {name: other for name, other in found.items() if other is not None}
+
+
+def _kept(workers: FmuWorkers, run: Run, others: Mapping[str, Scalar]) -> tuple[str, ...]:
+    """Values of which a run after a reset shows a trace though it sets nothing."""
+    # inputs stay moved, or a model at rest would show nothing
+    inputs = {
+        v.name: run.start_values[v.name]
+        for v in workers.description.variables.values()
+        if v.causality == "input" and v.name in run.start_values
+    }
+
+    def leaves(before: Mapping[str, Scalar]) -> bool:
+        given = {name: value for name, value in inputs.items() if name not in before}
+        new = replace(run, start_values=given, handling=Handling())
+        after = replace(new, handling=Handling(before={**given, **before}))
+        found = tried(workers, [new, after])
+        return found is not None and not np.array_equal(found[0], found[1], equal_nan=True)
+
+    if leaves({}):
+        return ("",)  # the state itself stays, whatever was set
+    if workers.description.one_instance_per_process:  # all at once: each takes two processes
+        return (", ".join(others),) if leaves(others) else ()
+    return tuple(name for name, other in others.items() if leaves({name: other}))

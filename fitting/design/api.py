@@ -1,0 +1,432 @@
+"""The next measurement: what would make a value better known, within an instrument's limits."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fitting import Problem
+from fitting.api.choices import CRITERIA
+from fitting.design import FILES, WAYS_FILES
+from fitting.design.campaign import CAMPAIGN_NAME, campaign_files
+from fitting.design.candidates import MOST_NUMBER, Limits
+from fitting.design.goal import goal_of, start_of, variable_of
+from fitting.design.limits import (
+    check_names,
+    limits_of,
+    read_candidates,
+    read_design_table,
+    refuse_wider,
+)
+from fitting.design.proposal import Choice, expected_of, propose, proposed
+from fitting.design.result import Design, Proposal, design_csv, write_design
+from fitting.design.table import DesignTable
+from fitting.design.ways import (
+    TOGETHER,
+    Kind,
+    Ways,
+    alone,
+    in_order,
+    sentences_of,
+    together,
+    way_of,
+    write_ways,
+)
+from fitting.design.weighing import DesignGoal, weigh, weigh_ways
+from fitting.extension.problem import (
+    Result,
+    Valued,
+    check_problem,
+    one_thread,
+    read_result,
+    require_same_data,
+)
+from fitting.extension.records import BoundCampaign, bind
+from fitting.text.arguments import checked
+from fitting.text.errors import BadInput
+from fitting.text.files import write_all, write_whole
+from fitting.text.results_folder import remove_earlier, results_folder
+
+__all__ = ["Goal", "Limits", "NextMeasurements", "WaysToMeasure", "design", "limits", "ways"]
+
+CAMPAIGN_FOLDER, TABLE_NAME = "campaign", "design.csv"
+
+
+@checked
+@dataclass(frozen=True)
+class Goal:
+    """What the next measurements are for.
+
+    Args:
+        target: A parameter or derived output; empty: as the campaign says, else its first output.
+        criterion: "target": error of the target; "D" or "A" of all parameters; empty: as the
+            campaign says, else the target's.
+        number: Measurements at most, 1 to 50; None: as the limits say.
+        seed: Of points of equal fit, at least 0.
+        time_s: What the measurements may take of the laboratory together, s; None: as the limits
+            say.
+
+    Raises:
+        BadInput: a criterion, number, seed or time that there is not.
+    """
+
+    target: str = ""
+    criterion: str = ""
+    number: int | None = None
+    seed: int = 1
+    time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.criterion and self.criterion not in CRITERIA:
+            raise BadInput(
+                f"goal: criterion {self.criterion!r}, wanted one of {', '.join(CRITERIA)}"
+            )
+        if self.seed < 0:
+            raise BadInput(f"goal: seed {self.seed}, wanted at least 0")
+        if self.time_s is not None and not 0.0 < self.time_s < math.inf:
+            raise BadInput(f"goal: time_s {self.time_s}, wanted a positive number of seconds")
+
+
+@dataclass(frozen=True)
+class NextMeasurements:
+    """What to measure next: the `design`, and the problem and limits that it was made for."""
+
+    design: Design
+    problem: Problem
+    limits: Limits
+
+    @property
+    def proposals(self) -> tuple[Proposal, ...]:
+        """The measurements in their order, each with the error that is expected then."""
+        return self.design.proposals
+
+    def made_by(self, command: str) -> NextMeasurements:
+        """The same, said to be made by a command.
+
+        Args:
+            command: command line, for the record.
+        """
+        provenance = {**self.design.provenance, "command": command}
+        return replace(self, design=replace(self.design, provenance=provenance))
+
+    def write(self, out: str | Path, *, report: bool = True) -> list[Path]:
+        """Write what the command line writes: the campaign to be filled in first, figures last.
+
+        Args:
+            out: Folder, made where there is none.
+            report: Draw figures and report.html, too.
+
+        Returns:
+            The paths of design.json, design.csv, the campaign, and of report.html.
+
+        Raises:
+            BadInput: the folder cannot be written, or holds files of these names that no design
+                wrote, or that were filled in since.
+        """
+        folder, design = Path(out), self.design
+        campaign = folder / CAMPAIGN_FOLDER
+        command = design.provenance["command"]
+        bound = _bound(self.problem)[0]
+        variables = self.problem.fmu.variables
+        files = campaign_files(design, bound, variables, self.limits, campaign, command)
+        with results_folder(folder, "design", FILES):
+            written = [write_design(design, folder), folder / TABLE_NAME, campaign / CAMPAIGN_NAME]
+            write_whole(folder / TABLE_NAME, design_csv(design))
+            write_all(campaign, files)
+            if report:
+                # matplotlib takes a second to import: only where something is drawn
+                drawn = importlib.import_module("fitting.design.figure")
+                page = importlib.import_module("fitting.design.report")
+                figures = drawn.save_figures(design, folder / "figures")
+                written.append(page.write_report(design, figures, folder))
+            remove_earlier(folder, FILES)
+        return written
+
+
+def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
+    """What the instrument can do: as the campaign's table [design] says, else as it kept to.
+
+    ``dataclasses.replace`` of what it returns gives other limits to `design`.
+
+    Args:
+        problem: Of campaigns; the first is to be continued.
+        candidates: A TOML file with a table [design], whose keys go before the campaign's; None:
+            the campaign's alone.
+
+    Raises:
+        BadInput: no campaign, something wrong with a table, or limits in the file that are wider
+            than the campaign's own.
+    """
+    bound = _bound(problem)[0]
+    own = read_design_table(bound.path)
+    if candidates is None:
+        return _limits(problem, bound, own)
+    table = own.with_keys_of(read_candidates(Path(candidates)))
+    found = _limits(problem, bound, table)
+    kept = own.beside(table)
+    refuse_wider(found, _limits(problem, bound, kept), own, table.where, bound.amplitude_unit)
+    return found
+
+
+@one_thread()
+def design(
+    problem: Problem,
+    goal: Goal | str = "",
+    *,
+    limits: Limits | str | Path | None = None,
+    at: Valued | Result | str | Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> NextMeasurements:
+    """Which measurements next, to know a value better, and how well it would then be known.
+
+    Args:
+        problem: Of campaigns; the first is to be continued, the others count as measured.
+        goal: What is to be known: a parameter or derived output, or a `Goal`.
+        limits: Of the instrument: a record as `fitting.limits` gives it, or a TOML file with a
+            table [design]; None: those of the campaign. No wider than the campaign's [design].
+        at: A fit to set out from, or its result.json; None: the fit nearest to the references.
+        progress: Is called with a line of what is under way.
+
+    Returns:
+        ``proposals`` in their order, each with the error that is expected then.
+
+    Raises:
+        BadInput: no campaign, limits that are wider than the campaign's own or mean nothing, a
+            fit of another problem or of other data.
+        FmuFailure: the FMU failed.
+    """
+    asked = Goal(goal) if isinstance(goal, str) else goal
+    bound, *also = _bound(problem)
+    kept, table = _kept(problem, bound, limits)
+    kept = _asked(kept, table, asked)
+    wanted = _wanted(bound, table, asked, at)
+    weighed = weigh(bound, problem.fmu.workers, kept, wanted, progress, also)
+    unit, provenance = _unit(problem, bound, wanted.target), _provenance(problem, asked, "design")
+    found = propose(bound, weighed, kept, wanted, unit, provenance)
+    return NextMeasurements(found, problem, kept)
+
+
+@dataclass(frozen=True)
+class WaysToMeasure:
+    """Ways to spend the same time: the table ``ways``, and what to measure ``by_name``.
+
+    Each has what is to be measured of every kind, by the name of the kind: one, of the mixture
+    "together" several.
+    """
+
+    ways: Ways
+    by_name: Mapping[str, Mapping[str, NextMeasurements]]
+
+    def made_by(self, command: str) -> WaysToMeasure:
+        """The same, said to be made by a command.
+
+        Args:
+            command: command line, for the record.
+        """
+        provenance = {**self.ways.provenance, "command": command}
+        named = {
+            name: {kind: found.made_by(command) for kind, found in kinds.items()}
+            for name, kinds in self.by_name.items()
+        }
+        return WaysToMeasure(replace(self.ways, provenance=provenance), named)
+
+    def write(self, out: str | Path, *, report: bool = True) -> list[Path]:
+        """Write a folder for each way and kind, and the table of the ways.
+
+        Args:
+            out: Folder, made where there is none.
+            report: Draw figures and report.html of each, too.
+
+        Returns:
+            The path of ways.json, then the campaigns of the best way.
+
+        Raises:
+            BadInput: a folder cannot be written, or holds files of these names that no design
+                wrote, or that were filled in since.
+        """
+        folder, campaigns = Path(out), []
+        for name, kinds in self.by_name.items():
+            for kind, found in kinds.items():
+                own = folder / name / kind if len(kinds) > 1 else folder / name
+                written = found.write(own, report=report)
+                campaigns += [written[2]] * (name == self.ways.best.name)
+        with results_folder(folder, "design", WAYS_FILES):
+            path = write_ways(self.ways, folder)
+        return [path, *campaigns]
+
+
+@one_thread()
+def ways(
+    problem: Problem,
+    goal: Goal | str = "",
+    *,
+    limits: Mapping[str, Limits | str | Path],
+    at: Valued | Result | str | Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> WaysToMeasure:
+    """Which kind of measurement tells a value best in the same time of the laboratory.
+
+    Args:
+        problem: Of campaigns; the first is to be continued, the others count as measured.
+        goal: What is to be known, and the time, if the limits do not say it.
+        limits: Of each kind of measurement by its name, two at least, as `design` takes them.
+        at: A fit to set out from, or its result.json; None: the fit nearest to the references.
+        progress: Is called with a line of what is under way.
+
+    Returns:
+        The ways, the one with the least expected error first, and what to measure in each.
+
+    Raises:
+        BadInput: see `design`; fewer than two kinds, no time or several of them.
+        FmuFailure: the FMU failed.
+    """
+    asked = Goal(goal) if isinstance(goal, str) else goal
+    bound, *also = _bound(problem)
+    if len(limits) < 2 or TOGETHER in limits:
+        raise BadInput(
+            f"ways: found {', '.join(limits) or 'none'}, wanted two kinds of measurement at least, "
+            f"none of them called '{TOGETHER}'"
+        )
+    given = {name: _kept(problem, bound, one) for name, one in limits.items()}
+    kept = {name: _asked(one, table, asked) for name, (one, table) in given.items()}
+    goals = {name: _wanted(bound, table, asked, at) for name, (_, table) in given.items()}
+    time_s, wanted = _one_of_all(kept, goals)
+    progress("ways")
+    weighed = weigh_ways(bound, problem.fmu.workers, list(kept.values()), wanted, progress, also)
+    kinds = [
+        Kind(name=name, limits=one, weighed=w)
+        for (name, one), w in zip(kept.items(), weighed, strict=True)
+    ]
+    progress("choosing")
+    chosen: dict[str, tuple[list[Kind], tuple[Choice, ...]]] = {
+        kind.name: ([kind], (alone(kind, wanted.criterion),)) for kind in kinds
+    }
+    mixed = together(kinds, wanted.criterion)
+    if mixed is not None:
+        chosen[TOGETHER] = (kinds, mixed)
+    unit, provenance = _unit(problem, bound, wanted.target), _provenance(problem, asked, "ways")
+    found = Ways(
+        title=bound.title,
+        synthetic=bound.synthetic,
+        target=wanted.target,
+        unit=unit,
+        criterion=wanted.criterion,
+        time_s=time_s,
+        before=expected_of(weighed[0].sigmas([])),
+        ways=in_order([way_of(name, *each) for name, each in chosen.items()]),
+        sentences=sentences_of(kinds, mixed=mixed is not None),
+        provenance=provenance,
+    )
+    made = {
+        name: {
+            kind.name: NextMeasurements(
+                proposed(bound, choice, kind.limits, wanted, unit, provenance), problem, kind.limits
+            )
+            for kind, choice in zip(*each, strict=True)
+            if choice.chosen
+        }
+        for name, each in chosen.items()
+    }
+    return WaysToMeasure(found, made)
+
+
+def _one_of_all(
+    kept: Mapping[str, Limits], goals: Mapping[str, DesignGoal]
+) -> tuple[float, DesignGoal]:
+    """The time and the goal, which are the same for all kinds.
+
+    Raises:
+        BadInput: they are not.
+    """
+    times = {one.time_s for one in kept.values()}
+    [(_, wanted), *others] = goals.items()
+    for name, other in others:
+        if (other.target, other.criterion) != (wanted.target, wanted.criterion):
+            raise BadInput(
+                f"ways: {name} is for {other.target} by {other.criterion}, another for "
+                f"{wanted.target} by {wanted.criterion}; wanted one target and criterion"
+            )
+    [time_s, *more] = times
+    if time_s is None or more:
+        raise BadInput(
+            "ways: wanted the time that all kinds have, --time or one [design] time for all"
+        )
+    return time_s, wanted
+
+
+def _asked(kept: Limits, table: DesignTable, asked: Goal) -> Limits:
+    """The limits with number and time as they are asked for."""
+    if asked.time_s is not None:
+        number = kept.number if table.keys.number is not None else MOST_NUMBER
+        kept = replace(kept, time_s=asked.time_s, number=number)
+    return kept if asked.number is None else replace(kept, number=asked.number)
+
+
+def _wanted(
+    bound: BoundCampaign,
+    table: DesignTable,
+    asked: Goal,
+    at: Valued | Result | str | Path | None,
+) -> DesignGoal:
+    wanted = replace(goal_of(bound, table.keys, asked.target, asked.criterion), seed=asked.seed)
+    return _set_out(wanted, bound, at)
+
+
+def _unit(problem: Problem, bound: BoundCampaign, target: str) -> str:
+    # a coefficient of laws is no variable of the FMU
+    variable = problem.fmu.description.variables.get(variable_of(bound, target))
+    own = {p.name: p.unit for p in bound.parameters}
+    return own.get(target, "") if variable is None else variable.unit or ""
+
+
+def _provenance(problem: Problem, asked: Goal, verb: str) -> dict[str, str]:
+    description = problem.fmu.description
+    return {
+        "command": f"fitting.{verb}",
+        "FMU": description.model_name,
+        "FMU sha256": description.sha256,
+        "seed": str(asked.seed),
+    }
+
+
+def _bound(problem: Problem) -> list[BoundCampaign]:
+    check_problem("design", problem)
+    if not problem.campaigns:
+        raise BadInput("design: wanted a problem made of a campaign, Problem.of(...)")
+    return [bind(campaign, problem.fmu.variables) for campaign in problem.campaigns]
+
+
+def _limits(problem: Problem, bound: BoundCampaign, table: DesignTable) -> Limits:
+    drive = problem.campaigns[0].file.drive
+    lines = () if drive is None else drive.lines
+    return limits_of(bound, problem.fmu.variables, table, lines)
+
+
+def _kept(
+    problem: Problem, bound: BoundCampaign, given: Limits | str | Path | None
+) -> tuple[Limits, DesignTable]:
+    """The limits, and the table that says what else is asked."""
+    own = read_design_table(bound.path)
+    if isinstance(given, Limits):
+        check_names(given, problem.fmu.variables, bound.setup.laws.controls)
+        if own.said or (given.sweeps is None and given.traces is None):
+            known = _limits(problem, bound, own)
+            refuse_wider(given, known, own, lambda key: f"limits: {key}", bound.amplitude_unit)
+        return given, own
+    table = own if given is None else own.with_keys_of(read_candidates(Path(given)))
+    return limits(problem, given), table
+
+
+def _set_out(
+    goal: DesignGoal, bound: BoundCampaign, at: Valued | Result | str | Path | None
+) -> DesignGoal:
+    if at is None:
+        return goal
+    where = str(at) if isinstance(at, str | Path) else "at"
+    fitted = read_result(Path(at)) if isinstance(at, str | Path) else at
+    result = fitted.result if isinstance(fitted, Valued) else fitted
+    require_same_data(result, [bound])
+    return replace(goal, start=start_of(result, bound, where))

@@ -1,0 +1,156 @@
+"""``fmu-fit design``: which measurement next, to know a chosen value better."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import fitting as ff
+from fitting.api.choices import CRITERIA
+from fitting.design import FILES, WAYS_FILES
+from fitting.extension.command import (
+    add_at,
+    fit_at,
+    fmu_for,
+    folder_name,
+    hand_over,
+    positive_time,
+    seed,
+    status_line,
+    whole_number,
+    worker_count,
+    writes,
+)
+from fitting.text.results_folder import remove_earlier, results_folder
+
+if TYPE_CHECKING:
+    from fitting.extension.problem import Result
+
+NAME = "design"
+DOCUMENT = "design.json"
+EXAMPLE = "fmu-fit design string_q1/campaign.toml --target lambda --out out/next_q1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "campaign", type=Path, metavar="CAMPAIGN.toml", help="the campaign that is to be continued"
+    )
+    parser.add_argument(
+        "also",
+        type=Path,
+        metavar="MORE.toml",
+        nargs="*",
+        help="further campaigns of the same FMU and parameters that have been measured",
+    )
+    parser.add_argument("--out", type=Path, help="folder for results (out/next_<its folder>)")
+    add_at(parser, "a fit to start from (the fit nearest to the priors)")
+    parser.add_argument(
+        "--candidates",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="DESIGN.toml",
+        help="a file with a table [design]: the instrument's limits (the campaign's own); several, "
+        "of one kind of measurement each, are compared by the same time",
+    )
+    parser.add_argument(
+        "--time",
+        type=positive_time("--time"),
+        metavar="TIME",
+        help="of the laboratory for all measurements, as 10min (no limit)",
+    )
+    parser.add_argument(
+        "--target", help="what is to be known: a parameter or derived output (the first derived)"
+    )
+    parser.add_argument(
+        "--criterion", choices=CRITERIA, help="error of the target, or D or A of all (target)"
+    )
+    parser.add_argument("--number", type=whole_number(1), help="measurements, at most (6)")
+    parser.add_argument("--seed", type=seed(), default=1, help="of points of equal fit")
+    parser.add_argument(
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
+    )
+    parser.add_argument("--no-report", action="store_true", help="neither figures nor report")
+
+
+def _out(args: argparse.Namespace) -> Path:
+    return args.out or Path("out") / f"next_{folder_name(args.campaign)}"
+
+
+@writes(NAME, *FILES, *WAYS_FILES, to=_out)
+def run(args: argparse.Namespace) -> int:
+    """Propose and write; returns 0.
+
+    Raises:
+        BadInput: campaign, limits, result or target are not what they should be.
+        FmuFailure: the FMU failed.
+    """
+    campaigns = [ff.read_campaign(path) for path in (args.campaign, *args.also)]
+    number, time_s = args.number, args.time
+    goal = ff.Goal(args.target or "", args.criterion or "", number, args.seed, time_s)
+    out = _out(args)
+    with fmu_for(campaigns, out, args.workers) as fmu, status_line(NAME) as tell:
+        problem = ff.Problem.of(campaigns, fmu)
+        lines = (_ways if len(args.candidates) > 1 else _design)(args, problem, goal, tell)
+    remove_earlier(out, ("fmu/*.fmu",))
+    print("\n".join(lines))
+    return 0
+
+
+def _design(
+    args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
+) -> list[str]:
+    """Propose and write; what is printed."""
+    from fitting.design.report import screen_lines
+
+    limits = args.candidates[0] if args.candidates else None
+    found = ff.design(problem, goal, limits=limits, at=_at(args), progress=tell)
+    found = found.made_by(_command(args))
+    tell("writing")
+    written = found.write(_out(args), report=not args.no_report)
+    hand_over(args, found.design)
+    return screen_lines(found.design, written, verbose=args.verbose)
+
+
+def _ways(
+    args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
+) -> list[str]:
+    """Compare kinds of measurements and write each; what is printed."""
+    from fitting.design.report import ways_lines
+
+    limits = {path.stem: path for path in args.candidates}
+    if len(limits) < len(args.candidates):
+        raise ff.BadInput("--candidates: two files of one name, which distinguishes the kinds")
+    for name in limits:  # of what cannot be written there it is complained now
+        with results_folder(_out(args) / name, NAME, FILES):
+            pass
+    found = ff.ways(problem, goal, limits=limits, at=_at(args), progress=tell)
+    found = found.made_by(_command(args))
+    tell("writing")
+    written = found.write(_out(args), report=not args.no_report)
+    hand_over(args, found.ways)
+    return ways_lines(found.ways, written, verbose=args.verbose)
+
+
+def _at(args: argparse.Namespace) -> Result | Path | None:
+    """The fit by its file, which complaints name; itself where its data may be others."""
+    return fit_at(args) if args.changed_data else args.at
+
+
+def _command(args: argparse.Namespace) -> str:
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
+    for name in ("out", "at", "target", "criterion", "number"):
+        value = getattr(args, name)
+        if value is not None:
+            words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
+    for path in args.candidates:
+        words += ["--candidates", path.as_posix()]
+    words += ["--changed-data"] if args.changed_data else []
+    words += [] if args.time is None else ["--time", f"{args.time!r}s"]
+    if args.seed != 1:
+        words += ["--seed", str(args.seed)]
+    return shlex.join(words)

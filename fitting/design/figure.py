@@ -1,0 +1,199 @@
+"""Figures of a design: what the proposed measurements should do, and what others would."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from fitting.design.result import Design, Kind, Proposal
+from fitting.extension.drawing import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    axes_of,
+    described,
+    handles_of,
+    ink,
+    legend_below,
+    log_axis,
+    new_figure,
+    save,
+    style,
+)
+from fitting.extension.report import Figure as Described
+from fitting.text.notation import hertz, mathtext, on_log_axis, prefixed, with_unit
+
+
+def save_figures(design: Design, folder: Path) -> list[Described]:
+    """Draw and write the figures of a design.
+
+    Args:
+        design: the proposed next measurement.
+        folder: where the files go.
+    """
+    with style():
+        return [
+            save(drawing, folder, for_page=True)
+            for drawing in (draw_steps(design), draw_kinds(design))
+        ]
+
+
+def draw_steps(design: Design) -> Described:
+    """Expected sigma of the target over the number of proposed measurements.
+
+    Args:
+        design: the proposed next measurement.
+    """
+    words = described("design/design_steps", design=design)
+    figure = new_figure(words.title, design.title, synthetic=design.synthetic, height=3.9)
+    axes = expected_errors(design, ax=figure.subplots())
+    legend_below(figure, handles_of(axes), ncols=4)
+    return replace(words, drawn=figure, number=1)
+
+
+def draw_kinds(design: Design) -> Described:
+    """Expected sigma of the target by kinds of candidates, alone and beside the proposed.
+
+    Args:
+        design: the proposed next measurement.
+    """
+    words = described("design/design_candidates", design=design)
+    height = 1.9 + 0.23 * len(best_kinds(design))
+    figure = new_figure(words.title, design.title, synthetic=design.synthetic, height=height)
+    axes = candidates(design, ax=figure.subplots())
+    legend_below(figure, handles_of(axes), ncols=3)
+    return replace(words, drawn=figure, number=2)
+
+
+#: Kinds of candidates that a plot has room for, the best of them.
+MOST_KINDS = 16
+DASHED = (0, (4, 3))
+
+
+def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
+    """Draw the expected standard deviation of the target over the proposed measurements.
+
+    Args:
+        design: a proposal, drawn in the target's unit: at the given point, on (geometric) average
+            and at worst over points that fit the data as well.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    factor, unit = _unit(design)
+    count = range(len(design.proposals) + 1)
+    expected = [design.before, *(p.expected for p in design.proposals)]
+    for values, colour, marker, depth, label in (
+        ([e.at for e in expected], ink(), "s", 2.3, "at the point given"),
+        ([e.mean for e in expected], BLUE, "o", 2.2, "average over equal fits"),
+        ([e.worst for e in expected], RED, "v", 2.1, "worst of them"),
+    ):
+        shown = [v / factor for v in values]
+        axes.plot(
+            count, shown, color=colour, marker=marker, markersize=5, zorder=depth, label=label
+        )
+    for k, place in enumerate(design.places):
+        axes.plot(
+            count,
+            [s / factor for s in place.sigmas],
+            color=GREY,
+            linewidth=0.7,
+            alpha=0.6,
+            zorder=1.9,
+            label="each of them" if k == 0 else None,
+        )
+    log_axis(axes)
+    _span_a_decade(axes)
+    axes.set_ylabel(with_unit(f"σ({mathtext(design.target)})", unit))
+    axes.set_xticks(count, ["so far", *(_what(p) for p in design.proposals)])
+    axes.tick_params(axis="x", labelsize="x-small")
+    axes.set_xlabel("measured one after the other")
+    return axes
+
+
+def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
+    """Draw the expected standard deviation of the target by kinds of candidates.
+
+    Bars go from the best to the worst tones of a kind as the only measurement; a diamond is its
+    best as the last, with the other proposed ones.
+
+    Args:
+        design: a proposal, drawn in the target's unit, average over points that fit as well.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes, kinds = axes_of(ax), best_kinds(design)
+    factor, unit = _unit(design)
+    axes.plot([], [], color=BLUE, marker="o", label="the only measurement: best to worst tones")
+    for row, kind in enumerate(kinds):
+        first = row == 0
+        axes.plot([kind.best / factor, kind.worst / factor], [row, row], color=BLUE, linewidth=2.2)
+        axes.plot([kind.best / factor], [row], marker="o", color=BLUE)
+        axes.plot(
+            [kind.beside / factor],
+            [row],
+            marker="D",
+            linestyle="none",
+            color=ORANGE,
+            markersize=5,
+            label="as the last, with the other proposed ones" if first else None,
+        )
+    axes.axvline(
+        design.before.mean / factor, color=ink(), linestyle=DASHED, linewidth=0.9, label="so far"
+    )
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_yticks(range(len(kinds)), [_kind(k) for k in kinds])
+    what = f"expected σ({mathtext(design.target)}), average over equal fits"
+    axes.set_xlabel(with_unit(what, unit))
+    return axes
+
+
+def best_kinds(design: Design) -> list[Kind]:
+    """The kinds of candidates that are drawn, the best last.
+
+    Args:
+        design: the proposed next measurement.
+    """
+    return sorted(design.kinds, key=lambda kind: kind.beside)[:MOST_KINDS][::-1]
+
+
+def _what(p: Proposal) -> str:
+    """A proposal in a few short lines."""
+    if p.points:
+        return "\n".join([p.output, *(f"{name} = {value}" for name, value in p.settings.items())])
+    if p.recording is not None:
+        lines = [p.output, p.recording.trace, f"{p.recording.length_s:.4g} s"]
+        return "\n".join([*filter(None, lines), f"every {p.recording.spacing_s:.3g} s"])
+    offsets = ", ".join(f"{f - p.centre_hz:+.3g}" for f in p.tones_hz)
+    level = f"×{p.level:g}, " if p.level != 1.0 else ""
+    resonance = hertz(p.centre_hz, digits=6)
+    return f"{p.output}\n{resonance}\n{offsets} Hz\n{level}n = {p.repeats}"
+
+
+def _kind(kind: Kind) -> str:
+    if kind.spacing_s:
+        like = f" as {kind.trace}" if kind.trace else ""
+        return f"{kind.output}{like}, every {kind.spacing_s:.4g} s"
+    level = f", ×{kind.level:g}" if kind.level != 1.0 else ""
+    more = "".join(f", {name} = {value}" for name, value in kind.settings.items())
+    return f"{kind.output} at {hertz(kind.centre_hz, digits=6)}{level}{more}"
+
+
+def _unit(design: Design) -> tuple[float, str]:
+    size = design.before.mean
+    return prefixed(size if math.isfinite(size) else 1.0, design.unit)
+
+
+def _span_a_decade(axes: Axes) -> None:
+    """A logarithmic axis that shows two ticks at least."""
+    low, high = axes.get_ylim()
+    if high / low < 10.0:
+        middle = math.sqrt(low * high)
+        axes.set_ylim(middle / 4.0, middle * 4.0)
+        axes.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))

@@ -1,0 +1,260 @@
+"""A first campaign from files and an FMU."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fitting import Fmu
+from fitting.draft.control import map_draft
+from fitting.draft.demodulated import DemodulatedFile, demodulated_draft, demodulated_of, modes_of
+from fitting.draft.document import Draft
+from fitting.draft.files import files_of, settled
+from fitting.draft.model import ONE_MODE, TWO_MODES, Offer, offer_of
+from fitting.draft.noise import NOISE
+from fitting.draft.questions import Answers, Ask, Question
+from fitting.draft.series import LIST, Series, series_of
+from fitting.draft.sweeps import check_one_line, sweeps_draft
+from fitting.draft.traces import INPUT, OUTPUT, lines_of_recording, recordings_of, traces_draft
+from fitting.resonance.reading import TIME_PAGE, Columns
+from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
+from fitting.text.results_folder import results_folder
+
+__all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
+
+CAMPAIGN = "campaign.toml"
+#: What may be told beforehand, by name.
+KEYS = (
+    "output",
+    "tone",
+    "input",
+    "fit",
+    "amplitudes",
+    "kind",
+    "demodulated-at",
+    "interface",
+    "control",
+)
+#: What is written beside it: of sweeps at values of a control the list of their files.
+FILES = (CAMPAIGN, LIST)
+
+
+def init(
+    files: str | Path | Sequence[str | Path],
+    fmu: str | Path | None = None,
+    *,
+    out: str | Path = ".",
+    columns: Columns | None = None,
+    told: Mapping[str, str | Sequence[str]] | None = None,
+    ask: Ask | None = None,
+) -> tuple[Path, tuple[str, ...]]:
+    """Write a first campaign.toml that runs as it is, from files of measurements and an FMU.
+
+    Of an FMU alone it is a skeleton, at whose end stands what is missing.
+
+    Args:
+        files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
+            peaks or a spectrum each, and a sweep; or a map, spectra over a control quantity in one
+            table, for an FMU of two coupled modes; or recordings over time, of an output and
+            perhaps an input, for an FMU that is named, or ringdowns. One of them may be the FMU
+            (.fmu).
+        fmu: Path of an FMU, or the name of a model of this project; None: one mode, or two
+            where a sweep shows two lines, and for a map.
+        out: Folder for campaign.toml, made where there is none.
+        columns: What the files do not tell of their columns.
+        told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
+            ("peak" or "rms"), "kind" ("noise" or "sweep", of a spectrum of amplitudes), "interface"
+            ("co-simulation" or "model-exchange"), "control" (of several sweeps, a file for each
+            value of it: its name, or with values in the order of the files, as "Vg=-6:6:1").
+        ask: Asks a person what nobody told; None: the default is taken, and said.
+
+    Returns:
+        The path of the campaign, and what was found, taken and guessed, in sentences.
+
+    Raises:
+        BadInput: files or an FMU that cannot be used, or do not suit each other; a folder that
+            holds another campaign.
+        FmuFailure: the FMU failed with its own start values.
+    """
+    made = drafted(files, fmu, out=out, columns=columns, told=told, ask=ask)
+    return made.path, (*made.said, *((made.undescribed,) if made.undescribed else ()))
+
+
+@dataclass(frozen=True)
+class Drafted:
+    """A campaign that was written; what was found, and what its FMU does not describe, or empty."""
+
+    path: Path
+    said: tuple[str, ...]
+    undescribed: str
+
+
+def drafted(
+    files: str | Path | Sequence[str | Path],
+    fmu: str | Path | None = None,
+    *,
+    out: str | Path = ".",
+    columns: Columns | None = None,
+    told: Mapping[str, str | Sequence[str]] | None = None,
+    ask: Ask | None = None,
+) -> Drafted:
+    """The same as `init`, with what the campaign does not describe by itself.
+
+    Args:
+        files: see `init`.
+        fmu: see `init`.
+        out: see `init`.
+        columns: see `init`.
+        told: see `init`.
+        ask: see `init`.
+
+    Raises:
+        BadInput: see `init`.
+        FmuFailure: see `init`.
+    """
+    paths, fmu = told_apart(
+        [Path(f) for f in ((files,) if isinstance(files, str | os.PathLike) else files)], fmu
+    )
+    answers = _answers(told or {}, ask)
+    unknown = [key for key in answers.told if key not in KEYS]
+    if unknown:
+        raise BadInput(f"init: found key {unknown[0]!r}, wanted any of {', '.join(KEYS)}")
+    [interface] = answers.told.get("interface", (None,))
+    columns, folder = columns or Columns(), Path(out)
+    with results_folder(folder, "init", FILES):
+        demodulated = _demodulated(paths, columns, fmu)
+        recordings = () if demodulated else recordings_of(paths, columns, simulated=fmu is not None)
+        if demodulated or recordings:
+            for key in columns.selection.parts:
+                raise BadInput(
+                    f"--{key.replace('_', '-')}: a campaign of recordings does not choose "
+                    f"it; wanted that part of {paths[0]} in a file of its own"
+                )
+            # as many modes as ringdowns show
+            shown = [*map(modes_of, demodulated)] if fmu is None else []
+            shown += [len(lines_of_recording(each)) for each in recordings if fmu is None]
+            if fmu is None and min(shown) == 0:
+                raise BadInput(
+                    f"{paths[0]}: is a recording over time, and no free decay of one column; "
+                    f"wanted --fmu, the FMU whose output was recorded: {TIME_PAGE}"
+                )
+            recorded = fmu or (ONE_MODE if max(shown) == 1 else TWO_MODES)
+            with _offer(recorded, interface) as offer:
+                if demodulated:
+                    draft = demodulated_draft(demodulated, offer, answers, folder)
+                else:
+                    draft = traces_draft(recordings, offer, answers, folder)
+        else:
+            draft = _of_sweeps(paths, columns, answers, fmu, folder)
+        path = folder / CAMPAIGN
+        write_whole(path, draft.text)
+    return Drafted(path, draft.said, draft.undescribed)
+
+
+def told_apart(
+    files: Sequence[Path], fmu: str | Path | None
+) -> tuple[list[Path], str | Path | None]:
+    """Files of measurements, and the FMU, which may stand among them.
+
+    Args:
+        files: measurements, and perhaps an FMU.
+        fmu: the FMU where it is told by itself.
+
+    Raises:
+        BadInput: two FMUs, or neither an FMU nor a file of measurements.
+    """
+    fmus = [path for path in files if path.suffix.lower() == ".fmu"]
+    if len(fmus) + (fmu is not None) > 1:
+        raise BadInput(f"init: found {len(fmus) + (fmu is not None)} FMUs, wanted one")
+    measured = [path for path in files if path not in fmus]
+    if fmus:
+        return measured, str(fmus[0])
+    if not measured and fmu is None:
+        raise BadInput("init: found neither an FMU nor a file, wanted one of them at least")
+    return measured, fmu
+
+
+def _answers(told: Mapping[str, str | Sequence[str]], ask: Ask | None) -> Answers:
+    """What is told: variables of the FMU, and columns where they stand before them, as "u=F"."""
+    made = Answers({k: _names(v) for k, v in told.items()}, ask)
+    for key in (OUTPUT, INPUT):
+        for name in made.told.get(key, ())[:1]:
+            column, equals, variable = name.rpartition("=")
+            if equals:
+                made.told[key], made.columns[key] = (variable.strip(),), column.strip()
+    return made
+
+
+def _of_sweeps(
+    paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, out: Path
+) -> Draft:
+    """A draft of sweeps, spectra, a table of experiments or a map; or of an FMU alone."""
+    [interface] = answers.told.get("interface", (None,))
+    [control] = answers.told.get("control", (None,))
+    for key, column in answers.columns.items():
+        raise BadInput(
+            f"--{key}: found the column '{column}', which a recording over time has; wanted the "
+            f"FMU's {key} alone"
+        )
+    series = None
+    if control is not None or NOISE not in answers.told.get("kind", ()):
+        joint = fmu is not None and fmu != TWO_MODES
+        series = series_of(paths, columns, control, out, joint=joint)
+    if series is not None:
+        with _listed(series, out), _offer(fmu or TWO_MODES, interface) as offer:
+            draft = map_draft(series.map, offer, answers, out)
+        return replace(draft, said=(series.words, *draft.said))
+    files = settled(files_of(paths, columns, answers), answers)
+    if fmu in (None, ONE_MODE):
+        check_one_line(files)
+    # as many modes as the files show lines, two for a map
+    model = ONE_MODE if files.two is None and files.map is None else TWO_MODES
+    with _offer(fmu or model, interface) as offer:
+        if files.map is not None:
+            return map_draft(files.map, offer, answers, out)
+        return sweeps_draft(files, offer, answers, out)
+
+
+@contextmanager
+def _listed(series: Series, out: Path) -> Iterator[None]:
+    """The list of a map's files beside the campaign; as it was where no campaign comes of it."""
+    path = out / LIST
+    before = path.read_bytes() if path.is_file() else None
+    write_whole(path, series.text)
+    try:
+        yield
+    except BaseException:
+        if before is None:
+            path.unlink(missing_ok=True)
+        else:
+            write_whole(path, before)  # the folder's record is told of it, too
+        raise
+
+
+def _demodulated(
+    paths: Sequence[Path], columns: Columns, fmu: str | Path | None
+) -> tuple[DemodulatedFile, ...]:
+    """The files as demodulated ringdowns; none of an FMU that has variables of their names."""
+    files = demodulated_of(paths, columns)
+    if not files or fmu is None:
+        return files
+    with Fmu(fmu, 1) as held:
+        known = {name.lower() for name in held.workers.description.variables}
+    seen = [name for key, name in files[0].columns.items() if key != "time"]
+    return () if all(name.rpartition("/")[2].lower() in known for name in seen) else files
+
+
+@contextmanager
+def _offer(fmu: str | Path, interface: str | None) -> Iterator[Offer]:
+    """What the FMU offers, with a worker for as long as the context lasts."""
+    with Fmu(fmu, 1, interface=interface) as held:
+        is_model = isinstance(fmu, str) and fmu.isidentifier()
+        yield offer_of(str(fmu), held.workers, interface, is_model=is_model)
+
+
+def _names(value: str | Sequence[str]) -> tuple[str, ...]:
+    return (value,) if isinstance(value, str) else tuple(value)

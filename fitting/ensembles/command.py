@@ -1,0 +1,259 @@
+"""``fmu-fit ensemble``: many independent fits, of virtual laboratories or of campaigns."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import fitting as ff
+from fitting.ensembles import FILES, ITEMS_FILE
+from fitting.extension.command import (
+    bounded_number,
+    command_again,
+    complaints_of_options,
+    default_workers,
+    hand_over,
+    seed,
+    status_line,
+    whole_number,
+    worker_count,
+    writes,
+)
+from fitting.lab.names import CURVES, SERIES, TRUTH_NAME
+from fitting.text.errors import BadInput
+from fitting.text.results_folder import remove_earlier
+
+if TYPE_CHECKING:
+    from fitting.ensembles.api import Progress
+
+NAME = "ensemble"
+DOCUMENT = "ensemble.json"
+EXAMPLE = "fmu-fit ensemble --series q1 --laboratories 100 --value width_plus --out out/many"
+#: Laboratories where no number is given.
+USUAL = 100
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "campaigns",
+        type=Path,
+        metavar="CAMPAIGNS",
+        nargs="*",
+        help="a campaign file, a folder with campaigns anywhere below it, or a table (CSV) with a "
+        "column 'campaign' of their paths; each campaign is fitted by itself",
+    )
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument(
+        "--series",
+        choices=(*SERIES, *CURVES),
+        help="virtual laboratories of this kind, see fmu-fit synthesize",
+    )
+    kind.add_argument(
+        "--like",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        help=f"virtual laboratories like this synthetic campaign, with its {TRUTH_NAME}",
+    )
+    parser.add_argument(
+        "--laboratories",
+        type=whole_number(1),
+        metavar="N",
+        help=f"how many; with --resume more than before adds to them ({USUAL})",
+    )
+    parser.add_argument(
+        "--seed", type=seed(), help="seed of the first laboratory, the others' follow it (1)"
+    )
+    parser.add_argument(
+        "--change",
+        action="append",
+        default=[],
+        metavar="NAME=NUMBER",
+        help="another number of the laboratories, as noise_scale=0.5; may be repeated",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for results")
+    place = parser.add_mutually_exclusive_group()
+    place.add_argument(
+        "--workers",
+        type=worker_count(),
+        help="processes of this machine, an item at a time in each (one per processor, up to 8)",
+    )
+    place.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="a dask scheduler whose workers do the items, as tcp://10.0.0.1:8786",
+    )
+    parser.add_argument("--resume", action="store_true", help="continue from the finished items")
+    parser.add_argument(
+        "--fmu",
+        metavar="FMU",
+        help="fit by this FMU, a file or a model's name (the one that each campaign names)",
+    )
+    parser.add_argument(
+        "--value",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="profile this parameter or derived output alone; may be repeated (all)",
+    )
+    parser.add_argument(
+        "--starts", type=whole_number(1), help="starts followed; 1: no search (each campaign's)"
+    )
+    parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
+    parser.add_argument(
+        "--no-profiles", action="store_true", help="1σ from the covariance; no profiles"
+    )
+    parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="only print the expected cost, by the plan of the first item; nothing is written",
+    )
+
+
+def _written_to(args: argparse.Namespace) -> Path | None:
+    out: Path = args.out
+    return None if args.dry_run else out
+
+
+@writes(NAME, *FILES, ITEMS_FILE, to=_written_to)
+def run(args: argparse.Namespace) -> int:
+    """Fit all and write; 0 if every item has a fit, 1 if not, or if interrupted.
+
+    Raises:
+        BadInput: nothing to do, no such laboratory, scheduler or FMU, or finished items of another
+            ensemble.
+    """
+    # the work takes libraries along, help does not
+    from fitting.ensembles.report import document, screen_lines
+    from fitting.ensembles.result import FINISHED
+
+    of, options = _of(args), _options(args)
+    if args.dry_run:
+        return _print_cost(args, of, options)
+    last: list[Progress] = []
+    started = time.monotonic()
+    with status_line(NAME) as tell, complaints_of_options():
+
+        def follow(state: Progress) -> None:
+            last[:] = [state]
+            words = f"{state.done} of {state.total} items"
+            words += f", {state.failed} without a fit" if state.failed else ""
+            now, left = state.done - state.resumed, state.total - state.done
+            if now and left:
+                seconds = (time.monotonic() - started) / now * left
+                words += f", about {seconds:.0f} s left" * (seconds < 120.0)
+                words += f", about {seconds / 60.0:.0f} min left" * (seconds >= 120.0)
+            tell(words)
+
+        found = ff.ensemble(
+            of,
+            args.fmu,
+            options,
+            executor=args.scheduler or args.workers,
+            out=args.out,
+            progress=follow,
+        )
+        tell("tables, figure and report")
+        found = replace(found, provenance={**found.provenance, "command": _command(args)})
+        ended = found.status == FINISHED
+        # who asks for an end waits for no figure
+        files = ff.write_ensemble(found, args.out, drawn=ended and not args.no_report)
+    remove_earlier(args.out, ("fmu/*.fmu",))
+    hand_over(args, document(found))
+    resumed = last[-1].resumed if args.resume and last else 0
+    again = "" if ended else command_again(args)
+    print(*screen_lines(found, files, resumed=resumed, again=again), sep="\n")
+    return 1 if found.failures or not ended else 0
+
+
+def _print_cost(
+    args: argparse.Namespace, of: ff.Laboratories | list[Path], options: ff.EnsembleOptions
+) -> int:
+    """What the ensemble will cost, by the plan of its first item; nothing is written."""
+    from fitting.ensembles.api import finished_items, first_campaign
+    from fitting.extension.report import printed_lines
+    from fitting.text.scratch import Scratch
+
+    done = 0
+    with Scratch() as folder, status_line(NAME) as tell:
+        tell("planning the first item")
+        path, fmu, count = first_campaign(of, args.fmu, folder)
+        with fmu:
+            problem = ff.Problem.of(path, fmu)
+            method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
+            starts = 1 if args.quick and args.starts is None else args.starts
+            cost = ff.cost(problem, method, starts=starts, profiles=not args.no_profiles)
+        if args.resume:
+            done = finished_items(of, args.fmu, options, args.out, folder)
+    hand_over(args, cost)
+    left = count - done
+    whole, workers = None, 1
+    if left and args.scheduler is None:
+        workers = min(args.workers or default_workers(), left)
+        whole = tuple(left * seconds / workers for seconds in cost.seconds)
+    records = (cost, count, done, bool(args.value), whole, workers)
+    print(*printed_lines("ensembles/text", "cost", *records), sep="\n")
+    return 0
+
+
+def _of(args: argparse.Namespace) -> ff.Laboratories | list[Path]:
+    """What is fitted: laboratories or campaigns, with what means something for them alone.
+
+    Raises:
+        BadInput: both, neither, or an option of the other.
+    """
+    truth = args.series or args.like
+    if truth is not None and args.campaigns:
+        raise BadInput("ensemble: found campaigns and --series or --like, wanted one of both")
+    if truth is None and not args.campaigns:
+        raise BadInput("ensemble: found nothing to fit, wanted campaigns, --series or --like")
+    for option in ("laboratories", "seed", "change"):
+        if truth is None and getattr(args, option) not in (None, []):
+            raise BadInput(f"--{option}: has no meaning here, only with --series or --like")
+    if args.no_profiles and args.value:
+        raise BadInput("--value: has no meaning with --no-profiles")
+    if truth is None:
+        campaigns: list[Path] = args.campaigns
+        return campaigns
+    changes: dict[str, float] = {}
+    for word in args.change:
+        name, _, text = word.partition("=")
+        try:
+            value = bounded_number(text)
+        except argparse.ArgumentTypeError as error:
+            raise BadInput(f"--change {word}: {error}; wanted NAME=NUMBER") from None
+        # whole numbers stay whole
+        changes[name.strip()] = int(value) if text.strip().lstrip("+-").isdigit() else value
+    first = 1 if args.seed is None else args.seed
+    return ff.Laboratories(truth, args.laboratories or USUAL, first, changes)
+
+
+def _options(args: argparse.Namespace) -> ff.EnsembleOptions:
+    return ff.EnsembleOptions(
+        values=args.value,
+        profiles=not args.no_profiles,
+        starts=args.starts,
+        quick=args.quick,
+        resume=args.resume,
+    )
+
+
+def _command(args: argparse.Namespace) -> str:
+    """The command without where it runs: the same fits made elsewhere are the same bytes."""
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaigns)]
+    for name in ("series", "like", "laboratories", "seed", "fmu", "starts"):
+        value = getattr(args, name)
+        if value is not None:
+            words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
+    for change in args.change:
+        words += ["--change", change]
+    for name in args.value:
+        words += ["--value", name]
+    words += ["--quick"] if args.quick else []
+    words += ["--no-profiles"] if args.no_profiles else []
+    return shlex.join(words)

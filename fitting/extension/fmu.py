@@ -1,0 +1,35 @@
+"""Runs of an FMU, and the places where independent items run."""
+
+from __future__ import annotations
+
+from fitting.api.fmu import held_fmu
+from fitting.api.problem import named_fmu, one_fmu
+from fitting.engine.files import NeededFile, place_of
+from fitting.engine.place import Where, opened
+from fitting.engine.run import Ended, run
+from fitting.fmu import FmuDescription, FmuVariable, read_description, validation_problems
+from fitting.fmu.models import provide_fmu
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Handling, HeldSignal, Run, Segment
+
+__all__ = [
+    "Ended",
+    "FmuDescription",
+    "FmuVariable",
+    "FmuWorkers",
+    "Handling",
+    "HeldSignal",
+    "NeededFile",
+    "Run",
+    "Segment",
+    "Where",
+    "held_fmu",
+    "named_fmu",
+    "one_fmu",
+    "opened",
+    "place_of",
+    "provide_fmu",
+    "read_description",
+    "run",
+    "validation_problems",
+]

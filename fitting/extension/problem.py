@@ -1,0 +1,78 @@
+"""A fit from within: its rows and their derivatives, covariance, and what was inferred of it."""
+
+from __future__ import annotations
+
+from fitting.api.fitted import Valued, known_values, require_values
+from fitting.api.jobs import check_problem
+from fitting.campaign.parameters import (
+    UNIFORM_WIDTH,
+    Parameter,
+    bounds,
+    canonical,
+    planning_points,
+    scales,
+    search_bounds,
+    to_model,
+    to_search,
+)
+from fitting.engine.threads import one_thread
+from fitting.fit.covariance import RowCovariance
+from fitting.fit.differences import central
+from fitting.fit.linearisation import (
+    SMALLEST_SIGMA,
+    Linearisation,
+    information,
+    row_sigmas,
+    whitened,
+)
+from fitting.fit.noise import fitted_noise
+from fitting.fit.objective import Objective, Point, evaluate_many, make_objective
+from fitting.fit.outputs import answered_apart, mean, output_means
+from fitting.fit.problem import problem_of
+from fitting.fit.solution import curve_structure
+from fitting.inference.inferred import Inferred
+from fitting.inference.likelihood.knowledge import Values
+from fitting.result.result import Result, read_result
+from fitting.result.same_data import require_same_data
+from fitting.signal.residual_tests import NOTABLE, Structure
+
+__all__ = [
+    "NOTABLE",
+    "SMALLEST_SIGMA",
+    "UNIFORM_WIDTH",
+    "Inferred",
+    "Linearisation",
+    "Objective",
+    "Parameter",
+    "Point",
+    "Result",
+    "RowCovariance",
+    "Structure",
+    "Valued",
+    "Values",
+    "answered_apart",
+    "bounds",
+    "canonical",
+    "central",
+    "check_problem",
+    "curve_structure",
+    "evaluate_many",
+    "fitted_noise",
+    "information",
+    "known_values",
+    "make_objective",
+    "mean",
+    "one_thread",
+    "output_means",
+    "planning_points",
+    "problem_of",
+    "read_result",
+    "require_same_data",
+    "require_values",
+    "row_sigmas",
+    "scales",
+    "search_bounds",
+    "to_model",
+    "to_search",
+    "whitened",
+]

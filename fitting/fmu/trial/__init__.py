@@ -1,1 +1,0 @@
-"""What a doctor tries on a running FMU: steps, resets, inputs, and what they cost."""

@@ -1,0 +1,249 @@
+"""``fmu-fit synthesize``: a campaign with known truth, noise and drift, made without the FMU."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import fitting as ff
+from fitting.extension.command import bounded_number, seed, writes
+from fitting.lab.names import CROSSING, CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
+
+if TYPE_CHECKING:
+    from fitting.lab.api import LockIns, PhaseDetectors
+
+NAME = "synthesize"
+EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
+
+#: option -> (field of the bench, or of its modes, what it is)
+BENCH_OPTIONS = {
+    "noise-scale": ("noise_scale", "factor on every source of randomness; 0 makes exact data"),
+    "drift": ("drift_hz", "linear drift of both eigenfrequencies over the series, Hz"),
+    "curvature": ("curvature_hz", "departure from linear drift at the middle, Hz"),
+    "crest": ("crest_v", "height of the sweep's maximum, V"),
+}
+MODE_OPTIONS = {
+    "theta": ("theta_rad", "angle of the orthogonal matrix, rad"),
+    "d1": ("d1_hz", "damping of the first uncoupled mode, Hz"),
+    "d2": ("d2_hz", "damping of the second uncoupled mode, Hz"),
+    "eta-plus": ("eta_plus_hz", "lower eigenfrequency at the middle of the series, Hz"),
+    "eta-minus": ("eta_minus_hz", "upper eigenfrequency at the middle of the series, Hz"),
+}
+#: option of the string driven hard -> (field of its cubic terms, what it is)
+CUBIC_OPTIONS = {
+    "alpha1": ("alpha1", "duffing: cubic coefficient of the first mode, 1/(m²·s²)"),
+    "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m²·s²)"),
+    "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m²·s²)"),
+}
+LEVEL_OPTIONS = {
+    "level": ("level", "duffing: strongest drive of each tone, the others in proportion, m/s²"),
+    "weak-level": ("weak_level", "duffing: drive of the sweep that sets the scale, m/s²"),
+}
+OPTIONS = {**BENCH_OPTIONS, **MODE_OPTIONS, **CUBIC_OPTIONS, **LEVEL_OPTIONS}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    kind = parser.add_mutually_exclusive_group(required=True)
+    kind.add_argument(
+        "--series",
+        choices=(*SERIES, *CURVES),
+        help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
+        "under a parametric pump, swept under a pump at the distance of the modes and at half of "
+        "it, one mode measured by a network analyser, spectra over a "
+        "voltage, or a string over time: let go, under a chirp, let go behind a lock-in, or "
+        "measured by an analyser of zero span",
+    )
+    kind.add_argument(
+        "--like",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        help=f"a synthetic campaign; the {TRUTH_NAME} in its folder is the truth again",
+    )
+    kind.add_argument(
+        "--plan",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        help="a campaign that fmu-fit design proposed, to be measured; wants --truth",
+    )
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        metavar="TRUTH.toml",
+        help=f"with --plan: the {TRUTH_NAME} of the laboratory that measures it",
+    )
+    parser.add_argument("--seed", type=seed(), default=1, help="seed of all noise (default 1)")
+    parser.add_argument(
+        "--cross-mode",
+        action="store_true",
+        help="record the other mode at every drive pair too, by lock-in amplifiers",
+    )
+    parser.add_argument(
+        "--phases",
+        action="store_true",
+        help="record X and Y of every tone, of both modes with --cross-mode; of tones alone, not "
+        "of sweeps; with --series crossing: of every point",
+    )
+    parser.add_argument(
+        "--modes",
+        type=int,
+        choices=(2, 3),
+        help="with --series crossing: modes, each coupled to the next (default 2)",
+    )
+    parser.add_argument(
+        "--reference",
+        action="store_true",
+        help="with --series crossing: a sweep at the first voltage besides, for the scale of tones",
+    )
+    parser.add_argument(
+        "--restart",
+        type=int,
+        action="append",
+        default=[],
+        metavar="N",
+        help="with --phases: restart the instrument before drive pair N, from 2; may be repeated",
+    )
+    parser.add_argument(
+        "--noise",
+        type=bounded_number,
+        metavar="X",
+        help="with --cross-mode or --phases: relative noise of every quadrature (default 0.01); "
+        "of a network analyser, spectra or a trace: over the largest value",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
+    for option, (_, text) in OPTIONS.items():
+        parser.add_argument(f"--{option}", type=bounded_number, metavar="X", help=text)
+    parser.add_argument(
+        "--reflection",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="the reflection form of the orthogonal matrix",
+    )
+
+
+@writes(NAME)
+def run(args: argparse.Namespace) -> int:
+    """Write the campaign; returns exit code 0.
+
+    Raises:
+        BadInput: no truth beside the campaign named, an impossible value, or a folder that holds
+            a campaign which is not synthetic.
+    """
+    if (args.plan is None) != (args.truth is None):
+        raise ff.BadInput("synthesize: --plan and --truth are wanted together")
+    if args.series in CURVES:
+        return _curve(args)
+    if args.modes is not None:
+        raise ff.BadInput("--modes: has no meaning here, only with --series crossing")
+    if args.reference:
+        raise ff.BadInput("--reference: has no meaning here, only with --series crossing")
+    if args.noise is not None and not (args.cross_mode or args.phases):
+        raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
+    if args.restart and not args.phases:
+        raise ff.BadInput("--restart: has no meaning here, only with --phases")
+    if args.series in (PUMPED, SUBHARMONIC) and (args.phases or args.cross_mode):
+        raise ff.BadInput(
+            f"{'--phases' if args.phases else '--cross-mode'}: has no meaning with --series "
+            f"{args.series}, whose sweeps of one line are recorded as amplitudes; wanted none"
+        )
+    made = ff.synthesize(
+        args.series or args.like or args.truth,
+        seed=args.seed,
+        instrument=_lock_ins(args),
+        plan=args.plan,
+        command=_command(args),
+        **_changes(args),
+    )
+    what = f"the plan {args.plan}" if args.plan else _measured(made.measured)
+    return _print(args, made.write(args.out), what)
+
+
+def _print(args: argparse.Namespace, path: Path, what: str) -> int:
+    """The campaign that was written, and the next command."""
+    from fitting.extension.report import printed_lines
+
+    title, status = "Synthetic campaign", f"seed {args.seed}"
+    command = shlex.join(["fmu-fit", "reconstruct", str(path)])
+    entries = [("measured", what)]
+    print(*printed_lines("files", "campaign", title, status, entries, path, command), sep="\n")
+    return 0
+
+
+def _measured(measured: Any) -> str:
+    from fitting.lab.api import Curve, PumpedSweeps, kind_of
+
+    if isinstance(measured, Curve):
+        return kind_of(measured)
+    if isinstance(measured, PumpedSweeps):
+        return f"{len(measured.amplitude_v)} sweeps"
+    return f"{len(measured.bench.pairs_hz)} drive pairs"
+
+
+def _curve(args: argparse.Namespace) -> int:
+    """Write the campaign of a curve: a seed and a noise, of a crossing also phases and modes."""
+    others = {"cross-mode": args.cross_mode, "restart": args.restart}
+    others |= {"phases": args.phases and args.series != CROSSING}
+    others |= {"modes": args.modes is not None and args.series != CROSSING}
+    others |= {"reference": args.reference and args.series != CROSSING}
+    others |= {"plan": args.plan, "reflection": args.reflection is not None}
+    others |= {option: _value(args, option) is not None for option in OPTIONS}
+    for option, given in others.items():
+        if given:
+            raise ff.BadInput(f"--{option}: has no meaning with --series {args.series}")
+    changes = {} if args.noise is None else {"noise": args.noise}
+    changes |= {"phases": True} if args.phases else {}
+    changes |= {} if args.modes is None else {"modes": args.modes}
+    changes |= {"reference": True} if args.reference else {}
+    made = ff.synthesize_curves(
+        args.series, seed=args.seed, command=_command(args), out=None, **changes
+    )
+    return _print(args, made.write(args.out), args.series)
+
+
+def _lock_ins(args: argparse.Namespace) -> LockIns | PhaseDetectors | None:
+    from fitting.lab.api import LockIns, PhaseDetectors
+
+    if args.phases:
+        restarts = tuple(sorted({n - 1 for n in args.restart}))
+        found = PhaseDetectors(both=args.cross_mode, restarts=restarts)
+        return found if args.noise is None else replace(found, noise=args.noise)
+    if not args.cross_mode:
+        return None
+    return LockIns() if args.noise is None else LockIns(args.noise)
+
+
+def _changes(args: argparse.Namespace) -> dict[str, Any]:
+    """What the options change of the bench, by the names of its fields."""
+    values = {field: _value(args, option) for option, (field, _) in OPTIONS.items()}
+    values["reflection"] = args.reflection
+    return {field: value for field, value in values.items() if value is not None}
+
+
+def _value(args: argparse.Namespace, option: str) -> Any:
+    return getattr(args, option.replace("-", "_"))
+
+
+def _command(args: argparse.Namespace) -> str:
+    """The command without --out: the same data made elsewhere are the same bytes."""
+    words = ["fmu-fit", NAME]
+    for option in ("series", "like", "plan", "truth"):
+        value = getattr(args, option)
+        if value is not None:
+            words += [f"--{option}", value.as_posix() if isinstance(value, Path) else value]
+    words += ["--seed", str(args.seed)]
+    for option in OPTIONS:
+        if _value(args, option) is not None:
+            words += [f"--{option}", repr(_value(args, option))]
+    words += ["--cross-mode"] if args.cross_mode else []
+    words += ["--phases"] if args.phases else []
+    words += ["--modes", str(args.modes)] if args.modes is not None else []
+    words += ["--reference"] if args.reference else []
+    for pair in args.restart:
+        words += ["--restart", str(pair)]
+    words += ["--noise", repr(args.noise)] if args.noise is not None else []
+    if args.reflection is not None:
+        words.append("--reflection" if args.reflection else "--no-reflection")
+    return shlex.join(words)

@@ -1,0 +1,276 @@
+"""Draws from the posterior of a problem, for those who want one besides the profiles."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fitting import Problem
+from fitting.extension.problem import Result, Valued, one_thread
+from fitting.lab.names import TRUTH_NAME
+from fitting.lab.true_values import nearest, true_values
+from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
+from fitting.posterior.job import Job, thinned
+from fitting.posterior.mixture import TRIED
+from fitting.posterior.report import draws_csv, screen_lines, write_report
+from fitting.posterior.summary import PosteriorOutput, PosteriorSummary, PosteriorValue
+from fitting.text.arguments import checked
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.files import write_whole
+from fitting.text.records import write_json
+from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.toml import read_toml
+
+__all__ = [
+    "Posterior",
+    "PosteriorCost",
+    "Sampling",
+    "posterior",
+    "posterior_cost",
+    "write_posterior",
+]
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """How draws from a posterior are made: how many, from which seed.
+
+    Args:
+        walkers: How many, an even number of at least 4 and twice the parameters; None: 24, or
+            2 n + 2 where these are more.
+        steps: Steps of every walker, at most, 200 or more; the chain ends before where there are
+            enough draws.
+        seed: Of the draws, at least 0.
+        resume: Whether a chain that is kept in the folder is continued.
+
+    Raises:
+        BadInput: a number out of its range.
+    """
+
+    walkers: int | None = None
+    steps: int = 5000
+    seed: int = 1
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        if self.steps < LEAST_STEPS:
+            raise BadInput(f"Sampling: steps is {self.steps!r}, wanted at least {LEAST_STEPS}")
+        if self.walkers is not None and (self.walkers < LEAST_WALKERS or self.walkers % 2):
+            raise BadInput(
+                f"Sampling: walkers is {self.walkers!r}, wanted an even number of at least "
+                f"{LEAST_WALKERS}"
+            )
+        if self.seed < 0:
+            raise BadInput(f"Sampling: seed is {self.seed!r}, wanted at least 0")
+
+
+@dataclass(frozen=True, repr=False)
+class Posterior:
+    """Draws from a posterior: their ``summary``, and all of them.
+
+    ``draws`` has the shape (steps, walkers, n), in the parameters' units and in the order of
+    ``names``, without the beginning of the chain; a value with a period is given in the one in
+    which the fit reports it. ``log`` (steps, walkers) is ln of the posterior but for a constant.
+    ``outputs`` are derived outputs of the model by name, (k,), at the draws of ``thinned``, and NaN
+    where it has no value. Values are reported where ``status`` is "converged"; the draws are there
+    always.
+    """
+
+    summary: PosteriorSummary
+    names: tuple[str, ...]
+    draws: FloatArray
+    log: FloatArray
+    outputs: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def status(self) -> str:
+        """Whether there are enough draws: "converged", "not converged" or "interrupted"."""
+        return self.summary.status
+
+    @property
+    def message(self) -> str:
+        """Why it is that, a sentence."""
+        return self.summary.message
+
+    @property
+    def values(self) -> Mapping[str, PosteriorValue]:
+        """Every parameter by name."""
+        return self.summary.values
+
+    @property
+    def derived(self) -> Mapping[str, PosteriorOutput]:
+        """Every derived output by name; none where the draws have not converged."""
+        return self.summary.derived
+
+    @property
+    def thinned(self) -> FloatArray:
+        """Draws that are nearly independent, (k, n): one in so many steps as τ is at most."""
+        return thinned(self.draws, max(value.tau for value in self.values.values()))
+
+    def __getitem__(self, name: str) -> PosteriorValue | PosteriorOutput:
+        values: Mapping[str, PosteriorValue | PosteriorOutput] = {**self.derived, **self.values}
+        if name not in values:
+            raise KeyError(f"no value '{name}'{did_you_mean(name, sorted(values))}")
+        return values[name]
+
+    def __repr__(self) -> str:
+        return "\n".join(screen_lines(self.summary, verbose=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorCost:
+    """What draws will cost: ``evaluations`` of the model, least and most, and seconds of each.
+
+    Of ``walkers``, from ``minima``; ``seconds_each`` was measured where the walkers begin, which is
+    a batch of as many evaluations.
+    """
+
+    walkers: int
+    minima: int
+    evaluations: tuple[int, int]
+    seconds_each: float
+
+    @property
+    def seconds(self) -> tuple[float, float]:
+        """Least and most, s."""
+        least, most = self.evaluations
+        return least * self.seconds_each, most * self.seconds_each
+
+
+@checked
+@one_thread()
+def posterior(
+    problem: Problem,
+    at: Valued | Result,
+    options: Sampling | None = None,
+    *,
+    truth: Mapping[str, float] | None = None,
+    out: str | Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Posterior:
+    """Draw from the posterior of a problem, from every minimum that a fit of it knows.
+
+        p(theta | data) ~ L(theta) prior(theta)          `Problem.logp`
+
+    The prior is uniform in the box of the parameters, with a Gaussian where one has its own. The
+    chain is long enough at 50 of its correlation times, if its walkers agree (split R at most
+    1.01), and draws come near every value that the fit's own profiles accept; else it is called not
+    converged, and no interval is reported. A bent posterior takes a fit that has profiles.
+
+    Args:
+        problem: What is looked for, and from what; noise of rows that is not known is integrated
+            out.
+        at: A fit of it, or what was inferred of one: walkers begin at its minima.
+        options: How many walkers and steps; None: `Sampling()`.
+        truth: What is true, by name, in the parameters' units: for tables and figures alone.
+        out: Folder in which the chain is kept while it grows; None: nothing is written.
+        progress: Is called with a line of what is under way.
+
+    Returns:
+        The draws, and medians with central intervals as ``posterior["name"]``, of derived outputs
+        too.
+
+    Raises:
+        BadInput: no such fit, noise that too few rows tell, too few walkers, or ``emcee`` is
+            missing.
+        FmuFailure: the FMU failed where the fit ended.
+    """
+    asked = options or Sampling()
+    job = Job(problem, at, asked.walkers, asked.steps, asked.seed)
+
+    def drawn(path: Path | None) -> Posterior:
+        if path is not None and asked.resume:
+            job.resume(path)
+        result = job.draw(path, progress)
+        summary, outputs = job.summary(result, truth or {}, progress)
+        log = result[1].log[summary.discarded :]
+        return Posterior(summary, job.problem.names, result[2].draws, log, outputs)
+
+    if out is None:
+        return drawn(None)
+    with results_folder(Path(out), "posterior", (*FILES, CHAIN_FILE)):
+        return drawn(Path(out) / CHAIN_FILE)
+
+
+@checked
+def posterior_cost(
+    problem: Problem, at: Valued | Result, options: Sampling | None = None
+) -> PosteriorCost:
+    """What `posterior` will cost, from one evaluation of every walker.
+
+    Args:
+        problem: As `posterior` takes it.
+        at: Likewise.
+        options: Likewise.
+
+    Raises:
+        BadInput: as `posterior`.
+        FmuFailure: the FMU failed where the fit ended.
+    """
+    asked = options or Sampling()
+    job = Job(problem, at, asked.walkers, asked.steps, asked.seed)
+    before, started = job.evaluations, time.perf_counter()
+    job.begin()
+    each = (time.perf_counter() - started) / (job.evaluations - before)
+    return PosteriorCost(
+        walkers=job.walkers,
+        minima=sum(m.copy_of < 0 for m in job.minima),
+        evaluations=(
+            before + TRIED + job.walkers * (1 + LEAST_STEPS),
+            before + job.learning + job.walkers * (1 + asked.steps),
+        ),
+        seconds_each=each,
+    )
+
+
+def write_posterior(found: Posterior, out: str | Path, *, drawn: bool = True) -> list[Path]:
+    """Write what the command line writes: posterior.json, draws.csv, a corner figure, report.html.
+
+    Args:
+        found: Draws.
+        out: Folder, made where there is none.
+        drawn: Whether figure and report are wanted.
+
+    Returns:
+        The paths of all files.
+
+    Raises:
+        BadInput: the folder cannot be written, or holds files of these names of others.
+    """
+    folder = Path(out)
+    with results_folder(folder, "posterior", FILES):
+        paths = [folder / "posterior.json", folder / "draws.csv"]
+        write_json(paths[0], found.summary)
+        write_whole(paths[1], draws_csv(found.summary, found.thinned, found.outputs))
+        if drawn:
+            # matplotlib takes a second to import: only where something is drawn
+            drawing = importlib.import_module("fitting.posterior.figure")
+            flat = found.draws.reshape(-1, len(found.names))
+            figure = drawing.save_figure(found.summary, flat, folder / "figures")
+            page = write_report(found.summary, figure, folder)
+            paths += [figure.file("png"), figure.file("svg"), page]
+        remove_earlier(folder, FILES)
+    return paths
+
+
+def campaign_truth(problem: Problem, at: Result) -> dict[str, float]:
+    """What is true of a synthetic campaign, by its truth.toml; empty where that is not known.
+
+    Args:
+        problem: Of campaign files.
+        at: The fit, in whose form of the model the truth is given.
+    """
+    record = problem.record
+    paths = [bound.path.parent / TRUTH_NAME for bound in record.campaigns.values()]
+    if not record.synthetic or len(paths) != 1 or not paths[0].is_file():
+        return {}
+    reflected = bool(at.alternative.get("reflection", False))
+    true = true_values(read_toml(paths[0]), reflection=reflected)
+    likely = at.fitted_values
+    return {n: nearest(n, v, likely.get(n, math.nan)) for n, v in true.items() if n in likely}

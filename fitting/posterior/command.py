@@ -1,0 +1,159 @@
+"""``fmu-fit posterior``: draws from the posterior of a fit."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import fitting as ff
+from fitting.extension.command import (
+    add_at,
+    add_isolate,
+    command_again,
+    even_number,
+    fit_at,
+    flag,
+    fmu_for,
+    hand_over,
+    joint_name,
+    seed,
+    status_line,
+    whole_number,
+    worker_count,
+    writes,
+)
+from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
+from fitting.text.results_folder import remove_earlier
+
+NAME = "posterior"
+DOCUMENT = "posterior.json"
+EXAMPLE = (
+    "fmu-fit posterior string_q1/campaign.toml --at out/string_q1/result.json --out out/posterior"
+)
+#: Steps where no number is given, at most.
+USUAL = 5000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "campaign",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        nargs="+",
+        help="campaign file; several of one sample together, as they were fitted",
+    )
+    add_at(
+        parser,
+        "the fit of these campaigns: walkers start at all of its minima",
+        required=True,
+    )
+    parser.add_argument("--out", type=Path, help="folder for results (out/posterior_<its folder>)")
+    parser.add_argument(
+        "--walkers",
+        type=even_number(LEAST_WALKERS),
+        metavar="N",
+        help="walkers, an even number, at least twice the parameters (24, or 2 n + 2 for n "
+        "parameters where these are more)",
+    )
+    parser.add_argument(
+        "--steps",
+        type=whole_number(LEAST_STEPS),
+        default=USUAL,
+        metavar="N",
+        help=f"most steps of every walker, {LEAST_STEPS} at least; it ends before where draws are "
+        f"enough ({USUAL})",
+    )
+    parser.add_argument("--seed", type=seed(), default=1, help="seed of the draws (1)")
+    parser.add_argument(
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
+    )
+    add_isolate(parser)
+    parser.add_argument(
+        "--resume", action="store_true", help=f"continue the {CHAIN_FILE} in the folder"
+    )
+    parser.add_argument("--no-report", action="store_true", help="neither figure nor report.html")
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="only print the expected evaluations and time; nothing is written",
+    )
+
+
+def _written_to(args: argparse.Namespace) -> Path | None:
+    return None if args.dry_run else _out(args)
+
+
+def _out(args: argparse.Namespace) -> Path:
+    return args.out or Path("out") / f"posterior_{joint_name(args.campaign)}"
+
+
+@writes(NAME, *FILES, CHAIN_FILE, to=_written_to)
+def run(args: argparse.Namespace) -> int:
+    """Draw and write; 0 if there are enough draws, else 1. With ``--dry-run`` only the cost.
+
+    Raises:
+        BadInput: campaign, fit or FMU are not what they should be, or emcee is missing.
+        FmuFailure: the FMU failed where the fit ended.
+        KeyboardInterrupt: before there was a result; says how to continue from what is kept.
+    """
+    # the work takes libraries along, help does not
+    from fitting.extension.report import printed_lines
+    from fitting.posterior.api import campaign_truth
+    from fitting.posterior.report import screen_lines
+    from fitting.text.scratch import Scratch
+
+    at, out = fit_at(args), _out(args)
+    if at is None:
+        raise RuntimeError("the parser requires a fit")
+    sampling = ff.Sampling(
+        walkers=args.walkers, steps=args.steps, seed=args.seed, resume=args.resume
+    )
+    campaigns = [ff.read_campaign(path) for path in args.campaign]
+    with (
+        Scratch() as scratch,
+        fmu_for(
+            campaigns, scratch if args.dry_run else out, args.workers, isolate=args.isolate
+        ) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
+    ):
+        tell("planning")
+        problem = ff.Problem.of(campaigns, fmu)
+        if args.dry_run:
+            cost = ff.posterior_cost(problem, at, sampling)
+        else:
+            truth = campaign_truth(problem, at)
+            try:
+                found = ff.posterior(problem, at, sampling, truth=truth, out=out, progress=tell)
+            except KeyboardInterrupt as end:  # there is no result, but there may be a chain
+                way_on = f"{end}, go on with: {command_again(args)}" if str(end) else ""
+                raise KeyboardInterrupt(way_on) from None
+            command = {"command": _command(args), "fit": args.at.as_posix()}
+            provenance = {**command, **found.summary.provenance}
+            found = replace(found, summary=replace(found.summary, provenance=provenance))
+            tell("tables, figure and report")
+            files = ff.write_posterior(found, out, drawn=not args.no_report)
+    if args.dry_run:
+        hand_over(args, cost)
+        print(*printed_lines("posterior/text", "cost", at.title, cost), sep="\n")
+        return 0
+    remove_earlier(out, ("fmu/*.fmu",))
+    hand_over(args, found.summary)
+    done = found.status == "converged"
+    enough = args.steps if found.summary.steps < args.steps else 4 * args.steps
+    again = "" if done else command_again(args, steps=enough)
+    print(*screen_lines(found.summary, files, again=again, verbose=args.verbose), sep="\n")
+    return 0 if done else 1
+
+
+def _command(args: argparse.Namespace) -> str:
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
+    for name in ("at", "out", "walkers"):
+        value = getattr(args, name)
+        if value is not None:
+            words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
+    words += ["--steps", str(args.steps), "--seed", str(args.seed)]
+    flags = [name for name in ("isolate", "changed_data", "resume") if getattr(args, name)]
+    return shlex.join([*words, *(flag(name, getattr(args, name)) for name in flags)])

@@ -1,0 +1,178 @@
+"""The corner figure: every value of a posterior alone, and each two against each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from fitting.extension.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    Axes,
+    described,
+    legend_below,
+    new_figure,
+    plain_ticks,
+    save,
+    style,
+)
+from fitting.extension.report import Figure as Described
+from fitting.posterior.summary import PosteriorSummary
+from fitting.text.arrays import FloatArray
+from fitting.text.notation import Scaling, mathtext, scaling_for
+
+#: Values that are drawn at most: more panels than these tell nothing any more.
+MOST = 7
+
+
+def save_figure(found: PosteriorSummary, draws: FloatArray, folder: Path) -> Described:
+    """Draw and write the figure.
+
+    Args:
+        found: What the draws say.
+        draws: (k, n) in the parameters' units.
+        folder: Where the files go.
+    """
+    with style():
+        return save(draw(found, draws), folder)
+
+
+def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
+    """The corner figure.
+
+    Args:
+        found: What the draws say.
+        draws: (k, n) in the parameters' units.
+    """
+    names = list(found.values)
+    shared = [name for name in names if found.values[name].shared]
+    shown = (shared or names)[:MOST]
+    columns = [draws[:, names.index(name)] for name in shown]
+    scalings = [
+        scaling_for(c.tolist(), found.values[n].unit) for n, c in zip(shown, columns, strict=True)
+    ]
+    count = len(shown)
+    rest = [name for name in found.values if name not in shown]
+    words = described("posterior/corner", posterior=found, rest=rest)
+    height = 1.2 + max(1.6, 6.4 / count) * count
+    figure = new_figure(words.title, found.title, synthetic=found.synthetic, height=height)
+    grid = figure.subplots(count, count, squeeze=False)
+    for i in range(count):
+        for k in range(count):
+            axes = grid[i][k]
+            if k > i:
+                axes.set_visible(False)
+                continue
+            if k == i:
+                alone(axes, columns[i], scalings[i], found.values[shown[i]].ci95)
+            else:
+                together(axes, columns[k], columns[i], (scalings[k], scalings[i]))
+            which = (k,) if k == i else (k, i)
+            for kind, place in _places(found):
+                marked(axes, [scalings[j](place[shown[j]]) for j in which], kind=kind)
+            axes.set_xlabel(scalings[k].label(mathtext(shown[k])) if i == count - 1 else "")
+            axes.set_ylabel(scalings[i].label(mathtext(shown[i])) if k == 0 < i else "")
+            axes.tick_params(labelbottom=i == count - 1, labelleft=k == 0 < i)
+    legend_below(figure, _handles(found), ncols=4)
+    return replace(words, drawn=figure, number=1)
+
+
+def _places(found: PosteriorSummary) -> list[tuple[str, dict[str, float]]]:
+    """Kind and values of what is marked, what matters most last."""
+    first, *others = found.modes
+    truth = {name: v.truth for name, v in found.values.items()}
+    return [
+        *(("other", dict(m.parameters)) for m in others),
+        ("fit", dict(first.parameters)),
+        ("truth", truth),
+    ]
+
+
+def _handles(found: PosteriorSummary) -> list[Line2D]:
+    made = [
+        Line2D([], [], color=BLUE, lw=0.9, label="outlines of 68 % and 95 % of the draws"),
+        Line2D([], [], ls="none", marker="*", color=RED, label="most likely minimum"),
+    ]
+    if len(found.modes) > 1:
+        made.append(Line2D([], [], ls="none", marker="D", color=ORANGE, label="other minima"))
+    if any(v.truth == v.truth for v in found.values.values()):
+        made.append(Line2D([], [], ls="none", marker="P", color=GREEN, label="truth"))
+    return made
+
+
+#: Least and most bins of each axis; between them a quarter of the root of the draws.
+BINS = (10, 30)
+#: Shares of the draws that the outlines hold.
+HELD = (0.95, 0.68)
+
+
+def alone(axes: Axes, draws: FloatArray, scaling: Scaling, interval: tuple[float, float]) -> None:
+    """Draw how often each value was drawn, its 95 % interval as a band.
+
+    Args:
+        axes: to draw into.
+        draws: (k,) in their unit.
+        scaling: how they are shown.
+        interval: in their unit; NaN: none is told.
+    """
+    axes.hist((draws - scaling.offset) / scaling.factor, _bins(draws), color=BLUE, histtype="step")
+    if all(map(math.isfinite, interval)):
+        axes.axvspan(*(scaling(end) for end in interval), color=GREY, alpha=0.18, lw=0)
+    plain_ticks(axes, x=3)
+    axes.set_yticks([])
+
+
+def together(
+    axes: Axes, across: FloatArray, up: FloatArray, scalings: tuple[Scaling, Scaling]
+) -> None:
+    """Draw two values against each other: outlines that hold 68 % and 95 % of the draws.
+
+    Args:
+        axes: to draw into.
+        across: (k,) in their unit.
+        up: (k,) in their unit.
+        scalings: how both are shown.
+    """
+    x, y = ((v - s.offset) / s.factor for v, s in zip((across, up), scalings, strict=True))
+    counts, x_ends, y_ends = np.histogram2d(x, y, _bins(x))
+    ordered = np.sort(counts.ravel())[::-1]
+    held = np.cumsum(ordered) / counts.sum()
+    levels = sorted({float(ordered[np.searchsorted(held, share)]) for share in HELD})
+    middles = [0.5 * (ends[1:] + ends[:-1]) for ends in (x_ends, y_ends)]
+    axes.plot(x[:: max(1, x.size // 800)], y[:: max(1, x.size // 800)], ",", color=GREY, alpha=0.5)
+    if levels[-1] < np.max(counts):
+        axes.contour(*middles, counts.T, levels=levels, colors=[BLUE], linewidths=0.9)
+    plain_ticks(axes, x=3, y=3)
+
+
+def _bins(draws: FloatArray) -> int:
+    return int(np.clip(0.25 * np.sqrt(draws.size), *BINS))
+
+
+def marked(axes: Axes, place: Sequence[float], *, kind: str) -> None:
+    """Mark a place: a line in a panel of one value, a sign in one of two.
+
+    Args:
+        axes: to draw into.
+        place: one or two values as they are shown.
+        kind: "fit", "other" (minimum) or "truth".
+    """
+    colour, sign, dashes = {
+        "fit": (RED, "*", "-"),
+        "other": (ORANGE, "D", ":"),
+        "truth": (GREEN, "P", "--"),
+    }[kind]
+    if not all(map(math.isfinite, place)):
+        return
+    if len(place) == 1:
+        axes.axvline(place[0], color=colour, ls=dashes, lw=1.0)
+    else:
+        axes.plot(*place, sign, color=colour, ms=6.0, mec="white", mew=0.5)

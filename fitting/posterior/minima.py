@@ -1,0 +1,185 @@
+"""Where walkers set out: every minimum that a fit knows, polished, with its width and weight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+
+from fitting.extension.problem import UNIFORM_WIDTH, Parameter, bounds
+from fitting.posterior.mixture import UNLIKELY, Minimum
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+
+#: Gauss and Newton's steps of each minimum at most; those that gain less than so much of ln end it.
+STEPS, GAIN = 8, 0.01
+#: Points of the box that are looked at, and how many of these are followed.
+SCREENED, FOLLOWED = 128, 8
+#: Shares of such a step that are tried together.
+SHARES = 0.5 ** np.arange(6.0)
+#: Minima closer than so many standard deviations are one.
+SAME = 1.0
+#: Share of a period up to which a copy of a minimum may lie beyond the box, and reach into it.
+BEYOND = 0.1
+#: A box that is narrower than its period by less than this share holds all of it.
+WHOLE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """A posterior of parameters in their units.
+
+    `log` (k, n) -> (k,) is its ln, `rows` (n,) -> ((m,), (m, n)) whitened residuals, those of
+    Gaussian priors among them, and their derivatives.
+    """
+
+    parameters: tuple[Parameter, ...]
+    log: Callable[[FloatArray], FloatArray]
+    rows: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+    @property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Lower ends and widths, (n,) each."""
+        lower, upper = bounds(self.parameters)
+        return lower, upper - lower
+
+    def in_box(self, p: FloatArray) -> FloatArray:
+        """Parameters (..., n) in units of the box.
+
+        Args:
+            p: in their units.
+        """
+        lower, width = self.box
+        return np.asarray((p - lower) / width)
+
+    def in_units(self, u: FloatArray) -> FloatArray:
+        """Parameters (..., n) in their units.
+
+        Args:
+            u: in units of the box.
+        """
+        lower, width = self.box
+        return np.asarray(lower + width * u)
+
+
+def minima_of(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[Minimum, ...]:
+    """The minima that are worth setting out from, each once, the one of the largest mass first.
+
+    Args:
+        target: The posterior.
+        known: Places (n,) in the parameters' units with who knows of them.
+
+    Raises:
+        BadInput: none of them is possible.
+    """
+    found: list[Minimum] = []
+    for origin, place in (*known, *_exchanged(target, known[0][1]), *_scattered(target)):
+        minimum = _polished(target, origin, _turned_inside(target.parameters, place))
+        if minimum is not None:
+            found.append(minimum)
+    if not found:
+        raise BadInput("posterior: the model has no value where the fit ended, wanted another fit")
+    kept: list[Minimum] = []
+    for m in found:  # who knew of it first has found it
+        turns = [c for k in kept for c in (k, *_copies(target.parameters, k, -1))]
+        if all(t.distances(m.centre[None])[0] > SAME for t in turns):
+            kept.append(m)
+    kept.sort(key=lambda m: -m.weight)
+    kept = [m for m in kept if m.weight > kept[0].weight - UNLIKELY]
+    copies = [c for k, m in enumerate(kept) for c in _copies(target.parameters, m, k)]
+    return (*kept, *copies)
+
+
+def _exchanged(target: Target, place: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """The place with two parameters of one unit exchanged, for each two that may be."""
+    parameters = target.parameters
+    for i, k in combinations(range(len(parameters)), 2):
+        one, other = parameters[i], parameters[k]
+        fits = one.lower <= place[k] <= one.upper and other.lower <= place[i] <= other.upper
+        if one.unit == other.unit and fits and not (one.experiments or other.experiments):
+            image = place.copy()
+            image[[i, k]] = image[[k, i]]
+            yield f"{one.name} and {other.name} exchanged", image
+
+
+def _scattered(target: Target) -> Iterator[tuple[str, FloatArray]]:
+    """The most likely ones of some points of the box."""
+    points = np.random.default_rng(1).random((SCREENED, len(target.parameters)))
+    table = target.in_units(points)
+    logs = target.log(table)
+    for k in np.argsort(-logs)[:FOLLOWED]:
+        if np.isfinite(logs[k]):
+            yield "a point of the box", table[k]
+
+
+def _polished(target: Target, origin: str, place: FloatArray) -> Minimum | None:
+    """The minimum near a place; None where the model has no value."""
+    lower, width = target.box
+    p = np.clip(place, lower, lower + width)
+    log = float(target.log(p[None])[0])
+    if not np.isfinite(log):
+        return None
+    for _ in range(STEPS):
+        residuals, slopes = target.rows(p)
+        step = np.linalg.lstsq(slopes * width, -residuals, rcond=1e-10)[0] * width
+        tried = np.clip(p + SHARES[:, None] * step, lower, lower + width)
+        logs = target.log(tried)
+        best = int(np.argmax(logs))
+        gain = float(logs[best]) - log
+        if gain > 0.0:
+            p, log = tried[best], float(logs[best])
+        if gain < GAIN:
+            break
+    _, slopes = target.rows(p)
+    # the box counts as a uniform distribution: what the data do not see is left as wide as it is
+    whole = np.vstack([slopes * width, UNIFORM_WIDTH * np.eye(width.size)])
+    root = np.asarray(np.linalg.qr(whole, mode="r"))
+    weight = log - float(np.sum(np.log(np.abs(np.diag(root)))))
+    return Minimum(centre=target.in_box(p), root=root, weight=weight, origin=origin)
+
+
+def _turned_inside(parameters: Sequence[Parameter], place: FloatArray) -> FloatArray:
+    """The place with periodic parameters turned into the box, where that is possible."""
+    found = np.array(place, dtype=float)
+    for i, p in enumerate(parameters):
+        if p.period is not None:
+            found[i] += p.period * np.ceil((p.lower - found[i]) / p.period - 1e-9)
+    return found
+
+
+def _copies(parameters: Sequence[Parameter], minimum: Minimum, number: int) -> Iterator[Minimum]:
+    """The same minimum whole periods off, as far as it reaches into the box."""
+    turns = [_turns(p, float(c)) for p, c in zip(parameters, minimum.centre, strict=True)]
+    for shift in product(*turns):
+        if any(shift):
+            yield replace(minimum, centre=minimum.centre + np.array(shift), copy_of=number)
+
+
+def _turns(parameter: Parameter, centre: float) -> tuple[float, ...]:
+    """Shifts by whole periods that stay near the box, in units of it; no shift is one of them."""
+    if parameter.period is None:
+        return (0.0,)
+    period = parameter.period / (parameter.upper - parameter.lower)
+    most = int(1.0 / period) + 2
+    shifts = [k * period for k in range(-most, most + 1)]
+    near = [s for s in shifts if -BEYOND * period <= centre + s <= 1.0 + BEYOND * period]
+    return (*(s for s in near if s), 0.0)
+
+
+def about(target: Target, minimum: Minimum, p: FloatArray) -> FloatArray:
+    """Parameters (..., n) with each whose box holds a whole period turned nearest to a minimum.
+
+    Values that differ by a period are the same system: an interval is told about the minimum.
+
+    Args:
+        target: The posterior.
+        minimum: About which.
+        p: In their units.
+    """
+    found, centre = np.array(p, dtype=float), target.in_units(minimum.centre)
+    for i, q in enumerate(target.parameters):
+        if q.period is not None and q.upper - q.lower >= q.period * (1.0 - WHOLE):
+            found[..., i] -= q.period * np.round((found[..., i] - centre[i]) / q.period)
+    return found
