@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.api.fitted import Valued
+from fitting.api.printed import HtmlText
 from fitting.api.written import CALIBRATED_FILES
 from fitting.fmu import FmuDescription, read_description
 from fitting.fmu.models import Rebuilding, rebuilt
@@ -21,7 +22,7 @@ __all__ = ["Calibrated", "calibrate"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calibrated:
+class Calibrated(HtmlText):
     """What was handed on: values in ``calibration``, and the files.
 
     ``fmu`` is None where the FMU is not of this project: its start values are compiled in. ``ssv``

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.api.fitted import Tikhonov, search_options
+from fitting.api.printed import HtmlText
 from fitting.api.problem import Problem
 from fitting.campaign.parameters import starts as starts_of
 from fitting.campaign.parameters import to_search
@@ -23,7 +24,7 @@ __all__ = ["Cost", "Expected", "Range", "added", "cost", "expected_of", "times"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cost:
+class Cost(HtmlText):
     """What a fit with its profiles is expected to take, on this machine.
 
     ``expected`` holds the evaluations of its parts; ``evaluations``, ``runs`` and ``seconds`` are

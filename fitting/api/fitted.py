@@ -6,6 +6,8 @@ taken for one.
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import math
 import time
 from abc import ABC, abstractmethod
@@ -13,8 +15,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from fitting.api.choices import ESTIMATORS, MISFITS
+from fitting.api.printed import HtmlText
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
 from fitting.fit import checkpoint
@@ -29,11 +35,16 @@ from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
+from fitting.inference.inferred import Inferred
 from fitting.inference.likelihood.knowledge import Knowledge, Scan
+from fitting.report.details import detail_lines
+from fitting.report.summary import result_lines
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines, wrapped
+from fitting.result.assembly import correlation_of
 from fitting.result.provenance import Identity, job_of
 from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
+from fitting.result.result import read_result as read_record
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
@@ -49,12 +60,14 @@ __all__ = [
     "KeptLevels",
     "Progress",
     "Spent",
+    "StoredInference",
     "Tikhonov",
     "Value",
     "Valued",
     "fit",
     "kept_levels",
     "profile",
+    "read_result",
     "search_options",
 ]
 
@@ -161,7 +174,7 @@ class Tikhonov:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Value(FittedEstimate):
+class Value(HtmlText, FittedEstimate):
     """One parameter or derived output: what the data say of it, all numbers in ``unit``.
 
     ``value`` is the most likely one, or the paper's if that was asked for (`Tikhonov.estimator`);
@@ -229,12 +242,16 @@ class Value(FittedEstimate):
         )
 
 
-class Valued(ABC):
-    """What has values by name: a fit with its linearised errors, or an inference."""
+class Valued(HtmlText, ABC):
+    """What has values by name: a fit with its linearised errors, or an inference.
+
+    Names are those of scipy and lmfit. A value that the data leave open is nan, with its error and
+    its row of ``covar``; arrays over the parameters are in the order of ``params``.
+    """
 
     @property
     @abstractmethod
-    def inferred(self) -> InferenceRecord:
+    def inferred(self) -> Inferred:
         """All values with intervals, verdicts and warnings, as records."""
 
     @property
@@ -250,14 +267,96 @@ class Valued(ABC):
     @cached_property
     def values(self) -> dict[str, Value]:
         """Every value by name: parameters, derived outputs, values of single experiments."""
-        found = self.inferred
-        every = (*found.parameters.values(), *found.derived.values(), *found.offsets)
-        return {e.name: _value(e, found.scans.get(e.name)) for e in every}
+        record = self.inferred
+        every = (*record.parameters.values(), *record.derived.values(), *record.offsets)
+        return {e.name: _value(e, record.scans.get(e.name)) for e in every}
 
     def __getitem__(self, name: str) -> Value:
         if name not in self.values:
             raise KeyError(f"no value '{name}'{did_you_mean(name, sorted(self.values))}")
         return self.values[name]
+
+    @property
+    def params(self) -> dict[str, Value]:
+        """The n fitted parameters by name, without values of single experiments."""
+        return {name: self.values[name] for name in self.inferred.parameters}
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of ``params``, shape (n,) each, in their units."""
+        lower, upper = np.array([value.bounds for value in self.params.values()]).T
+        return lower, upper
+
+    @property
+    def correl(self) -> FloatArray:
+        """Correlations of ``params``, shape (n, n), of the problem linearised at its solution."""
+        return np.array(correlation_of(self.source.record.solution))
+
+    @property
+    def covar(self) -> FloatArray:
+        """Covariance of ``params``, shape (n, n), in their units: ``correl`` with each ``std``."""
+        std = np.array([value.std for value in self.params.values()])
+        return np.asarray(self.correl * np.outer(std, std))
+
+    @property
+    def chisqr(self) -> float:
+        """Chi square of the rows of known noise at the most likely point; nan: all unknown."""
+        return self.inferred.chi_square
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom of ``chisqr``."""
+        return self.inferred.dof
+
+    @property
+    def redchi(self) -> float:
+        """``chisqr`` over ``dof``, of which 1 is expected."""
+        return self.chisqr / self.dof if self.dof else math.nan
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion for known noise: ``chisqr`` + 2 (number of fitted parameters)."""
+        return self.chisqr + 2.0 * (len(self.inferred.parameters) + len(self.inferred.offsets))
+
+    @property
+    def best_fit(self) -> FloatArray:
+        """What the model predicts, shape (k,), V: all peaks, then the points of the sweep.
+
+        At the end of Algorithm 2, as the report has it. `fitting.plot.measurement` draws data of
+        other kinds, which are not among them.
+        """
+        return self._compared(1)
+
+    @property
+    def residual(self) -> FloatArray:
+        """Data minus ``best_fit``, shape (k,), V."""
+        return self._compared(0) - self._compared(1)
+
+    def _compared(self, which: int) -> FloatArray:
+        peaks, sweep = self.result.peaks, self.result.sweep
+        pairs = [(peak.measured_v, peak.final_v) for peak in peaks]
+        if sweep is not None:
+            pairs += zip(sweep.measured_v, sweep.final_v, strict=True)
+        return np.array([pair[which] for pair in pairs])
+
+    @property
+    def fitted_values(self) -> dict[str, float]:
+        """Values of all parameters by name, those of single experiments and open ones, too."""
+        record = self.inferred
+        if not isinstance(record, InferenceRecord):  # of a file
+            return self.result.fitted_values
+        names = (p.name for p in record.fit.problem.parameters)
+        return dict(zip(names, record.reported.tolist(), strict=True))
+
+    @property
+    def status(self) -> str:
+        """How it ended: "converged", or another word of `fitting.fit.fit.Status`."""
+        return self.inferred.status
+
+    @property
+    def message(self) -> str:
+        """How it ended, in a sentence."""
+        return self.inferred.message
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -277,20 +376,49 @@ class Valued(ABC):
             BadInput: the model is no FMU.
             FmuFailure: the FMU failed at the solution.
         """
-        fit = self.source
-        return result_through(
-            fit.problem.planned, fit.record, self.inferred, fit.identity, self.seconds
-        )
+        fit, record = self.source, self.inferred
+        if not isinstance(record, InferenceRecord):
+            raise BadInput("result: the values are of a file, wanted those of a fit")
+        return result_through(fit.problem.planned, fit.record, record, fit.identity, self.seconds)
+
+    def fit_report(self) -> str:
+        """What ``fmu-fit reconstruct --verbose`` prints: values, findings, how the fit ended."""
+        return "\n".join([*result_lines(self.result), "", *detail_lines(self.result)])
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draw data and model: the sweep, the peaks without one, else the first measurement.
+
+        Args:
+            ax: Where to draw; None: pyplot's current axes.
+
+        Returns:
+            The axes. `fitting.plot` has every plot.
+        """
+        plots = importlib.import_module("fitting.api.plot")  # it takes these classes
+        if isinstance(self.inferred, InferenceRecord) and not self.source.record.problem.data.tones:
+            return plots.measurement(self, ax=ax)
+        draw = plots.residuals if self.result.sweep is None else plots.frequency_response
+        return draw(self, ax=ax)
 
     def to_dict(self) -> list[dict[str, str | float]]:
         """A flat row per value, as ``pandas.DataFrame`` takes them."""
         return [value.to_dict() for value in self.values.values()]
 
+    def to_dataframe(self) -> Any:
+        """A row per value as a ``pandas.DataFrame``, with the names as its index.
+
+        Raises:
+            BadInput: pandas is not installed.
+        """
+        if importlib.util.find_spec("pandas") is None:
+            raise BadInput("to_dataframe: needs pandas: pip install pandas")
+        pandas = importlib.import_module("pandas")
+        return pandas.DataFrame(self.to_dict()).set_index("name")
+
     @property
     def table(self) -> Table:
         """The values as a table."""
-        title = self.source.problem.record.title
-        return table("intervals", result=self.inferred, title=title)
+        return table("intervals", result=self.inferred, title=self.source.problem.record.title)
 
     def __repr__(self) -> str:
         lines = [
@@ -298,24 +426,24 @@ class Valued(ABC):
             "",
             *text_lines(self.table),
             "",
-            *wrapped(self._of_estimators()),
-            self.inferred.message,
+            *wrapped(self._estimator_words()),
+            self.message,
         ]
         return terminal_text("\n".join(lines))
 
     def _repr_html_(self) -> str:
-        return html_table(replace(self.table, note=self._of_estimators()))
+        return html_table(replace(self.table, note=self._estimator_words()))
 
-    def _of_estimators(self) -> str:
-        """Whose the values are, and what `Fit.x` is beside them."""
+    def _estimator_words(self) -> str:
+        """Whose the values are, and what `Fit.x` is."""
         if self.source.record.options.estimator != LIKELIHOOD:
             return "Values are those of Algorithm 2, as fit.x is; errors are the likelihood's."
         ends = zip(self.source.record.problem.parameters, self.source.x, strict=True)
         shared = [(p, end) for p, end in ends if not p.experiments][:MOST_ENDS]
-        told = [f"{p.name} = {number(float(end), 9)} {unit_text(p.unit)}" for p, end in shared]
+        texts = [f"{p.name} = {number(float(end), 9)} {unit_text(p.unit)}" for p, end in shared]
         return (
             "Values are the most likely ones. Algorithm 2 ended (fit.x) at "
-            f"{listed(text.rstrip() for text in told)}."
+            f"{listed(text.rstrip() for text in texts)}."
         )
 
 
@@ -358,22 +486,12 @@ class Fit(Valued):
         return self.record.success
 
     @property
-    def status(self) -> str:
-        """How it ended: "converged", or another word of `fitting.fit.fit.Status`."""
-        return self.inferred.status
-
-    @property
-    def message(self) -> str:
-        """How it ended, in a sentence."""
-        return self.inferred.message
-
-    @property
     def x(self) -> FloatArray:
         """Where Algorithm 2 ended, shape (n,), in the parameters' units.
 
         It is least in the sum of |r| and the Tikhonov term. The most likely value for the stated
         noise is another, mostly within its error: ``fit["name"].value``, which is nan where the
-        data leave the parameter open. This one stands beside it as ``fit["name"].algorithm2``.
+        data leave the parameter open. This one is ``fit["name"].algorithm2``.
         """
         return self.record.x
 
@@ -405,13 +523,23 @@ class Inference(Valued):
     """
 
     def __init__(self, fit: Fit, record: InferenceRecord, taken: float) -> None:
-        self.fit, self.record = fit, record
+        self._fit, self._record = fit, record
         self._taken = taken
 
     @property
-    def inferred(self) -> InferenceRecord:
+    def fit(self) -> Fit:
+        """The fit."""
+        return self._fit
+
+    @property
+    def record(self) -> InferenceRecord:
+        """All that was inferred."""
+        return self._record
+
+    @property
+    def inferred(self) -> Inferred:
         """All values with intervals, verdicts and warnings, as records."""
-        return self.record
+        return self._record
 
     @property
     def source(self) -> Fit:
@@ -425,13 +553,77 @@ class Inference(Valued):
 
     @property
     def profiled(self) -> bool:
-        """Whether every profile was walked that was asked for; see `warnings` where not."""
-        return all(found.kind is not Kind.profiles_missing for found in self.record.findings)
+        """Whether every profile was scanned that was asked for; see `warnings` where not."""
+        return all(finding.kind is not Kind.profiles_missing for finding in self.findings)
 
     @property
     def knowledge(self) -> Knowledge | None:
         """Profiles, directions, other minima; None where the profiles failed: see `warnings`."""
-        return self.record.knowledge
+        return self.inferred.knowledge
+
+
+class StoredInference(Inference):
+    """An inference of a file: all but its fit."""
+
+    def __init__(self, result: Result) -> None:
+        self.__dict__["result"] = result
+
+    @property
+    def fit(self) -> Fit:
+        """None.
+
+        Raises:
+            BadInput: always.
+        """
+        raise BadInput(f"{self.result.title}: a result of a file has no fit, wanted fitting.fit")
+
+    @property
+    def record(self) -> InferenceRecord:
+        """None.
+
+        Raises:
+            BadInput: always.
+        """
+        return self.fit.inferred
+
+    @property
+    def inferred(self) -> Inferred:
+        """All values with intervals, verdicts and warnings, as records."""
+        return self.result
+
+    @property
+    def seconds(self) -> float:
+        """What planning, search and profiles took, s."""
+        return self.result.seconds
+
+    @property
+    def correl(self) -> FloatArray:
+        """Correlations of ``params``, shape (n, n), of the problem linearised at its solution."""
+        return np.array(self.result.correlation)
+
+    @property
+    def table(self) -> Table:
+        """The values as a table."""
+        return table("intervals", result=self.result, title=self.result.title)
+
+    def _estimator_words(self) -> str:
+        return f"Read from a file; made by: {self.result.provenance.command}"
+
+
+def read_result(path: str | Path) -> Inference:
+    """Read a ``result.json``: the values as `profile` returned them, for plots and other commands.
+
+    Args:
+        path: Of the file, of schema 1 (release 0.2.0) or 2.
+
+    Returns:
+        An `Inference` with all but its ``fit``: ``result`` holds what the file holds.
+
+    Raises:
+        BadInput: it is no such file; names the key.
+        MissingFile: there is no file of that name.
+    """
+    return StoredInference(read_record(Path(path)))
 
 
 @checked

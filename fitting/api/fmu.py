@@ -14,11 +14,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
-import numpy as np
 import numpy.typing as npt
 
 from fitting.api.written import DRIVE_FILES, SWEEP_FILES
-from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenFmu
 from fitting.campaign.setup import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, read_description
@@ -27,13 +25,11 @@ from fitting.fmu.isolation import Isolate, Isolation
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.tone_names import OtherTone, other_tones
-from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.report.table import Table, html_table, table
-from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.frf import DIRECTIONS, SweepResponse
-from fitting.simulate.frf import Sweep as SweepRequest
+from fitting.simulate.frf import SweepResponse
 from fitting.simulate.frf import sweep as sweep_through
+from fitting.simulate.request import USUAL_TONES, RequestBinder
 from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.unsteady import Sideband, sideband_of
 from fitting.text.arguments import checked
@@ -41,13 +37,9 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.scratch import Scratch
-from fitting.text.units import checked_accuracy, convert, same_kind
-from fitting.text.written import as_written, in_unit
+from fitting.text.units import checked_accuracy
 
 __all__ = ["MOST_WORKERS", "Accuracy", "Fmu", "OtherTone", "held_fmu", "simulate", "sweep"]
-
-#: Parameters that hold the frequencies of the tones in the models of this project.
-USUAL_TONES = ("u1", "u2")
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -215,7 +207,7 @@ class Fmu:
             FmuFailure: the FMU failed.
         """
         asked = Accuracy.of(accuracy)
-        plan = self._plan(self._drive(start_values, tones, drive, outputs), asked)
+        plan = self._plan(start_values, tones, drive, outputs, asked)
         return respond(self.workers, plan, Shown(asked.window_s, asked.samples))
 
     def plan(
@@ -243,7 +235,7 @@ class Fmu:
             BadInput: as `simulate`.
             FmuFailure: the FMU failed.
         """
-        return self._plan(self._drive(start_values, tones, drive, outputs), Accuracy.of(accuracy))
+        return self._plan(start_values, tones, drive, outputs, Accuracy.of(accuracy))
 
     def sweep(
         self,
@@ -282,21 +274,8 @@ class Fmu:
             raise BadInput(
                 f"{asked.for_drives_alone[0]}: has no meaning in a sweep, only in a drive"
             )
-        directions = (directions,) if isinstance(directions, str) else tuple(directions)
-        unknown = [d for d in directions if d not in DIRECTIONS]
-        if unknown or not directions:
-            raise BadInput(f"directions: found {directions!r}, wanted some of up, down")
-        grid = np.asarray(frequency_hz, dtype=float)
-        if grid.ndim != 1 or grid.size < 2:
-            raise BadInput(f"frequency_hz has the shape {grid.shape}, wanted (n,), two or more")
-        unit = self._frequency_unit("tone", tone)
-        wanted = SweepRequest(
-            start_values=self._alone(tone, self._start_values(start_values)),
-            tone=tone,
-            tone_unit=unit,
-            frequencies_hz=tuple(map(float, grid)),
-            output=self._outputs(output, "output")[0],
-            directions=directions,
+        wanted = RequestBinder(self.description).sweep(
+            frequency_hz, start_values, tone, output, directions
         )
         return sweep_through(self.workers, wanted, asked.relative, settle_s=asked.settle_s)
 
@@ -390,127 +369,23 @@ class Fmu:
         caption = f"{d.model_name} (FMI {d.fmi_version})"
         return table("pairs", caption=caption, heads=("variable", "start"), pairs=said)
 
-    def _plan(self, drive: Drive, asked: Accuracy) -> DrivePlan:
-        return plan_drive(
-            self.workers,
-            drive,
-            asked.relative,
-            settle_s=asked.settle_s,
-            annotation=asked.annotation,
-            shown=Shown(asked.window_s, asked.samples),
-        )
-
-    def _drive(
+    def _plan(
         self,
         start_values: Mapping[str, Scalar] | None,
         tones: Iterable[str | float] | str,
         drive: WantedDrive | None,
         outputs: str | Sequence[str],
-    ) -> Drive:
-        values = self._start_values(start_values)
-        tones = (tones,) if isinstance(tones, str) else tuple(tones)
-        if drive is not None:
-            return self._driven(drive, _hertz(tones), values, self._outputs(outputs, "outputs"))
-        if tones == USUAL_TONES and not all(name in self.variables for name in tones):
-            raise BadInput(
-                f"{self.description.path}: has no parameters {' and '.join(USUAL_TONES)}; wanted "
-                "the names of those that hold the frequencies of the tones, or an input to drive"
-            )
-        names = tuple(map(str, tones))
-        return Drive(
-            start_values=values,
-            tones_hz=tuple(self._tone_hz(name, values) for name in names),
-            outputs=self._outputs(outputs, "outputs"),
-            tone_names=names,
+        asked: Accuracy,
+    ) -> DrivePlan:
+        bound = RequestBinder(self.description).drive(start_values, tones, drive, outputs)
+        return plan_drive(
+            self.workers,
+            bound,
+            asked.relative,
+            settle_s=asked.settle_s,
+            annotation=asked.annotation,
+            shown=Shown(asked.window_s, asked.samples),
         )
-
-    def _driven(
-        self,
-        drive: WantedDrive,
-        tones_hz: tuple[float, ...],
-        values: dict[str, Scalar],
-        outputs: tuple[str, ...],
-    ) -> Drive:
-        """A drive whose tones are made: by an input, or by parameters that are set."""
-        if drive.input is not None:
-            Binder(self.variables).real(drive.input, "drive", ("input",), "driven")
-        elif len(tones_hz) != len(drive.frequency_names):
-            raise BadInput(
-                f"tones: found {len(tones_hz)} frequencies, wanted {len(drive.frequency_names)}, "
-                f"one for each of {', '.join(drive.frequency_names)}"
-            )
-        else:
-            units = [self._frequency_unit("drive", name) for name in drive.frequency_names]
-            made: dict[str, Scalar] = dict.fromkeys(drive.amplitude_names, drive.amplitude)
-            made |= {
-                name: convert(tone, "Hz", unit, where=f"drive '{name}'")
-                for name, tone, unit in zip(drive.frequency_names, tones_hz, units, strict=True)
-            }
-            for name in made:
-                Binder(self.variables).real(name, "drive", SETTABLE, "set")
-                if name in values:
-                    raise BadInput(f"start_values '{name}': is set by the drive, wanted it there")
-            values = {**values, **made}
-        return Drive(
-            start_values=values,
-            tones_hz=tones_hz,
-            outputs=outputs,
-            tone_names=drive.frequency_names,
-            input=drive.input,
-            amplitude=drive.amplitude,
-            steps_per_period=drive.samples_per_period,
-            highest_order=drive.highest_order,
-        )
-
-    def _start_values(self, given: Mapping[str, Scalar] | None) -> dict[str, Scalar]:
-        binder = Binder(self.variables)
-        return {
-            name: binder.setting(name, as_written(value, f"start_values '{name}'"))
-            for name, value in (given or {}).items()
-        }
-
-    def _alone(self, tone: str, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """Start values of a sweep, with which other tones of the FMU do not drive."""
-        if tone in values:
-            raise BadInput(
-                f"start_values '{tone}': is the tone that is moved, wanted its frequencies alone"
-            )
-        others = self.other_tones((tone,), values)
-        for other in others:
-            if other.amplitude in values:
-                raise BadInput(
-                    f"start_values '{other.amplitude}': found {values[other.amplitude]!r}, with "
-                    f"which {other.frequency} would drive together with {tone}; wanted 0 in a "
-                    f"sweep of "
-                    "one tone"
-                )
-        return {**values, **{other.amplitude: 0.0 for other in others}}
-
-    def _frequency_unit(self, argument: str, name: str) -> str:
-        variable = Binder(self.variables).real(name, f"{argument} '{name}'", SETTABLE, "set")
-        if not same_kind(variable.unit or "1", "Hz"):
-            raise BadInput(
-                f"{argument} '{name}': its unit is {variable.unit!r}, wanted a frequency"
-            )
-        return variable.unit or "1"
-
-    def _tone_hz(self, name: str, values: Mapping[str, Scalar]) -> float:
-        unit = self._frequency_unit("tones", name)
-        value = values.get(name, self.variables[name].start)
-        if value is None:
-            raise BadInput(f"tones '{name}': has no start value, wanted one in start_values")
-        return convert(float(value), unit, "Hz", where=f"tones '{name}'")
-
-    def _outputs(self, names: str | Sequence[str], argument: str) -> tuple[str, ...]:
-        asked = ((names,) if names else ()) if isinstance(names, str) else tuple(names)
-        for name in asked:
-            Binder(self.variables).real(name, f"{argument} '{name}'", READABLE, "read")
-        if asked:
-            return asked
-        for v in self.description.seen:
-            if (v.kind, v.variability) == ("Real", "continuous"):
-                return (v.name,)
-        raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
 
 
 def _isolation(isolate: Isolate | Isolation) -> Isolation | None:
@@ -521,12 +396,6 @@ def _isolation(isolate: Isolate | Isolation) -> Isolation | None:
     if isinstance(isolate, Isolation):
         return isolate
     return Isolation(strict=isolate == "strict")
-
-
-def _hertz(tones: Iterable[str | float]) -> tuple[float, ...]:
-    """Frequencies in Hz, of numbers and quantities."""
-    written = (t if isinstance(t, str) else float(t) for t in tones)
-    return tuple(in_unit(as_written(tone, "tones"), "Hz") for tone in written)
 
 
 def held_fmu(fmu: Fmu | str | Path) -> Fmu:

@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.api.choices import INTERACTIVE, PAPER, STYLES
@@ -17,6 +17,7 @@ from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.local import LocalProcesses
 from fitting.engine.threads import one_thread
+from fitting.fit.likelihood.likelihood import Spent
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Determined, Identification, PartAlone
@@ -33,14 +34,11 @@ from fitting.text.scratch import Scratch
 
 __all__ = [
     "DrawnBeside",
-    "IdentificationOptions",
     "check_style",
     "draw_report",
     "drawn_beside",
-    "identified",
     "identify",
     "report",
-    "with_part",
 ]
 
 #: Processes that draw: ten figures are soon drawn.
@@ -48,7 +46,8 @@ MOST_ARTISTS = 2
 
 
 @checked
-def identify(
+@one_thread()
+def identify(  # noqa: PLR0913 - keywords, of which most have defaults
     problem: Problem,
     at: Valued | Result | None = None,
     *,
@@ -56,98 +55,77 @@ def identify(
     seed: int = 1,
     budget: int | None = None,
     bootstrap: int = 0,
+    settings: Mapping[str, Scalar] | None = None,
+    progress: Callable[[Spent], None] | None = None,
 ) -> Identification:
     """What data determine, before any fit or around one: directions, profiles, verdicts.
 
     Args:
-        problem: What is looked for, and from what.
+        problem: What is fitted, and to what.
         at: A fit to set out from; None: the problem's start and reference values.
         expected: Not the measured data, but those that the model expects there, with their noise.
         seed: Of further starts and of synthetic data sets, at least 0.
-        budget: Runs of the FMU, about, at most; values whose search they cut say so. None: 500,000,
-            or 3,000 evaluations where that is more.
+        budget: Runs of the FMU, about, at most; values whose search it cut are marked. None:
+            500,000, or 3,000 evaluations where that is more.
         bootstrap: Synthetic data sets that are fitted anew; 0: none.
+        settings: Also what was measured where settings have these values, alone, as `Problem.part`
+            takes them.
+        progress: Called as `profile` calls it.
 
     Returns:
         ``parameters`` and ``derived`` hold the values, ``knowledge`` what was found besides,
-        ``at`` says where it set out from. What a part of the measurements says alone:
-        ``identify(problem.part({"depth": 0.0}))``.
+        ``at`` where it set out from, ``part`` what the measurements at ``settings`` determine.
 
     Raises:
-        BadInput: the problem cannot be planned, or the fit is of another one, or of other data.
-        FmuFailure: the FMU failed.
-    """
-    asked = IdentificationOptions(expected=expected, bootstrap=bootstrap, seed=seed, budget=budget)
-    return identified(problem, at, asked)
-
-
-@one_thread()
-def identified(
-    problem: Problem, at: Valued | Result | None, asked: IdentificationOptions
-) -> Identification:
-    """As `identify`, told how far it is.
-
-    Args:
-        problem: What is looked for, and from what.
-        at: A fit to set out from; None: the problem's start and reference values.
-        asked: Limits, and who is told.
-
-    Raises:
-        BadInput: the problem cannot be planned, or the fit is of another one, or of other data.
+        BadInput: the problem cannot be planned, the fit is of another one, or of other data, or
+            settings that name no part of the measurements.
         FmuFailure: the FMU failed.
     """
     check_problem("identify", problem)
+    alone = problem.part(settings) if settings else None  # refused before the long run
     fitted = at.result if isinstance(at, Valued) else at
-    if fitted is not None and not asked.expected:  # else no measured value is looked at
-        require_same_data(fitted, list(problem.record.campaigns.values()))
+    options = IdentificationOptions(
+        expected=expected,
+        bootstrap=bootstrap,
+        seed=seed,
+        budget=budget,
+        progress=progress or (lambda spent: None),
+    )
+    start = options
     if fitted is not None:
-        asked = replace(asked, values=fitted.fitted_values, alternative=fitted.alternative)
+        if not expected:  # else no measured value is looked at
+            require_same_data(fitted, list(problem.record.campaigns.values()))
+        start = replace(options, values=fitted.fitted_values, alternative=fitted.alternative)
     record = problem.record
     provenance: dict[str, str] = {}
-    units: dict[str, str] = {}
     if problem.has_fmu:
         description = problem.fmu.description
-        units = {name: description.variables[name].unit or "" for name in record.outputs}
         provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
-    found = identify_through(record, problem.respond, units, asked)
-    provenance["seed"] = str(asked.seed)
+    determined = _determined(problem, start)
+    part = None
+    if settings and alone is not None:
+        expected = not determined.knowledge.data
+        own = _determined(alone, replace(options, expected=expected, bootstrap=0))
+        places, total = (
+            sum(len(m.places) for m in each.record.measurements) for each in (alone, problem)
+        )
+        part = PartAlone(**vars(own), settings=dict(settings), places=places, total=total)
     return Identification(
-        **vars(found),
+        **vars(determined),
         title=record.title,
         synthetic=record.synthetic,
         at="the campaign's start and reference values" if fitted is None else "a fit",
-        provenance=provenance,
+        provenance={**provenance, "seed": str(seed)},
+        part=part,
     )
 
 
-def with_part(
-    problem: Problem,
-    found: Identification,
-    settings: Mapping[str, Scalar],
-    asked: IdentificationOptions,
-) -> Identification:
-    """The same with what was measured at some settings, and what that determines alone.
-
-    Args:
-        problem: What was identified.
-        found: What all its measurements determine.
-        settings: Values that places have, by name, as `Problem.part` takes them.
-        asked: Limits, and who is told.
-
-    Raises:
-        BadInput: settings that name no part of the measurements.
-        FmuFailure: the FMU failed.
-    """
-    alone = problem.part(settings)
-    own = identified(alone, None, replace(asked, expected=not found.knowledge.data, bootstrap=0))
-    places, total = len(_places(alone)), len(_places(problem))
-    shared = {each.name: getattr(own, each.name) for each in fields(Determined)}
-    part = PartAlone(**shared, settings=dict(settings), places=places, total=total)
-    return replace(found, part=part)
-
-
-def _places(problem: Problem) -> list[str]:
-    return [label for m in problem.record.measurements for label, _ in m.places]
+def _determined(problem: Problem, options: IdentificationOptions) -> Determined:
+    units: dict[str, str] = {}
+    if problem.has_fmu:
+        variables = problem.fmu.variables
+        units = {name: variables[name].unit or "" for name in problem.record.outputs}
+    return identify_through(problem.record, problem.respond, units, options)
 
 
 def check_problem(verb: str, problem: object) -> None:

@@ -1,23 +1,30 @@
-"""One resonance of a file or of arrays: frequency, width, quality, without any FMU."""
+"""One resonance of a sweep, a ringdown or a noise spectrum, without any FMU."""
 
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass, fields
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy.typing as npt
 
-import fitting.resonance.line as resonance
-from fitting.api.noise_line import NoiseLine
-from fitting.api.ringdown import Ringdown
+import fitting.resonance.line as sweeps
+import fitting.resonance.noise_line as spectra
+import fitting.resonance.ringdown as decays
+from fitting.api.printed import HtmlText
 from fitting.report.resonance import text
-from fitting.resonance.decay_reading import read_decay_of
+from fitting.resonance.decay_reading import is_over_time, read_decay_of
+from fitting.resonance.decay_record import AMPLITUDES, PHASORS, decay_record_of
 from fitting.resonance.dip_reading import DipReading
 from fitting.resonance.line import WIRINGS, line_of
+from fitting.resonance.noise_line import noise_line_of, noise_record_of
+from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns, read_trace_of
+from fitting.resonance.ringdown import ringdown_of
 from fitting.resonance.trace import trace_of
 from fitting.signal.line_record import fields_of
 from fitting.text.arguments import checked
@@ -30,16 +37,30 @@ __all__ = [
     "Columns",
     "DipReading",
     "Line",
+    "NoiseLine",
+    "Ringdown",
+    "is_noise_spectrum",
+    "is_over_time",
     "line",
+    "noise_line",
+    "ringdown",
     "write_line",
 ]
 
 #: What `write_line` writes.
 LINE_FILES = ("line.json", "line.csv", "line.png", "line.svg")
+Record = TypeVar("Record")
+
+
+class PrintedLine(HtmlText):
+    """A line that is printed as the command ``line`` prints it."""
+
+    def __repr__(self) -> str:
+        return text(self)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Line(resonance.Line):
+class Line(PrintedLine, sweeps.Line):
     """One resonance of a measured response; printed, it says what the command ``line`` says.
 
     Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
@@ -60,8 +81,69 @@ class Line(resonance.Line):
     `fitting.resonance.line.Line` has the rest.
     """
 
-    def __repr__(self) -> str:
-        return text(self)
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Ringdown(PrintedLine, decays.Ringdown):
+    """One resonance of a ringdown; printed, it says what the command ``line`` says.
+
+    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
+    68 of 100 such records, ``ci95`` that holds it in 95, and ``unit``.
+
+    Attributes:
+        frequency: eigenfrequency, Hz; NaN where the record does not determine it.
+        offset: of demodulated values, from the reference, Hz.
+        width: full width at half of the power, Hz.
+        q: their ratio.
+        decay_time: in which the amplitude falls to 1/e, s.
+        amplitude: at the first sample that is used, in ``unit``.
+        is_noise: whether the residuals are noise, by all tests.
+        residual: root mean square of the residuals, over ``amplitude``.
+        points: what was recorded and fitted.
+
+    `fitting.resonance.ringdown.Ringdown` has the rest.
+    """
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class NoiseLine(PrintedLine, spectra.NoiseLine):
+    """One resonance of a noise spectrum; printed, it says what the command ``line`` says.
+
+    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
+    68 of 100 such spectra, ``ci95`` that holds it in 95, and ``unit``.
+
+    Attributes:
+        frequency: eigenfrequency, Hz.
+        width: full width at half of the density, Hz.
+        q: their ratio.
+        rms: root mean square of the line over all frequencies, in ``unit``.
+        floor: white density under it, ``unit`` squared per Hz.
+        averages: of how many periodograms the points are averages, as they scatter.
+        second: a further line; None without.
+        is_noise: whether the residuals are the scatter of such averages, by all tests.
+        points: what was measured and fitted.
+
+    `fitting.resonance.noise_line.NoiseLine` has the rest.
+    """
+
+
+def _record(
+    source: str | Path | npt.ArrayLike,
+    values: npt.ArrayLike | None,
+    read: Callable[[Path], Record],
+    made: Callable[[npt.ArrayLike, npt.ArrayLike], Record],
+    names: tuple[str, str, str],
+) -> Record:
+    """What was measured: of a file, or of two arrays, for complaints with their names."""
+    command, axis, ordinate = names
+    if isinstance(source, str | PathLike):
+        if values is not None:
+            raise BadInput(
+                f"{command}: found a file and {ordinate}, wanted {axis} and {ordinate}, or a file"
+            )
+        return read(Path(source))
+    if values is None:
+        raise BadInput(f"{command}: found {axis} alone, wanted {ordinate} with them, or a file")
+    return made(source, values)
 
 
 @checked
@@ -99,18 +181,111 @@ def line(
         BadInput: a file that is not read, no resonance, one that the ends of the sweep cut off, two
             of them, or too few points.
     """
-    if isinstance(source, str | PathLike):
-        if values is not None:
+    trace = _record(
+        source,
+        values,
+        lambda path: read_trace_of(path, columns or Columns()),
+        lambda axis, ordinate: trace_of(axis, ordinate, unit),
+        ("line", "frequencies", "values"),
+    )
+    return Line(**fields_of(line_of(trace.within(*within_hz), wiring), sweeps.Line))
+
+
+@checked
+def ringdown(
+    source: str | Path | npt.ArrayLike,
+    values: npt.ArrayLike | None = None,
+    *,
+    unit: str = "1",
+    within_s: tuple[float | None, float | None] = (None, None),
+    demodulated_at_hz: float | None = None,
+    columns: Columns | None = None,
+) -> Ringdown:
+    """One resonance of a free decay: frequency, full width, quality and decay time, with errors.
+
+    Samples of the motion, complex values of a demodulator, or amplitudes alone, which tell no
+    frequency. Where the decay begins is found. A constant beside it is solved for; a second line,
+    and a frequency that moves with the square of the amplitude, are looked for, see
+    `fitting.resonance.decay_fit` for the formula. Errors hold for noise as it is seen in what the
+    fit leaves, and are wider where neighbouring samples follow each other.
+
+    Args:
+        source: A file, whose kind is recognised; or times, evenly spaced, shape (n,), s.
+        values: With times: samples or amplitudes, or complex values with phases as
+            Re[value exp(i 2 pi f t)], shape (n,).
+        unit: Of these values.
+        within_s: First and last time that are taken, s; None: as far as there are samples.
+        demodulated_at_hz: The frequency of the demodulator, Hz; None: the file tells it, or nobody.
+        columns: Of a file, what it does not tell.
+
+    Returns:
+        ``width``, ``decay_time``, ``amplitude`` and, where the record determines them,
+        ``frequency`` and ``q``, each with its ``std`` and ``ci95``; ``forms`` has what else was
+        tried.
+
+    Raises:
+        BadInput: a file that is not read, no free decay, or too little of one.
+    """
+    record = _record(
+        source,
+        values,
+        lambda path: read_decay_of(path, columns or Columns()),
+        lambda axis, ordinate: decay_record_of(axis, ordinate, unit),
+        ("ringdown", "times", "values"),
+    )
+    if demodulated_at_hz is not None:
+        if not 0.0 < demodulated_at_hz < math.inf:
             raise BadInput(
-                "line: found a file and values, wanted frequencies and values, or a file"
+                f"{record.source}: demodulated at {demodulated_at_hz!r} Hz, wanted a positive "
+                "frequency"
             )
-        trace = read_trace_of(Path(source), columns or Columns())
-    elif values is None:
-        raise BadInput("line: found frequencies alone, wanted values with them, or a file")
-    else:
-        trace = trace_of(source, values, unit)
-    found = line_of(trace.within(*within_hz), wiring)
-    return Line(**fields_of(found, resonance.Line))
+        if not record.is_complex and (record.values.real < 0.0).any():
+            raise BadInput(
+                f"{record.source}: was demodulated, and its one column of values changes sign; "
+                "wanted X and Y, or amplitudes"
+            )
+        kind = PHASORS if record.is_complex else AMPLITUDES
+        record = replace(record, reference_hz=demodulated_at_hz, kind=kind)
+    return Ringdown(**fields_of(ringdown_of(record.within(*within_s)), decays.Ringdown))
+
+
+@checked
+def noise_line(
+    source: str | Path | npt.ArrayLike,
+    density: npt.ArrayLike | None = None,
+    *,
+    unit: str = "1",
+    within_hz: tuple[float | None, float | None] = (None, None),
+    columns: Columns | None = None,
+) -> NoiseLine:
+    """One resonance of a noise spectrum: eigenfrequency, full width, quality and rms, with errors.
+
+    The density is fitted by the likelihood of averages of periodograms, a line, or two, on a white
+    floor, see `fitting.resonance.noise_line` for the formula. How many were averaged is told by the
+    scatter.
+
+    Args:
+        source: A file, whose kind is recognised; or frequencies, shape (n,), Hz.
+        density: With frequencies: densities above zero, in ``unit`` squared per Hz, shape (n,).
+        unit: Of what is seen, as "V"; "1": the numbers are relative.
+        within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
+        columns: Of a file, what it does not tell.
+
+    Returns:
+        ``frequency``, ``width``, ``q`` and ``rms``, each with its ``std`` and ``ci95``.
+
+    Raises:
+        BadInput: a file that is not read, no line, a density that is not above zero, or too few
+            points.
+    """
+    record = _record(
+        source,
+        density,
+        lambda path: read_noise_of(path, columns or Columns()),
+        lambda axis, ordinate: noise_record_of(axis, ordinate, unit),
+        ("noise_line", "frequencies", "densities"),
+    )
+    return NoiseLine(**fields_of(noise_line_of(record.within(*within_hz)), spectra.NoiseLine))
 
 
 def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, float]:
@@ -129,16 +304,6 @@ def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, 
     else:
         axis = read_trace_of(source, columns).frequency_hz
     return float(axis[0]), float(axis[-1])
-
-
-def columns_of(**given: Any) -> Columns:
-    """The columns of a file, as far as they are given.
-
-    Args:
-        **given: fields of `Columns`; None counts as not given.
-    """
-    known = {field.name for field in fields(Columns)}
-    return Columns(**{k: v for k, v in given.items() if k in known and v is not None})
 
 
 def write_line(found: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Path, ...]:

@@ -76,6 +76,10 @@ def __getattr__(name: str) -> object:
     return getattr(importlib.import_module(_HOMES[name]), name)
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def profile(found: Inference | Value, name: str = "", *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood: the least Δχ² that fits reach at each value.
 

@@ -1,21 +1,7 @@
-"""What is to be found and from what, as a function of the parameters that other programs may take.
-
-    ln L(p) = -1/2 r^T V^-1 r - 1/2 ln det(2 pi V)        V = diag(sigma^2) + U U^T
-
-r are the residual rows at p, sigma their standard deviations, U the error that rows share through a
-scale which the sweep gives. V does not depend on p. Where the noise of m rows is not known it has
-one size for all of them, which is integrated out with the prior 1/sigma (Jeffreys):
-
-    ln L(p) = ln Gamma(nu/2) - ln 2 - nu/2 ln(pi S)        S = r^T r, nu = m - s
-
-s the unknowns that these rows are solved for inside: Student's t of what is fitted, no Gaussian.
-
-Source: G. Box and G. Tiao, Bayesian Inference in Statistical Analysis (1973), section 2.4.
-"""
+"""Parameters and measurements as a problem, whose functions other programs may take."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -24,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaln
 
 from fitting.api.fmu import Fmu, held_fmu
 from fitting.api.start_values import Starts, started
@@ -33,7 +18,7 @@ from fitting.campaign.arrays import Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
 from fitting.campaign.repeats import refuse_repeats
-from fitting.fit.covariance import RowCovariance
+from fitting.fit.density import Density
 from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
 from fitting.fit.options import Options, options_of
 from fitting.fit.planned_fmu import PlannedFmu, plan_problem
@@ -49,14 +34,12 @@ from fitting.measurements.measurement import Measurement, Response
 from fitting.measurements.noise.spectra import NoiseSpectrum
 from fitting.measurements.traces.traces import Trace
 from fitting.result.provenance import sha256_of
-from fitting.text.arrays import BoolArray, FloatArray, Scalar
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
 
 __all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
 
-#: Residuals in all below this are none.
-TINY = 1e-150
 #: What a program gives as measured.
 Measured = Tones | Sweep | ComplexSweep | Trace | DemodulatedTrace | NoiseSpectrum | Measurement
 #: Makes the model of one discrete alternative.
@@ -64,7 +47,7 @@ Respond = Callable[[Mapping[str, Scalar]], Response]
 
 
 class Problem:
-    """Parameters of an FMU that are looked for, and the measurements to find them from.
+    """Parameters of an FMU that are fitted, and the measurements that they are fitted to.
 
     Its functions of the parameters take p of the shape (n,) or any stack of such, (..., n), in the
     parameters' units and in the order of ``names``; they have no memory and change nothing. They
@@ -175,7 +158,7 @@ class Problem:
         self.record, self.options, self.campaigns = record, options, tuple(campaigns)
         self._fmu, self._respond = fmu, respond
         self._alternative = 0
-        self._share, self._least = 1.0, 0.0
+        self.density = Density(record.parameters, record.data)
 
     def with_alternative(self, number: int) -> Problem:
         """The same problem, whose functions are those of another alternative.
@@ -211,15 +194,16 @@ class Problem:
         """
         if not factor >= 1.0:
             raise BadInput(f"problem: the factor is {factor!r}, wanted at least 1")
+        density = replace(self.density, share=1.0, least=0.0)
+        least = float(np.sum(self.residuals(p)[~density.known] ** 2))
         other = copy(self)
-        other._share = factor**-2
-        other._least = float(np.sum(self.residuals(p)[~self._is_known] ** 2))
+        other.density = replace(density, share=factor**-2, least=least)
         return other
 
     @property
     def unknown_noise(self) -> int:
         """Number of rows whose noise is not known."""
-        return int(np.sum(~self._is_known))
+        return int(np.sum(~self.density.known))
 
     def part(self, settings: Mapping[str, Scalar]) -> Problem:
         """The same problem with what was measured where settings have these values, alone.
@@ -234,9 +218,10 @@ class Problem:
         """
         data = part_of(self.record.data, settings)
         other = copy(self)
-        for cached in ("objective", "planned", "_noise"):
+        for cached in ("objective", "planned"):
             other.__dict__.pop(cached, None)
         other.record = replace(self.record, data=data)
+        other.density = replace(self.density, data=data)
         return other
 
     @property
@@ -361,16 +346,9 @@ class Problem:
                 the error of a scale.
             FmuFailure: the FMU failed at one of them.
         """
-        noise, freedom, rows = self._noise, self._freedom, self.residuals(p)
-        flat, known = rows.reshape(-1, rows.shape[-1]), self._is_known
-        white = noise.whitened(flat[:, known].T)
-        size = noise.size * math.log(2.0 * math.pi) + noise.log_determinant
-        found = -0.5 * (np.sum(white**2, axis=0) + size)
-        if freedom > 0.0:
-            squares = self._squares(flat[:, ~known])
-            found += gammaln(0.5 * freedom) - math.log(2.0)
-            found -= 0.5 * freedom * np.log(math.pi * squares)
-        return np.asarray(found.reshape(rows.shape[:-1]))
+        _ = self.density.noise, self.density.dof  # what they refuse is not simulated
+        rows = self.residuals(p)
+        return self.density.logl(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:-1])
 
     def logp(self, p: npt.ArrayLike) -> FloatArray:
         """ln of posterior, shape (...), but for its constant: ln L and the logarithm of the prior.
@@ -391,7 +369,7 @@ class Problem:
         inside = np.all((flat >= lower) & (flat <= upper), axis=1)
         found = np.full(len(flat), -np.inf)
         if np.any(inside):
-            found[inside] = self.logl(flat[inside]) + self._logprior(flat[inside])
+            found[inside] = self.logl(flat[inside]) + self.density.logprior(flat[inside])
         return found.reshape(table.shape[:-1])
 
     def white_rows(
@@ -411,73 +389,10 @@ class Problem:
             BadInput: as `logl`.
             FmuFailure: the FMU failed at one of them.
         """
-        place, noise = self._checked(p), self._noise
-        held = [(i, q) for i, q in enumerate(self.record.parameters) if q.prior_sigma]
-        sigmas = np.array([q.prior_sigma for _, q in held])
-        off = np.array([place[i] - q.reference for i, q in held])
-        unit = np.eye(place.size)[[i for i, _ in held]]
-        r, jac, known = self.residuals(place), self.jac(place), self._is_known
-        scatter = 1.0
-        if self._freedom > 0.0:
-            there = r if scatter_at is None else self.residuals(self._checked(scatter_at))
-            squares = float(self._squares(there[None, ~known])[0])
-            scatter = math.sqrt(squares / (self._freedom * self._share))
-        rows = np.concatenate([noise.whitened(r[known]), r[~known] / scatter, off / sigmas])
-        slopes = [noise.whitened(jac[known]), jac[~known] / scatter, unit / sigmas[:, None]]
-        return rows, np.vstack(slopes)
-
-    def _logprior(self, table: FloatArray) -> FloatArray:
-        total = np.zeros(len(table))
-        for column, q in zip(table.T, self.record.parameters, strict=True):
-            if q.prior_sigma is None:
-                total -= math.log(q.upper - q.lower)
-                continue
-            total -= 0.5 * ((column - q.reference) / q.prior_sigma) ** 2
-            total -= math.log(q.prior_sigma * math.sqrt(2.0 * math.pi))
-        return total
-
-    @property
-    def _is_known(self) -> BoolArray:
-        """Whether the noise of each row is known, (m,)."""
-        return np.asarray(self.record.data.sigma > 0.0)
-
-    @property
-    def _freedom(self) -> float:
-        """nu of the module; 0 where all noise is known."""
-        missing = self.unknown_noise
-        if not missing:
-            return 0.0
-        free = missing - self.record.data.solved_of(known=False)
-        if free < len(self.record.parameters) + 1:
-            raise BadInput(
-                f"problem: the noise of {missing} of {self._is_known.size} rows is not known, and "
-                "these are too few to estimate it; wanted sigmas_v, or noise with a relative or "
-                "absolute part"
-            )
-        return float(free)
-
-    def _squares(self, rows: FloatArray) -> FloatArray:
-        """S (k,) of the module for rows (k, m) of unknown noise, widened."""
-        plain = np.sum(rows**2, axis=1)
-        widened = self._least + self._share * (plain - self._least)
-        return np.asarray(np.maximum(widened, TINY**2))
-
-    @cached_property
-    def _noise(self) -> RowCovariance:
-        """V of the rows of known noise, with the error of the scale as the data have it."""
-        data, known = self.record.data, self._is_known
-        mine = data.series_of_rows[:, None] == np.arange(len(data.series))
-        shared = np.where(mine, data.measured_rows[:, None] * np.array(data.scale_sigmas), 0.0)
-        for m, place in zip(data.measurements, data.slices, strict=True):
-            if m.takes_scale_from_rows and not np.any(known[place]):
-                shared[place] = 0.0  # its scale is solved for inside these rows
-        if np.any(shared[~known]):
-            raise BadInput(
-                f"problem: the noise of {self.unknown_noise} of {known.size} rows is not known, "
-                "and they share the error of a scale; wanted sigmas_v, noise with a relative or "
-                'absolute part, or scale = "free"'
-            )
-        return RowCovariance(data.sigma[known], shared[known])
+        place, dof, _ = self._checked(p), self.density.dof, self.density.noise
+        rows, jac = self.residuals(place), self.jac(place)
+        there = rows if scatter_at is None or not dof else self.residuals(scatter_at)
+        return self.density.white(place, rows, jac, there)
 
     def _rows(self, table: FloatArray) -> FloatArray:
         xs = list(to_search(self.record.parameters, table))

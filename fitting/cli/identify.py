@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
+from fitting.cli.words.again import command_line
 from fitting.cli.words.earlier_fit import add_at, fit_at
 from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
 from fitting.text.results_folder import remove_earlier
@@ -39,7 +39,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bootstrap",
         type=whole_number(2),
-        default=0,
         metavar="N",
         help="refit N synthetic data sets (none)",
     )
@@ -77,7 +76,6 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     from fitting.api.cost import expected_of_identification
-    from fitting.api.jobs import IdentificationOptions, identified, with_part
     from fitting.cli.running.remaining import Remaining, counted
     from fitting.report.screens import identification_lines
     from fitting.text.records import write_json
@@ -86,27 +84,30 @@ def run(args: argparse.Namespace) -> int:
     campaign = ff.read_campaign(args.campaign)
     out = _out(args)
     fitted = fit_at(args)
+    bootstrap = args.bootstrap or 0
     with fmu_for([campaign], out, args.workers) as fmu:
         problem = ff.Problem.of(campaign, fmu)
-        if settings:
-            problem.part(settings)  # complained of before the long run
-        expected = expected_of_identification(problem, args.bootstrap)
+        expected = expected_of_identification(problem, bootstrap)
         remaining = Remaining(expected, drawn=not args.no_report)
         with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
-            asked = IdentificationOptions(
+            found = ff.identify(
+                problem,
+                fitted,
                 expected=args.expected,
-                bootstrap=args.bootstrap,
                 seed=args.seed,
                 budget=args.budget,
+                bootstrap=bootstrap,
+                settings=settings,
                 progress=lambda spent: tell(remaining.walking(spent)),
             )
-            found = identified(problem, fitted, asked)
-            if settings:
-                found = with_part(problem, found, settings, asked)
+    options = ("out", "at", "bootstrap", "seed", "budget", "workers")
+    flags = ("expected", "changed_data", "no_report")
+    words = [NAME, args.campaign.as_posix()]
+    command = command_line(args, words, options, ("beside",), flags)
     found = replace(
         found,
         at=found.at if fitted is None else args.at.as_posix(),
-        provenance={"command": _command(args), **found.provenance},
+        provenance={"command": command, **found.provenance},
     )
     write_json(out / JSON_NAME, found)
     hand_over(args, found)
@@ -134,18 +135,3 @@ def _settings(texts: Sequence[str]) -> dict[str, float | str]:
         except ValueError:
             found[name] = value
     return found
-
-
-def _command(args: argparse.Namespace) -> str:
-    words = ["fmu-fit", NAME, args.campaign.as_posix()]
-    for name in ("out", "at", "bootstrap", "seed", "budget", "workers"):
-        value = getattr(args, name)
-        if value:
-            words += [f"--{name}", str(value)]
-    words += [word for text in args.beside for word in ("--beside", text)]
-    words += [
-        f"--{n.replace('_', '-')}"
-        for n in ("expected", "changed_data", "no_report")
-        if getattr(args, n)
-    ]
-    return shlex.join(words)

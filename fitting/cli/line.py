@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import fitting as ff
 from fitting.cli.running.output import hand_over
@@ -14,9 +13,6 @@ from fitting.cli.running.results import writes
 from fitting.cli.words.columns import add_columns, columns_of
 from fitting.cli.words.values import positive_quantity
 
-if TYPE_CHECKING:
-    from fitting.api.line import Columns
-
 NAME = "line"
 EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"
 DOCUMENT = "the line"
@@ -24,8 +20,21 @@ FILES = ("line.json", "line.csv", "line.png", "line.svg")
 #: Prefixes that a number without a unit may have been meant with: of frequencies, and of times.
 LARGE = {"k": 1e3, "M": 1e6, "G": 1e9}
 SMALL = {"m": 1e-3, "u": 1e-6, "n": 1e-9}
-#: Kinds of a file over frequency.
+#: Kinds of a file; those over frequency may be named.
 NOISE, SWEEP = KINDS = ("noise", "sweep")
+RINGDOWN = "ringdown"
+#: Options that a kind of file does not go with, in the order in which they are refused, and why.
+REFUSED = {
+    SWEEP: (("demodulated_at",), "is of a ringdown, and {} is a sweep; wanted it without"),
+    RINGDOWN: (
+        ("wiring", "kind"),
+        "is of a sweep, and {} is a recording over time; wanted it without",
+    ),
+    NOISE: (
+        ("demodulated_at", "wiring"),
+        "{} is a noise spectrum, which has none; wanted it without, or --kind sweep",
+    ),
+}
 WIRINGS = (
     "transmission",
     "fano",
@@ -84,80 +93,45 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
-    from fitting.api.line import write_line
-    from fitting.api.noise_line import is_noise_spectrum
-    from fitting.api.ringdown import is_over_time
+    from fitting.api.line import is_noise_spectrum, is_over_time, write_line
+    from fitting.report.resonance import forms_table
+    from fitting.report.table import text_lines
 
     columns = columns_of(args)
     found: ff.Line | ff.Ringdown | ff.NoiseLine
     with reading(NAME, [args.file]):
+        kind = args.kind or SWEEP
         over_time = is_over_time(args.file, columns)
-        _refuse_bare(args, columns, over_time=over_time)
         if over_time:
-            found = _ringdown(args, columns)
-        elif args.kind == NOISE or (args.kind is None and is_noise_spectrum(args.file, columns)):
-            found = _noise_line(args, columns)
+            kind = RINGDOWN
+        elif args.kind is None and is_noise_spectrum(args.file, columns):
+            kind = NOISE
+        _refuse_bare(args, columns, over_time=over_time)
+        options, why = REFUSED[kind]
+        for name in options:
+            if getattr(args, name) is not None:
+                raise ff.BadInput(f"--{name.replace('_', '-')}: {why.format(args.file)}")
+        ends = _range(args, "s" if over_time else "Hz")
+        if over_time:
+            at = args.demodulated_at
+            at_hz = None if at is None else positive_quantity(at, "Hz", where="--demodulated-at")
+            found = ff.ringdown(args.file, within_s=ends, demodulated_at_hz=at_hz, columns=columns)
+        elif kind == NOISE:
+            found = ff.noise_line(args.file, within_hz=ends, columns=columns)
         else:
-            found = _line(args, columns)
+            wiring = args.wiring or ""
+            found = ff.line(args.file, within_hz=ends, wiring=wiring, columns=columns)
     hand_over(args, found)
-    _print(found, verbose=args.verbose)
+    print(found)
+    forms = forms_table(found)
+    if args.verbose and forms is not None:
+        print(*text_lines(forms), sep="\n")
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")
     return 0
 
 
-def _line(args: argparse.Namespace, columns: Columns) -> ff.Line:
-    """The line of a sweep."""
-    if args.demodulated_at is not None:
-        raise ff.BadInput(
-            f"--demodulated-at: is of a ringdown, and {args.file} is a sweep; wanted it without"
-        )
-    return ff.line(
-        args.file, within_hz=_range(args, "Hz"), wiring=args.wiring or "", columns=columns
-    )
-
-
-def _ringdown(args: argparse.Namespace, columns: Columns) -> ff.Ringdown:
-    """The line of a ringdown."""
-    if args.wiring is not None or args.kind is not None:
-        option = "--kind" if args.wiring is None else "--wiring"
-        raise ff.BadInput(
-            f"{option}: is of a sweep, and {args.file} is a recording over time; wanted it without"
-        )
-    at = args.demodulated_at
-    return ff.ringdown(
-        args.file,
-        within_s=_range(args, "s"),
-        demodulated_at_hz=None
-        if at is None
-        else positive_quantity(at, "Hz", where="--demodulated-at"),
-        columns=columns,
-    )
-
-
-def _noise_line(args: argparse.Namespace, columns: Columns) -> ff.NoiseLine:
-    """The line of a noise spectrum."""
-    for option, told in (("--demodulated-at", args.demodulated_at), ("--wiring", args.wiring)):
-        if told is not None:
-            raise ff.BadInput(
-                f"{option}: {args.file} is a noise spectrum, which has none; wanted it without, or "
-                "--kind sweep"
-            )
-    return ff.noise_line(args.file, within_hz=_range(args, "Hz"), columns=columns)
-
-
-def _print(found: ff.Line | ff.Ringdown | ff.NoiseLine, *, verbose: bool) -> None:
-    """The numbers and what they rest on; the forms that were compared with ``verbose`` alone."""
-    from fitting.report.resonance import forms_table, text
-    from fitting.report.table import text_lines
-
-    print(text(found))
-    forms = forms_table(found)
-    if verbose and forms is not None:
-        print(*text_lines(forms), sep="\n")
-
-
-def _refuse_bare(args: argparse.Namespace, columns: Columns, *, over_time: bool) -> None:
+def _refuse_bare(args: argparse.Namespace, columns: ff.Columns, *, over_time: bool) -> None:
     """Complain of numbers without a unit that lie in the file only with a prefix before Hz or s."""
     told = {"--from": args.low, "--to": args.high}
     bare = {option: float(text) for option, text in told.items() if _is_bare(text)}

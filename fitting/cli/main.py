@@ -18,7 +18,7 @@ from pathlib import Path
 import fitting
 from fitting.cli.running.interrupts import INTERRUPTED, Interrupts, interruptible
 from fitting.cli.running.output import told
-from fitting.cli.words.parser import parsed
+from fitting.cli.words.parser import overview, parsed
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.streams import outlets
 
@@ -90,6 +90,9 @@ def _keep_out_settings() -> None:
 
 def _run(given: Sequence[str], interrupts: Interrupts) -> int:
     """Run a command; whatever happens is an exit code and a sentence."""
+    if not given:
+        print(overview())
+        return 0
     try:
         for word in given:
             if word.startswith("--") and word.endswith("=--"):  # argparse makes an empty list of it

@@ -41,7 +41,7 @@ CONTINUATION: Mapping[str, Any] = {
 FIRST = "A first campaign, written by fmu-fit init from these files: it runs as it is."
 HEAD = (
     FIRST,
-    "What a remark calls a guess is one; docs/reference/campaign.md lists every key.",
+    "What a remark calls a guess is one; fmu-fit help campaign lists every key.",
 )
 #: Letters in a line of the head.
 HEAD_WIDTH = 98

@@ -46,6 +46,8 @@ def pumped_bench_of(tables: Mapping[str, Any], truth: Path) -> PumpedString | No
         if "sweeps" in kind.ELSEWHERE:
             bench["sweeps"] = tuple(PumpedSweep(**sweep) for sweep in tables["sweep"])
         return kind(string=TwoModes(**modes), **bench)
+    except BadInput:
+        raise
     except (KeyError, TypeError, ValueError) as error:
         raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
 

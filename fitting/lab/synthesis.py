@@ -188,6 +188,8 @@ def synthesize(
         _refuse_instrument(bench, instrument, plan)
         bench = replace(bench, instrument=instrument or bench.instrument)
         made = _planned(bench, plan, seed, command) if plan else _series(bench, seed, command)
+    except BadInput:
+        raise
     except ValueError as error:
         raise BadInput(f"synthesize: {error}") from error
     return _written(made, out)

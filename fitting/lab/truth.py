@@ -102,6 +102,8 @@ def read_bench(truth: Path) -> Bench:
             weak_level=float(drive["weak_level"]),
             **bench,
         )
+    except BadInput:
+        raise
     except (TypeError, ValueError) as error:
         raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
 

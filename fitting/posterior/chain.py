@@ -22,8 +22,8 @@ import numpy as np
 
 from fitting.posterior.mixture import Mixture
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
-from fitting.text.files import NoFile, read_whole, write_whole
+from fitting.text.errors import BadInput, MissingFile
+from fitting.text.files import read_whole, write_whole
 
 #: Shares of steps by the mixture, by stretches, by differences.
 MIXED, STRETCHED, DIFFERENCE = 0.5, 0.25, 0.25
@@ -219,7 +219,7 @@ def read_chain(path: Path, job: str) -> Chain | None:
     """
     try:
         content = read_whole(path, "a chain")
-    except NoFile:
+    except MissingFile:
         return None
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:

@@ -19,6 +19,7 @@ from fitting.extension.problem import (
     NOTABLE,
     Inferred,
     Result,
+    StoredInference,
     Structure,
     Valued,
     check_problem,
@@ -143,11 +144,12 @@ class Job:
             BadInput: no fit, or that of other parameters, another FMU or other data.
         """
         self.fit: Inferred
+        if isinstance(at, StoredInference):
+            at = at.result
         if isinstance(at, Valued):
             self.fit, source, sha256 = at.inferred, at.source.record, ""
             alternatives, self.alternative = source.alternatives, source.alternative
-            own = (p.name for p in source.problem.parameters)
-            likely = dict(zip(own, at.inferred.reported.tolist(), strict=True))
+            likely = at.fitted_values
         elif isinstance(at, Result):
             self.fit, sha256 = at, at.provenance.fmu_sha256
             alternatives, self.alternative = at.alternatives, at.alternative

@@ -16,7 +16,7 @@ from fitting.text.notation import listed
 
 #: Tables of a campaign that fit such a map, by whether it has phases.
 TABLES = {False: "control_sweep", True: "complex_control_sweep"}
-PAGE = "docs/how-to/control-sweep.md"
+PAGE = "fmu-fit help control-sweep"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,7 +27,7 @@ POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
 #: Names of columns that a complaint lists.
 MOST_SHOWN = 12
 #: What fits a recording over time, and what is said of one that is no free decay.
-TIME_PAGE = "docs/how-to/traces.md"
+TIME_PAGE = "fmu-fit help traces"
 TIME_WAY = (
     f"the FMU whose output was recorded, as fmu-fit init --fmu drafts a campaign: {TIME_PAGE}"
 )

@@ -93,11 +93,6 @@ def result_of(
             lines, *columns, strict=True
         )
     )
-    # of the parameters of the whole campaign
-    own = [i for i, p in enumerate(solution.parameters) if not p.experiments]
-    covariance = solution.errors.covariance[np.ix_(own, own)]
-    std = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(std, std)
     return Result(
         title=problem.title,
         synthetic=problem.synthetic,
@@ -111,7 +106,7 @@ def result_of(
         sweep=curves,
         history=fit.path,
         alternatives=fit.alternatives,
-        correlation=tuple(tuple(map(float, row)) for row in correlation),
+        correlation=correlation_of(solution),
         evaluations=Cost(fit.cost.evaluations, fit.cost.jacobians, fit.cost.runs),
         seconds=fit.seconds,
         warnings=warning_sentences(findings),
@@ -160,3 +155,15 @@ def _deviation_set(problem: Problem, point: Point) -> DeviationSet:
         tuple(mean(group) for group in groups),
         mean(everything),
     )
+
+
+def correlation_of(solution: Solution) -> tuple[tuple[float, ...], ...]:
+    """Correlations of the parameters of all experiments, in their order.
+
+    Args:
+        solution: end of the fit.
+    """
+    own = [i for i, p in enumerate(solution.parameters) if not p.experiments]
+    total = solution.errors.covariance[np.ix_(own, own)]
+    std = np.sqrt(np.diag(total))
+    return tuple(tuple(map(float, row)) for row in total / np.outer(std, std))

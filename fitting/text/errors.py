@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # the types of arrays take numpy along, which a command's hel
 Made = TypeVar("Made")
 
 
-class BadInput(Exception):
+class BadInput(ValueError):
     """One line that names the file, row, column or key, what was found and what is wanted.
 
     Where several things are wrong at once, ``args`` are that many lines.
@@ -25,6 +25,10 @@ class BadInput(Exception):
     def __format__(self, spec: str) -> str:
         """All of them in one sentence: what is put into another complaint is one line again."""
         return format("; ".join(map(str, self.args)), spec)
+
+
+class MissingFile(BadInput, FileNotFoundError):
+    """There is no file of that name."""
 
 
 #: Characters of a found value in a complaint.
@@ -108,7 +112,7 @@ def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
     return made
 
 
-class NoScale(BadInput, ValueError):
+class NoScale(BadInput):
     """Simulated and measured amplitudes that have no finite ratio; says which."""
 
 

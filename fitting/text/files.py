@@ -10,17 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fitting.text.atomic import replace_file
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, MissingFile
 from fitting.text.results_folder import open_folder_of
 
 _log = logging.getLogger(__name__)
 
 #: A file that is larger is none of those that people mean here.
 MOST_BYTES = 2 * 2**30
-
-
-class NoFile(BadInput):
-    """There is no file of that name."""
 
 
 def read_whole(path: Path, wanted: str = "a file") -> bytes:
@@ -31,7 +27,7 @@ def read_whole(path: Path, wanted: str = "a file") -> bytes:
         wanted: what it should be, for complaints.
 
     Raises:
-        NoFile: there is none of that name.
+        MissingFile: there is none of that name.
         BadInput: a folder, a pipe or a device (which may never end), too large, or not readable.
     """
     return _read(path, wanted, MOST_BYTES, -1)
@@ -46,7 +42,7 @@ def read_head(path: Path, size: int, wanted: str = "a file") -> bytes:
         wanted: what it should be, for complaints.
 
     Raises:
-        NoFile: there is none of that name.
+        MissingFile: there is none of that name.
         BadInput: a folder, a pipe or a device, or not readable.
     """
     return _read(path, wanted, math.inf, size)
@@ -66,7 +62,7 @@ def _read(path: Path, wanted: str, most: float, size: int) -> bytes:
         with path.open("rb") as file:
             return file.read(size)
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise NoFile(f"{name}: no such file, wanted {wanted}") from error
+        raise MissingFile(f"{name}: no such file, wanted {wanted}") from error
     except OSError as error:
         raise BadInput(f"{name}: cannot be read: {error.strerror}; wanted {wanted}") from error
     except ValueError as error:  # a NUL character

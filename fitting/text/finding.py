@@ -1,7 +1,7 @@
 """What a reader has to know of a result, as a record: decided once, where the numbers are.
 
 Sentences are made at the edge, from a template with a block for each kind (`text.sentences`). What
-each kind means, and what to do about it, is in docs/reference/findings.md.
+each kind means, and what to do about it, is what ``fmu-fit help findings`` prints.
 """
 
 from __future__ import annotations

@@ -166,8 +166,9 @@ def read_json(
     Raises:
         BadInput: no such file, no JSON, or not such a record; names the file and the key.
     """
+    content = read_whole(path)
     try:
-        data = json.loads(read_whole(path))
+        data = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read as JSON: {error}") from error
     try:

@@ -313,6 +313,8 @@ def _read_record(path: Path) -> dict[str, OwnFile]:
             own[name] = OwnFile(command, tuple(digests), added)
     except FileNotFoundError:
         return {}
+    except BadInput:
+        raise
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         raise BadInput(
             f"{path}: is no list of the files that fmu-fit wrote there; {ELSEWHERE}"
@@ -422,6 +424,8 @@ def _locked(path: Path, shown: Path) -> Iterator[None]:
             f"{shown}: another fmu-fit command is writing there; wanted another folder (--out), or "
             "to wait until it has ended"
         ) from None
+    except BadInput:
+        raise
     except ValueError:
         raise BadInput(
             f"{shown / LOCK_NAME}: is there and no file, so it is kept; {ELSEWHERE}"

@@ -155,6 +155,9 @@ def _complaints(
                 lines.append(f"{where}: key '{key}' is missing{hint}")
             case "value_error":
                 reason = e["ctx"]["error"]
+                if isinstance(reason, BadInput):  # its place is in it
+                    lines += reason.args
+                    continue
                 further: tuple[str, ...] = ()
                 table = False
                 if isinstance(reason, Refused):  # of this table, or of a key in it

@@ -16,8 +16,8 @@ import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.csv_cells import as_read
-from fitting.text.errors import BadInput, did_you_mean, shown
-from fitting.text.files import NoFile, read_whole
+from fitting.text.errors import BadInput, MissingFile, did_you_mean, shown
+from fitting.text.files import read_whole
 from fitting.text.notation import how_many
 
 #: What programs write where a number is missing.
@@ -122,12 +122,12 @@ def naming_neighbours(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except NoFile as error:
+    except MissingFile as error:
         beside = path.parent.iterdir() if path.parent.is_dir() else ()
         siblings = [p.name for p in beside if not p.is_dir()]
         hint = did_you_mean(path.name, siblings, listed=False)
         name = str(path) if str(path).strip() else repr(str(path))
-        raise NoFile(f"{name}: no such file{hint}") from error
+        raise MissingFile(f"{name}: no such file{hint}") from error
 
 
 def decoded(data: bytes) -> str:

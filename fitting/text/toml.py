@@ -52,10 +52,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises:
         BadInput: no such file, or not TOML; names the line.
     """
+    text = read_text(path)
     try:
-        tables = tomllib.loads(read_text(path))
+        tables = tomllib.loads(text)
     except ValueError as error:  # of TOML, or of a number with thousands of digits
-        comma = _DECIMAL_COMMA.search(read_text(path)) if "at line" in str(error) else None
+        comma = _DECIMAL_COMMA.search(text) if "at line" in str(error) else None
         hint = (
             "" if comma is None else f"; a number has a point, not a comma: {comma[1]}.{comma[2]}"
         )

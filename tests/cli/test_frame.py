@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import errno
-import importlib
 import os
 import re
 import subprocess
@@ -15,7 +14,7 @@ import pytest
 
 import fitting
 from fitting.cli.main import main
-from fitting.cli.words.parser import COMMANDS
+from fitting.cli.words.parser import COMMANDS, command_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -26,7 +25,7 @@ def test_help_has_an_example_that_parses(name: str, capsys: pytest.CaptureFixtur
         main([name, "--help"])
     assert ending.value.code == 0
     text = " ".join(capsys.readouterr().out.split())
-    example = importlib.import_module(f"fitting.cli.{name}").EXAMPLE
+    example = command_of(name).EXAMPLE
     assert f"example: {example}" in text
     assert example.startswith(f"fmu-fit {name} ")
     assert "`" not in text
@@ -38,7 +37,7 @@ def test_help_has_an_example_that_parses(name: str, capsys: pytest.CaptureFixtur
 
 def positionals(name: str) -> list[argparse.Action]:
     parser = argparse.ArgumentParser()
-    importlib.import_module(f"fitting.cli.{name}").add_arguments(parser)
+    command_of(name).add_arguments(parser)
     return [action for action in parser._actions if not action.option_strings]
 
 
@@ -60,33 +59,79 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
         assert re.search(rf"\b{code} [a-z]", unbroken), f"exit code {code} is not told"
 
 
-#: Any of these takes longer to import than the interpreter takes to start.
-LIBRARIES = (
-    "fmpy",
-    "jinja2",
-    "matplotlib",
-    "mpmath",
-    "numpy",
-    "pint",
-    "pydantic",
-    "scipy",
-    "shtab",
-    "tomlkit",
-    "tqdm",
+def test_without_a_command_each_is_listed_with_an_example(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main([]) == 0
+    text = capsys.readouterr().out
+    for name, summary in COMMANDS.items():
+        assert f"{name} " in text
+        assert summary in text
+        assert command_of(name).EXAMPLE in text
+
+
+@pytest.mark.parametrize(
+    ("topic", "words"),
+    [
+        ("control-sweep", "# "),
+        ("campaign", "# campaign.toml"),
+        ("how-to/campaign", "# "),
+        ("line", "usage: fmu-fit line"),
+    ],
 )
+def test_help_prints_a_page(topic: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        code = main(["help", topic])
+    except SystemExit as ending:  # of the options of a command
+        code = int(str(ending.code))
+    text = capsys.readouterr().out
+    assert code == 0
+    assert text.startswith(words)
+    assert "<!--" not in text
+
+
+def test_help_lists_every_page(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["help"]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert len(rows) == len(list((ROOT / "docs").glob("*/*.md")))
+    assert main(["help", "control-swep"]) == 2
+    assert "did you mean 'control-sweep'?" in capsys.readouterr().err
+
+
+def test_every_page_that_the_program_names_is_there() -> None:
+    pages = {path.stem for path in (ROOT / "docs").glob("*/*.md")}
+    texts = [
+        path.read_text("utf-8")
+        for path in (ROOT / "fitting").rglob("*.*")
+        if path.suffix in (".py", ".j2")
+    ]
+    named = {name for text in texts for name in re.findall(r"fmu-fit help ([a-z][\w/-]*)", text)}
+    assert named
+    assert named <= {*pages, *COMMANDS}
+    assert not [text for text in texts if "docs/how-to/" in text or "docs/reference/" in text]
 
 
 def test_help_and_complaints_take_no_library() -> None:
     """In one interpreter, that of all commands: what one of them loads is loaded for all."""
-    asked = [["--help"], ["--version"], ["frobnicate"], *([name, "--help"] for name in COMMANDS)]
+    asked = [
+        [],
+        ["--help"],
+        ["--version"],
+        ["frobnicate"],
+        ["help"],
+        ["help", "traces"],
+        *([name, "--help"] for name in COMMANDS),
+    ]
     asked += [["reconstruct", "--starts", "0"], ["synthesize", "--series", "q3"]]
     script = (
         "import contextlib, sys\n"
+        "before = {name.partition('.')[0] for name in sys.modules}\n"
         "from fitting.cli.main import main\n"
         f"for words in {asked!r}:\n"
         "    with contextlib.suppress(SystemExit):\n        main(words)\n"
-        f"    taken = [name for name in {LIBRARIES!r} if name in sys.modules]\n"
-        "    if taken:\n        sys.exit(f'{words}: {taken}')\n"
+        "    loaded = {name.partition('.')[0] for name in sys.modules} - before\n"
+        "    if taken := loaded - sys.stdlib_module_names - {'fitting'}:\n"
+        "        sys.exit(f'{words}: {taken}')\n"
         "sys.exit('none')"
     )
     told = subprocess.run(
@@ -110,7 +155,6 @@ def test_what_only_a_search_or_a_figure_needs_is_not_loaded_before() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "COMMAND"),
         (["frobnicate"], "frobnicate"),
         (["reconstrct"], "'reconstrct'; did you mean 'reconstruct'?"),
         (["sweep", "a.fmu", "--form", "1"], "'--form'; did you mean '--from'?"),

@@ -92,6 +92,8 @@ def test_the_wheel_holds_models_builder_and_examples(wheel: Path) -> None:
     for name in NAMES:
         found = files(DATA / name)
         wanted |= {f"{home}data/{name}/{file}": data for file, data in found.items()}
+    pages = files(ROOT / "docs")
+    wanted |= {f"{home}docs/{n}": d for n, d in pages.items() if n.endswith(".md") and "/" in n}
     assert {name: held.get(name) for name in wanted} == wanted
     assert {name.split("/")[0] for name in held} == {
         "fitting",
@@ -133,6 +135,8 @@ def test_an_installed_wheel_fits_its_example(
     place, version = call([installed / "python", "-c", where], tmp_path).rsplit(maxsplit=1)
     assert installed.parent in Path(place).parents
     assert version == fitting.__version__
+    page = (ROOT / "docs" / "how-to" / "traces.md").read_text("utf-8")
+    assert call([command, "help", "traces"], tmp_path).startswith(page[:100])
     call([command, "example", "afm_sensor", "--out", "d"], tmp_path)
     assert files(tmp_path / "d") == files(DATA / "afm_sensor")
     options = ["--quick", "--no-profiles", "--no-report", "--out", "o"]

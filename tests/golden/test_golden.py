@@ -10,8 +10,8 @@ from fitting.cli.running import progress
 from fitting.cli.words.parser import COMMANDS
 from tests.golden.texts import HERE, SCENES, LaidOut, golden_text, laid_out, masked
 
-#: Their output is a shell's program, draws of a sampler, or times of another machine.
-ELSEWHERE = {"completion", "posterior", "tradeoff"}
+#: Their output is a shell's program, a page, draws of a sampler, or times of another machine.
+ELSEWHERE = {"completion", "help", "posterior", "tradeoff"}
 #: Characters in a line of the texts that are kept.
 WIDTH = "100"
 

@@ -402,7 +402,7 @@ def test_what_phases_gain_is_told_of_the_errors_that_are_reported(swift: ff.Fmu)
     y = exact + drift @ np.stack([coloured(0.8, SEEN.size, rng) for _ in "xy"])
     curve = ComplexCurve(SEEN, y, wiring=Wiring(background="constant"))
     problem = ff.Problem(swift, PARAMETERS, ff.ComplexSweep(SETUP, curve))
-    found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1)).inferred
+    found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1)).record
     structure = found.fit.solution.structure
     assert structure is not None
     assert structure.widening > 1.3

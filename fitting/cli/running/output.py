@@ -101,6 +101,8 @@ def _file(name: str) -> logging.Handler:
             if not stream.seekable() or stream.tell() == 0:
                 stream.write(f"{HEAD}\n")
         handler = _File(path, encoding="utf-8", errors="backslashreplace")
+    except BadInput:
+        raise
     except (OSError, ValueError) as error:
         words = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"--log {name}: {words}, wanted a file that can be written") from None

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import fitting as ff
 from fitting.api.choices import STYLES, usual_budget
@@ -22,8 +20,7 @@ from fitting.cli.running.laps import Laps
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
-from fitting.cli.words.again import command_again
-from fitting.cli.words.drive import flag
+from fitting.cli.words.again import command_again, command_line
 from fitting.report.details import detail_lines
 from fitting.report.screen import line_item, printed_lines
 from fitting.report.summary import result_lines
@@ -37,8 +34,28 @@ from fitting.text.scratch import Scratch
 NAME = "reconstruct"
 #: Exit code by how the fit ended; any other ending is 1.
 EXIT_CODES = {"converged": 0, "does not describe the data": 4}
+#: Options that a result records, those with a value and those without.
+RECORDED = (
+    *("out", "workers", "accuracy", "misfit", "estimator", "seed", "starts", "bootstrap"),
+    *("start", "style", "budget"),
+)
+FLAGS = ("quick", "no_profiles", "no_report", "isolate", "resume")
 #: What goes with the result that it belongs to.
 PASSING = (*RESULT_FILES, "fmu/*.fmu")
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is solved and how, where finished levels are kept, and who follows the work."""
+
+    args: argparse.Namespace
+    out: Path
+    problem: ff.Problem
+    method: ff.Tikhonov
+    memory: KeptLevels
+    remaining: Remaining
+    drawing: DrawnBeside | None
+    laps: Laps
 
 
 def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
@@ -47,217 +64,97 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
     Args:
         args: of the command.
         out: folder of the results.
-        laps: of the command, which is told where its parts end.
+        laps: the clock of the command.
 
     Raises:
         BadInput: campaign, data or FMU are not what they should be.
         FmuFailure: the FMU failed.
+        KeyboardInterrupt: before there was a result; names the command that goes on.
     """
     check_external(args.external)
     check_style("--style", args.style or STYLES[0])
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     if args.dry_run:
-        return _tell_cost(args, campaigns)
+        return _print_cost(args, campaigns)
     # in another style this process draws alone
     with drawn_beside(not args.no_report and args.style in (None, STYLES[0])) as drawing:
-        return _reconstructed(args, campaigns, out, _Course(laps, drawing))
+        with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
+            job = _job(args, campaigns, fmu, out, drawing, laps)
+            try:
+                counts = fmu.workers.counts
+                with status_line(NAME, lambda: counted(job.remaining, counts.runs)) as show:
+                    found, result, is_complete = _fit(job, show)
+            except KeyboardInterrupt:
+                way_on = _way_on(job)
+                raise KeyboardInterrupt(f"interrupted; {way_on}" if way_on else "") from None
+            except NoScale as refused:
+                named = ", ".join(str(path) for path in args.campaign)
+                raise ff.BadInput(f"{named}: {refused}") from None
+            except ff.FmuFailure as failure:
+                if way_on := _way_on(job):
+                    failure.add_note(way_on)
+                raise
+        return _report(job, found, result, is_complete=is_complete)
 
 
-class _Course(NamedTuple):
-    """What goes along with the work: the clock of the command, and who draws beside it."""
-
-    laps: Laps
-    drawing: DrawnBeside | None
-
-
-class _Solved(NamedTuple):
-    """How it ended, the finished levels of the search, and what a drawing of it takes yet."""
-
-    ended: _Ending
-    memory: KeptLevels
-    remaining: Remaining
-
-
-def _reconstructed(
-    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, course: _Course
-) -> int:
-    ended, memory, remaining = _solved(args, campaigns, out, course)
-    result = ended.result
-    files = write_result(result, out)  # before anything else that may fail
-    if args.external:
-        result = with_external(result, args.external)
-        write_result(result, out)
-    hand_over(args, result)
-    print("\n".join(result_lines(result)))
-    if args.verbose:
-        print("", *detail_lines(result), "", sep="\n")
-    if not ended.done:
-        remove_earlier(out, PASSING)
-        print(line_item("continue", command_again(args)))
-        return 1
-    if args.no_report:
-        print(line_item("results", str(files[0])))
-    else:
-        with status_line(NAME, remaining.left) as tell:
-            tell(remaining.report())
-            page = draw_report(
-                ended.found,
-                result,
-                out,
-                args.style or STYLES[0],
-                lambda done, of: tell(remaining.drawing(done, of)),
-                course.drawing,
-            )
-        hint = "" if args.verbose else "   (--verbose prints all that was found)"
-        print(line_item("report", f"{page}{hint}"))
-        course.laps.end("for the report")
-    remove_earlier(out, PASSING)
-    memory.remove()  # when all is done that may be killed
-    if args.verbose:
-        print(course.laps.words)
-    return EXIT_CODES.get(result.status, 1)
-
-
-def _solved(
-    args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path, course: _Course
-) -> _Solved:
-    """The fit and its inference.
-
-    Raises:
-        KeyboardInterrupt: before there was a result; says how to go on from what is kept.
-    """
-    with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
-        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
-        check_external(args.external, _units(problem))
-        course.laps.end("to begin")
-        memory, remaining = _memory(args, problem, out), _remaining(args, problem)
-        try:
-            with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
-                job = _Reconstruction(problem, out, memory, tell, remaining, course)
-                return _Solved(_ending(args, job), memory, remaining)
-        except KeyboardInterrupt:
-            way_on = _way_on(args, memory)
-            raise KeyboardInterrupt(f"interrupted{way_on}" if way_on else "") from None
-        except NoScale as refused:
-            named = ", ".join(str(path) for path in args.campaign)
-            raise ff.BadInput(f"{named}: {refused}") from None
-        except ff.FmuFailure as failure:
-            if way_on := _way_on(args, memory):
-                failure.add_note(way_on.removeprefix("; "))
-            raise
-
-
-def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
-    """What the job will cost; a model of this project is built where it does not stay."""
-    with (
-        Scratch() as folder,
-        fmu_for(campaigns, folder, args.workers, isolate=args.isolate) as fmu,
-        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
-    ):
-        tell("planning")
-        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
-        found = ff.cost(
-            problem,
-            _method(args, problem),
-            starts=_starts(args),
-            profiles=not args.no_profiles,
-            bootstrap=args.bootstrap or 0,
-        )
-    hand_over(args, found)
-    budget = args.budget or usual_budget(found.runs_each)
-    shown = budget if not args.no_profiles and budget < found.runs[1] else 0
-    title = problem.record.title
-    print(*printed_lines("cost", "reconstruct", title, found, shown, args.verbose), sep="\n")
-    return 0
-
-
-def _units(problem: ff.Problem) -> dict[str, str]:
-    """Units of the values that there will be, by name."""
-    record, variables = problem.record, problem.fmu.description.variables
-    shared = {p.name: p.unit for p in record.parameters if not p.experiments}
-    return shared | {name: variables[name].unit or "" for name in record.outputs}
-
-
-@dataclass(frozen=True)
-class _Reconstruction:
-    """What is solved, where results and finished levels go, who is told of it, what goes along."""
-
-    problem: ff.Problem
-    out: Path
-    memory: KeptLevels
-    tell: Callable[[str], None]
-    remaining: Remaining
-    course: _Course
-
-
-class _Ending(NamedTuple):
-    """What was found, the result of it, and whether all that was asked for is done."""
-
-    found: Valued
-    result: Result
-    done: bool
-
-
-def _way_on(args: argparse.Namespace, memory: KeptLevels) -> str:
-    """Where finished levels are kept: how to go on from them."""
-    count = len(memory)
-    return f"; {count} finished levels are kept, go on with: {command_again(args)}" * (count > 0)
-
-
-def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
-    """As the campaign says, but for what the options change."""
-    method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
-    asked = {name: getattr(args, name) for name in ("misfit", "estimator")}
-    return replace(method, **{name: value for name, value in asked.items() if value is not None})
-
-
-def _starts(args: argparse.Namespace) -> int | None:
-    return 1 if args.quick and args.starts is None else args.starts
-
-
-def _remaining(args: argparse.Namespace, problem: ff.Problem) -> Remaining:
+def _job(
+    args: argparse.Namespace,
+    campaigns: Sequence[Campaign],
+    fmu: ff.Fmu,
+    out: Path,
+    drawing: DrawnBeside | None,
+    laps: Laps,
+) -> _Job:
+    """The problem, its method, and the finished levels of this very job, or none yet."""
+    problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
+    record, variables = problem.record, fmu.variables
+    units = {p.name: p.unit for p in record.parameters if not p.experiments}
+    check_external(
+        args.external, units | {name: variables[name].unit or "" for name in record.outputs}
+    )
+    laps.end("to begin")
+    method = _method(args, problem)
+    options = search_options(problem, method, _starts(args), args.seed)
+    memory = kept_levels(out, problem, options, _command(args), resume=args.resume)
+    if args.resume:
+        print(memory.resumed("levels"))
     expected = expected_of(
         problem,
-        _method(args, problem),
+        method,
         _starts(args),
         profiles=not args.no_profiles,
         refits=args.bootstrap or 0,
     )
-    return Remaining(expected, drawn=not args.no_report)
+    remaining = Remaining(expected, drawn=not args.no_report)
+    return _Job(args, out, problem, method, memory, remaining, drawing, laps)
 
 
-def _memory(args: argparse.Namespace, problem: ff.Problem, out: Path) -> KeptLevels:
-    """Finished levels of this very job: those of an interrupted run, or none yet."""
-    options = search_options(problem, _method(args, problem), _starts(args), args.seed)
-    memory = kept_levels(out, problem, options, _command(args), resume=args.resume)
-    if args.resume:
-        print(memory.resumed("levels"))
-    return memory
+def _fit(job: _Job, show: Callable[[str], None]) -> tuple[Valued, Result, bool]:
+    """What was found, its result, and whether all that was asked for is done.
 
-
-def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
-    """Fit and infer; the fit is written before profiles are walked, which take most of the time."""
-    job.tell("planning")
-    method = _method(args, job.problem)
-    found: Valued
-    found = fitted = ff.fit(
+    The fit is written before profiles are scanned, which take most of the time.
+    """
+    args = job.args
+    show("planning")
+    fitted = ff.fit(
         job.problem,
-        method,
+        job.method,
         starts=_starts(args),
         seed=args.seed,
-        progress=lambda state: job.tell(job.remaining.searching(state)),
+        progress=lambda state: show(job.remaining.searching(state)),
         memory=job.memory,
     )
     fitted.command = _command(args)
     with to_the_end():
         result = fitted.result
-    job.course.laps.end("to fit")
+    job.laps.end("to fit")
     interrupted = fitted.status == "interrupted"
     if args.no_profiles or interrupted:
-        return _Ending(found, result, not interrupted)
-    done = False
-    if job.course.drawing is not None:
-        job.course.drawing.begin(fitted)
+        return fitted, result, not interrupted
+    found: Valued = fitted
+    is_complete = False
+    if job.drawing is not None:
+        job.drawing.begin(fitted)
     try:
         with to_the_end():
             result = without_profiles(result, "pending")
@@ -266,39 +163,98 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
             fitted,
             budget=args.budget,
             bootstrap=args.bootstrap or 0,
-            progress=lambda spent: job.tell(job.remaining.walking(spent)),
+            progress=lambda spent: show(job.remaining.walking(spent)),
         )
         with to_the_end():
-            found, result, done = inferred, inferred.result, inferred.profiled
+            found, result, is_complete = inferred, inferred.result, inferred.profiled
     except OutOfBudget:  # all there is to it: to go on would take as much again
-        done = True
+        is_complete = True
         result = without_profiles(fitted.result, "budget")
     except KeyboardInterrupt:
         pass
-    job.course.laps.end("for the profiles")
-    return _Ending(found, result, done)
+    job.laps.end("for the profiles")
+    return found, result, is_complete
+
+
+def _report(job: _Job, found: Valued, result: Result, *, is_complete: bool) -> int:
+    """Files, first screen and report of a result; the exit code."""
+    args, out = job.args, job.out
+    files = write_result(result, out)  # before anything else that may fail
+    if args.external:
+        result = with_external(result, args.external)
+        write_result(result, out)
+    hand_over(args, result)
+    print(*result_lines(result), sep="\n")
+    if args.verbose:
+        print("", *detail_lines(result), "", sep="\n")
+    if not is_complete:
+        remove_earlier(out, PASSING)
+        print(line_item("continue", command_again(args)))
+        return 1
+    if args.no_report:
+        print(line_item("results", str(files[0])))
+    else:
+        with status_line(NAME, job.remaining.left) as show:
+            show(job.remaining.report())
+            page = draw_report(
+                found,
+                result,
+                out,
+                args.style or STYLES[0],
+                lambda done, of: show(job.remaining.drawing(done, of)),
+                job.drawing,
+            )
+        hint = "" if args.verbose else "   (--verbose prints all that was found)"
+        print(line_item("report", f"{page}{hint}"))
+        job.laps.end("for the report")
+    remove_earlier(out, PASSING)
+    job.memory.remove()  # when all is done that may be killed
+    if args.verbose:
+        print(job.laps.words)
+    return EXIT_CODES.get(result.status, 1)
+
+
+def _print_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
+    """What the job will cost; a model of this project is built where it does not stay."""
+    with (
+        Scratch() as folder,
+        fmu_for(campaigns, folder, args.workers, isolate=args.isolate) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as show,
+    ):
+        show("planning")
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
+        cost = ff.cost(
+            problem,
+            _method(args, problem),
+            starts=_starts(args),
+            profiles=not args.no_profiles,
+            bootstrap=args.bootstrap or 0,
+        )
+    hand_over(args, cost)
+    budget = args.budget or usual_budget(cost.runs_each)
+    shown = budget if not args.no_profiles and budget < cost.runs[1] else 0
+    title = problem.record.title
+    print(*printed_lines("cost", "reconstruct", title, cost, shown, args.verbose), sep="\n")
+    return 0
+
+
+def _way_on(job: _Job) -> str:
+    """How to go on from the finished levels that are kept; empty without any."""
+    count = len(job.memory)
+    again = command_again(job.args)
+    return f"{count} finished levels are kept, go on with: {again}" if count else ""
+
+
+def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
+    """As the campaign says, but for what the options change."""
+    changes = {name: getattr(args, name) for name in ("misfit", "estimator") if getattr(args, name)}
+    return replace(ff.Tikhonov.of(problem.options), quick=args.quick, **changes)
+
+
+def _starts(args: argparse.Namespace) -> int | None:
+    return 1 if args.quick and args.starts is None else args.starts
 
 
 def _command(args: argparse.Namespace) -> str:
-    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
-    for name in (
-        "out",
-        "workers",
-        "accuracy",
-        "misfit",
-        "estimator",
-        "seed",
-        "starts",
-        "bootstrap",
-        "start",
-        "style",
-        "budget",
-    ):
-        value = getattr(args, name)
-        if value is not None:
-            words += [f"--{name}", str(value)]
-    for text in args.external:
-        words += ["--external", text]
-    flags = ("quick", "no_profiles", "no_report", "isolate", "resume")
-    words += [flag(name, getattr(args, name)) for name in flags if getattr(args, name)]
-    return shlex.join(words)
+    words = [NAME, *(path.as_posix() for path in args.campaign)]
+    return command_line(args, words, RECORDED, ("external",), FLAGS)

@@ -1,4 +1,4 @@
-"""The command that goes on from where one has ended: its own words, with what is different."""
+"""The command that made a result, and the one that goes on from where it has ended."""
 
 from __future__ import annotations
 
@@ -8,6 +8,35 @@ from collections.abc import Iterator, Sequence
 
 #: Fewer letters name no option.
 SHORTEST = len("--x")
+
+
+def command_line(
+    args: argparse.Namespace,
+    words: Sequence[str],
+    options: Sequence[str],
+    repeated: Sequence[str] = (),
+    flags: Sequence[str] = (),
+) -> str:
+    """The command as a result records it: the options that differ from their defaults.
+
+    Args:
+        args: of the command.
+        words: the command and its positional arguments.
+        options: names of options with a value, None where it is the default.
+        repeated: names of options that may be repeated.
+        flags: names of options without a value, or with one word.
+    """
+    made = ["fmu-fit", *words]
+    for name in options:
+        value = getattr(args, name)
+        made += [] if value is None else [f"--{name}", str(value)]
+    for name in repeated:
+        made += [text for each in getattr(args, name) for text in (f"--{name}", each)]
+    for name in flags:
+        value = getattr(args, name)
+        written = f"--{name.replace('_', '-')}"
+        made += [written if value is True else f"{written}={value}"] if value else []
+    return shlex.join(made)
 
 
 def command_again(args: argparse.Namespace, *, steps: int | None = None) -> str:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
+import fitting as ff
 from fitting.cli.words.values import whole_number
 from fitting.text.errors import BadInput
 
-if TYPE_CHECKING:
-    from fitting.api.line import Columns
-
-#: Options with what they name; the fields of `fitting.api.line.Columns` are called alike.
+#: Options with what they name; the fields of `fitting.Columns` are called alike.
 COLUMNS: Mapping[str, str] = {
     "frequency": "column of frequencies",
     "amplitude": "column of amplitudes, or of complex values",
@@ -56,7 +53,7 @@ def add_columns(parser: argparse.ArgumentParser, *, over_time: bool = False) -> 
     )
 
 
-def columns_of(args: argparse.Namespace) -> Columns:
+def columns_of(args: argparse.Namespace) -> ff.Columns:
     """What the options tell of a file's columns.
 
     Args:
@@ -65,8 +62,6 @@ def columns_of(args: argparse.Namespace) -> Columns:
     Raises:
         BadInput: an option that is empty.
     """
-    from fitting.api.line import columns_of as told  # takes numpy along, help does not
-
     wanted = {**COLUMNS, **TIME_COLUMNS, **UNITS, **TIME_UNITS}
     values = {
         name: getattr(args, name, None)
@@ -81,4 +76,5 @@ def columns_of(args: argparse.Namespace) -> Columns:
         if isinstance(value, str) and not value.strip():
             option = name.replace("_", "-")
             raise BadInput(f"--{option}: is empty, wanted {wanted[option]}")
-    return told(**values)
+    given = {name: value for name, value in values.items() if value is not None}
+    return ff.Columns(**given)

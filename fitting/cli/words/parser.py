@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import re
 from collections.abc import Sequence
@@ -34,6 +35,7 @@ COMMANDS = {
     "table",
     "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
     "completion": "completion of commands, options and file names by a shell: bash, zsh, tcsh",
+    "help": "the pages of the documentation",
 }
 #: Modules of the commands of optional packages; that of every other is in `fitting.cli`.
 HOMES = {
@@ -75,6 +77,15 @@ class Parser(argparse.ArgumentParser):
         """
         raise BadInput(f"{message} (see {self.prog} --help)")
 
+    def _get_value(self, action: argparse.Action, arg_string: str) -> object:
+        """The value of a word; argparse has words of its own for a ValueError."""
+        try:
+            return super()._get_value(action, arg_string)
+        except argparse.ArgumentError as error:
+            if isinstance(error.__context__, BadInput):
+                raise error.__context__ from None
+            raise
+
 
 class _Help(argparse.HelpFormatter):
     """Leaves indented lines as they are, to be copied."""
@@ -104,6 +115,18 @@ def parsed(given: Sequence[str]) -> argparse.Namespace:
     found = parser.parse_args(given)
     found.given = tuple(given)  # to go on with
     return found
+
+
+def overview() -> str:
+    """What ``fmu-fit`` prints by itself: every command with an example."""
+    width = max(map(len, COMMANDS))
+    lines = [f"fmu-fit {fitting.__version__}: {(fitting.__doc__ or '').splitlines()[0]}", ""]
+    for name, summary in COMMANDS.items():
+        lines.append(f"{name:{width}}  {summary}")
+        with contextlib.suppress(ModuleNotFoundError):  # an optional package may be deleted
+            lines.append(f"{'':{width}}    {command_of(name).EXAMPLE}")
+    options = f"options of a command: {PROGRAM} COMMAND --help; documentation: {PROGRAM} help"
+    return "\n".join([*lines, "", options])
 
 
 def parser_of(names: Sequence[str]) -> Parser:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -138,9 +137,12 @@ def quantity(text: str, unit: str, *, where: str) -> float:
 
     Raises BadInput, beginning with ``where``.
     """
-    with contextlib.suppress(ValueError):  # text with a unit
-        if not math.isfinite(float(text)):  # "nan" looks like a word to the reader of units
-            raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
+    try:
+        is_finite = math.isfinite(float(text))  # "nan" looks like a word to the reader of units
+    except ValueError:  # text with a unit
+        is_finite = True
+    if not is_finite:
+        raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
     number, written = parse_quantity(text, where=where)
     return number if written is None else convert(number, written, unit, where=where)
 
