@@ -9,7 +9,7 @@ from pathlib import Path
 from fitting.api.fitted import Valued
 from fitting.api.printed import HtmlText
 from fitting.api.written import CALIBRATED_FILES
-from fitting.fmu import FmuDescription, read_description
+from fitting.fmu import read_description
 from fitting.fmu.models import Rebuilding, rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
 from fitting.result.calibration import Calibration, calibration, calibration_csv
@@ -59,66 +59,43 @@ def calibrate(
         BadInput: no result, another FMU than the one that was fitted, or a folder that cannot be
             written.
     """
-    result, source = _result(found)
-    path = _fmu(result, source, fmu)
-    description = read_description(path)
-    if description.sha256 != result.provenance.fmu_sha256:
+    source = Path(found) if isinstance(found, str | Path) else None
+    if isinstance(found, Valued):
+        result = found.result
+    else:
+        result = found if isinstance(found, Result) else read_result(Path(found))
+    provenance = result.provenance
+    if fmu is None:  # the one that the fit was made with lies in the folder of its results
+        fmu = None if source is None else source.parent / "fmu" / provenance.fmu_file
+        if fmu is None or not fmu.is_file():
+            where = "" if source is None else f"{source}: "
+            raise BadInput(
+                f"{where}the FMU that was fitted, {provenance.fmu_file}, is not in the folder of "
+                "the result: wanted --fmu"
+            )
+    description = read_description(Path(fmu))
+    if description.sha256 != provenance.fmu_sha256:
         raise BadInput(
-            f"{path}: is not the FMU that was fitted: found sha256 {description.sha256[:12]}, "
-            f"wanted {result.provenance.fmu_sha256[:12]}"
+            f"{fmu}: is not the FMU that was fitted: found sha256 {description.sha256[:12]}, "
+            f"wanted {provenance.fmu_sha256[:12]}"
         )
     handed = calibration(result, description, also)
-    out = Path(out)
-    with results_folder(out, "calibrate", CALIBRATED_FILES):
-        written = _written(handed, result, description, out)
-        remove_earlier(out, CALIBRATED_FILES)
-        return written
-
-
-def _written(
-    handed: Calibration, result: Result, description: FmuDescription, out: Path
-) -> Calibrated:
-    name = f"{description.model_name}_calibrated"
-    wanted = Rebuilding(
-        name=name, history=_history(handed, result, description), start_values=handed.start_values
-    )
-    built = rebuilt(description.file, wanted, out)
-    values = parameter_set(name, handed.set_values(), description)
-    ssv, ssp, table = out / f"{name}.ssv", out / f"{name}.ssp", out / "parameters.csv"
-    write_whole(ssv, values)
-    packed = description if built is None else read_description(built)
-    write_whole(ssp, system_structure(packed.path, values, packed))
-    write_whole(table, calibration_csv(handed))
-    return Calibrated(calibration=handed, fmu=built, ssv=ssv, ssp=ssp, table=table)
-
-
-def _history(handed: Calibration, result: Result, description: FmuDescription) -> str:
+    name, out = f"{description.model_name}_calibrated", Path(out)
+    ssv, ssp, parameters = out / f"{name}.ssv", out / f"{name}.ssp", out / "parameters.csv"
     names = ", ".join(handed.start_values) or "no parameter"
     synthetic = " to synthetic data" if result.synthetic else ""
-    return (
+    history = (
         f"Start values of {names} come from a fit{synthetic}: {result.title}, finished "
-        f"{result.provenance.finished}, {result.status}. The FMU that was fitted has the GUID "
+        f"{provenance.finished}, {result.status}. The FMU that was fitted has the GUID "
         f"{description.guid}."
     )
-
-
-def _result(found: Valued | Result | str | Path) -> tuple[Result, Path | None]:
-    """The result, and the file that it was read from."""
-    if isinstance(found, Valued):
-        return found.result, None
-    if isinstance(found, Result):
-        return found, None
-    return read_result(Path(found)), Path(found)
-
-
-def _fmu(result: Result, source: Path | None, fmu: str | Path | None) -> Path:
-    """Where the FMU is that was fitted."""
-    if fmu is not None:
-        return Path(fmu)
-    name = result.provenance.fmu_file
-    if source is not None and (source.parent / "fmu" / name).is_file():
-        return source.parent / "fmu" / name
-    where = "" if source is None else f"{source}: "
-    raise BadInput(
-        f"{where}the FMU that was fitted, {name}, is not in the folder of the result: wanted --fmu"
-    )
+    with results_folder(out, "calibrate", CALIBRATED_FILES):
+        wanted = Rebuilding(name=name, history=history, start_values=handed.start_values)
+        built = rebuilt(description.file, wanted, out)
+        values = parameter_set(name, handed.set_values(), description)
+        packed = description if built is None else read_description(built)
+        write_whole(ssv, values)
+        write_whole(ssp, system_structure(packed.path, values, packed))
+        write_whole(parameters, calibration_csv(handed))
+        remove_earlier(out, CALIBRATED_FILES)
+    return Calibrated(calibration=handed, fmu=built, ssv=ssv, ssp=ssp, table=parameters)

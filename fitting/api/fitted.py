@@ -60,7 +60,6 @@ __all__ = [
     "KeptLevels",
     "Progress",
     "Spent",
-    "StoredInference",
     "Tikhonov",
     "Value",
     "Valued",
@@ -264,6 +263,11 @@ class Valued(HtmlText, ABC):
     def seconds(self) -> float:
         """How long it took, s."""
 
+    @property
+    def is_stored(self) -> bool:
+        """Whether it was read from a file, which has no fit."""
+        return not isinstance(self.inferred, InferenceRecord)
+
     @cached_property
     def values(self) -> dict[str, Value]:
         """Every value by name: parameters, derived outputs, values of single experiments."""
@@ -290,6 +294,8 @@ class Valued(HtmlText, ABC):
     @property
     def correl(self) -> FloatArray:
         """Correlations of ``params``, shape (n, n), of the problem linearised at its solution."""
+        if self.is_stored:
+            return np.array(self.result.correlation)
         return np.array(correlation_of(self.source.record.solution))
 
     @property
@@ -395,7 +401,7 @@ class Valued(HtmlText, ABC):
             The axes. `fitting.plot` has every plot.
         """
         plots = importlib.import_module("fitting.api.plot")  # it takes these classes
-        if isinstance(self.inferred, InferenceRecord) and not self.source.record.problem.data.tones:
+        if not self.is_stored and not self.source.record.problem.data.tones:
             return plots.measurement(self, ax=ax)
         draw = plots.residuals if self.result.sweep is None else plots.frequency_response
         return draw(self, ax=ax)
@@ -418,7 +424,8 @@ class Valued(HtmlText, ABC):
     @property
     def table(self) -> Table:
         """The values as a table."""
-        return table("intervals", result=self.inferred, title=self.source.problem.record.title)
+        record = self.result if self.is_stored else self.source.problem.record
+        return table("intervals", result=self.inferred, title=record.title)
 
     def __repr__(self) -> str:
         lines = [
@@ -436,6 +443,8 @@ class Valued(HtmlText, ABC):
 
     def _estimator_words(self) -> str:
         """Whose the values are, and what `Fit.x` is."""
+        if self.is_stored:
+            return f"Read from a file; made by: {self.result.provenance.command}"
         if self.source.record.options.estimator != LIKELIHOOD:
             return "Values are those of Algorithm 2, as fit.x is; errors are the likelihood's."
         ends = zip(self.source.record.problem.parameters, self.source.x, strict=True)
@@ -595,19 +604,6 @@ class StoredInference(Inference):
     def seconds(self) -> float:
         """What planning, search and profiles took, s."""
         return self.result.seconds
-
-    @property
-    def correl(self) -> FloatArray:
-        """Correlations of ``params``, shape (n, n), of the problem linearised at its solution."""
-        return np.array(self.result.correlation)
-
-    @property
-    def table(self) -> Table:
-        """The values as a table."""
-        return table("intervals", result=self.result, title=self.result.title)
-
-    def _estimator_words(self) -> str:
-        return f"Read from a file; made by: {self.result.provenance.command}"
 
 
 def read_result(path: str | Path) -> Inference:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.api.fitted import StoredInference, Valued, known_values, require_values
+from fitting.api.fitted import Valued, known_values, require_values
 from fitting.api.jobs import check_problem
 from fitting.campaign.parameters import (
     UNIFORM_WIDTH,
@@ -47,7 +47,6 @@ __all__ = [
     "Point",
     "Result",
     "RowCovariance",
-    "StoredInference",
     "Structure",
     "Valued",
     "Values",

@@ -19,7 +19,6 @@ from fitting.extension.problem import (
     NOTABLE,
     Inferred,
     Result,
-    StoredInference,
     Structure,
     Valued,
     check_problem,
@@ -144,7 +143,7 @@ class Job:
             BadInput: no fit, or that of other parameters, another FMU or other data.
         """
         self.fit: Inferred
-        if isinstance(at, StoredInference):
+        if isinstance(at, Valued) and at.is_stored:
             at = at.result
         if isinstance(at, Valued):
             self.fit, source, sha256 = at.inferred, at.source.record, ""
