@@ -20,7 +20,7 @@ from fitting.text.errors import BadInput
 from fitting.text.written import Written, in_unit, positive_in
 
 #: Keys of [design] that place tones.
-OF_TONES = (
+OF_TONES: tuple[str, ...] = (
     "outputs",
     "frequency_step",
     "least_spacing",

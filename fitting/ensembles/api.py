@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import fitting
 from fitting import Fmu, Problem
@@ -51,7 +51,7 @@ MOST_USUAL = 8
 CAMPAIGN = "campaign"
 
 Campaigns = str | Path | Sequence[str | Path]
-AnyFmu = Fmu | str | Path | None
+AnyFmu: TypeAlias = "Fmu | str | Path | None"
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,8 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.binder import Binder
-from fitting.fmu import read_description
+from fitting.fmu import FmuVariable, read_description
+from fitting.fmu.description import Kind
 from fitting.lab.bench import measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
@@ -22,34 +23,46 @@ from fitting.text.errors import BadInput
 DATA = Path(__file__).parents[2] / "data"
 
 
-@dataclass(frozen=True)
-class Variable:
+def variable(
+    name: str,
+    kind: Kind = "Real",
+    *,
+    unit: str | None = None,
+    causality: str = "parameter",
+    initial: str | None = None,
+    variability: str = "continuous",
+) -> FmuVariable:
     """A variable as a modelDescription.xml would declare it."""
+    return FmuVariable(
+        name=name,
+        kind=kind,
+        causality=causality,
+        variability=variability,
+        initial=initial,
+        unit=unit,
+        start=None,
+        min=0.0 if unit == "Hz" and causality == "parameter" else None,
+        max=None,
+        description="",
+        value_reference=0,
+        fmi_type=kind,
+    )
 
-    name: str
-    kind: str = "Real"
-    unit: str | None = None
-    causality: str = "parameter"
-    min: float | None = None
-    max: float | None = None
-    initial: str | None = None
-    variability: str = "continuous"
 
-
-def oscillator() -> dict[str, Variable]:
+def oscillator() -> dict[str, FmuVariable]:
     """The variables of the CoupledOscillator that the campaigns name, with their units."""
     hz = ["d1", "d2", "eta_plus", "eta_minus", "u1", "u2"]
-    table = [Variable(n, unit="Hz", min=0.0) for n in hz]
-    table += [Variable(n, unit="rad") for n in ("theta", "phase1", "phase2")]
-    table += [Variable(n) for n in ("A1", "A2", "g1", "g2")]
-    table += [Variable(n, "Boolean") for n in ("reflection", "periodic_start")]
-    table += [Variable("solver", "Integer"), Variable("note", "String")]
-    table += [Variable(n, causality="output") for n in ("q1_hybrid", "q2_hybrid")]
-    table += [Variable(n, unit="Hz", causality="output") for n in ("lambda", "f1", "f2")]
-    table += [Variable(n, unit="1/s", causality="output") for n in ("D11", "D22", "D12")]
-    table += [Variable(n, unit="Hz", causality="output") for n in ("width_plus", "width_minus")]
-    table += [Variable(n, causality="output") for n in ("Q_plus", "Q_minus")]
-    table += [Variable("b", causality="input")]
+    table = [variable(n, unit="Hz") for n in hz]
+    table += [variable(n, unit="rad") for n in ("theta", "phase1", "phase2")]
+    table += [variable(n) for n in ("A1", "A2", "g1", "g2")]
+    table += [variable(n, "Boolean") for n in ("reflection", "periodic_start")]
+    table += [variable("solver", "Integer"), variable("note", "String")]
+    table += [variable(n, causality="output") for n in ("q1_hybrid", "q2_hybrid")]
+    table += [variable(n, unit="Hz", causality="output") for n in ("lambda", "f1", "f2")]
+    table += [variable(n, unit="1/s", causality="output") for n in ("D11", "D22", "D12")]
+    table += [variable(n, unit="Hz", causality="output") for n in ("width_plus", "width_minus")]
+    table += [variable(n, causality="output") for n in ("Q_plus", "Q_minus")]
+    table += [variable("b", causality="input")]
     return {v.name: v for v in table}
 
 
@@ -71,7 +84,7 @@ def lay(folder: Path, texts: Mapping[str, str], *edits: tuple[str, str, str]) ->
     return folder / "campaign.toml"
 
 
-def bound(path: Path, variables: Mapping[str, Variable] | None = None) -> BoundCampaign:
+def bound(path: Path, variables: Mapping[str, FmuVariable] | None = None) -> BoundCampaign:
     return bind(read_campaign(path), variables or oscillator())
 
 
@@ -203,10 +216,10 @@ def test_a_generated_input_of_a_foreign_fmu(tmp_path: Path, texts: dict[str, str
         "experiments.csv": "experiment,f (Hz),p (V)\n1,10,1\n",
     }
     variables = [
-        Variable("force", unit="N", causality="input"),
-        Variable("x", causality="output"),
-        Variable("mass"),
-        Variable("k"),
+        variable("force", unit="N", causality="input"),
+        variable("x", causality="output"),
+        variable("mass"),
+        variable("k"),
     ]
     campaign = bound(lay(tmp_path, files), {v.name: v for v in variables})
     assert campaign.setup.drive.amplitude == 0.002
@@ -492,10 +505,10 @@ def test_wrong_ready_peaks_are_refused(
 
 def test_the_start_value_of_a_state_may_be_fitted() -> None:
     """FMI counts it among outputs and locals; one that is calculated, or constant, is none."""
-    states = [Variable(n, causality=n, initial="exact") for n in ("output", "local")]
+    states = [variable(n, causality=n, initial="exact") for n in ("output", "local")]
     others = [
-        Variable("constant", causality="local", initial="exact", variability="constant"),
-        Variable("calculated", causality="local", initial="calculated"),
+        variable("constant", causality="local", initial="exact", variability="constant"),
+        variable("calculated", causality="local", initial="calculated"),
     ]
     binder = Binder({v.name: v for v in (*states, *others)})
     for v in states:
@@ -535,9 +548,9 @@ def test_sweep_and_peaks_must_share_a_unit(tmp_path: Path, texts: dict[str, str]
         read_campaign(path)
 
 
-def metres(unit: str | None) -> dict[str, Variable]:
+def metres(unit: str | None) -> dict[str, FmuVariable]:
     """The oscillator's variables with the observed output in that unit."""
-    return oscillator() | {"q1_hybrid": Variable("q1_hybrid", unit=unit, causality="output")}
+    return oscillator() | {"q1_hybrid": variable("q1_hybrid", unit=unit, causality="output")}
 
 
 def in_nanometres(texts: dict[str, str], *, scale: str) -> dict[str, str]:
