@@ -23,7 +23,7 @@ import numpy as np
 
 from fitting.campaign.parameters import prior_sigmas
 from fitting.fit.fit import Fit
-from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import Solution
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
@@ -79,12 +79,19 @@ def condition_findings(fit: Fit, values: Mapping[str, ParameterEstimate]) -> Ite
     Raises:
         FmuFailure: the model failed at the solution.
     """
-    taken = _taken(fit)
-    solution, known = fit.solution, _known(values)
-    if not (taken and known and isinstance(solution.objective.response, FmuResponse)):
+    # what all campaigns take, each once
+    taken = {
+        name: Taken(name, float(bound.setup.start_values[name]), "" if unit == "1" else unit)
+        for bound in fit.problem.campaigns.values()
+        for name, unit in bound.taken.items()
+    }
+    # parameters of the campaign that have a value and an error
+    known = {n: v for n, v in values.items() if v.asked and v.status.has_value and v.std > 0.0}
+    solution, response = fit.solution, fit.solution.objective.response
+    if not (taken and known and isinstance(response, FmuResponse)):
         return
     whitened = solution.noise.covariance.whitened
-    columns = [_column(solution, one) for one in taken]
+    columns = [_column(solution, response, one) for one in taken.values()]
     moving = [c for c in columns if c is not None]
     if not moving:
         return
@@ -113,31 +120,13 @@ def condition_findings(fit: Fit, values: Mapping[str, ParameterEstimate]) -> Ite
     )
 
 
-def _taken(fit: Fit) -> list[Taken]:
-    """What all campaigns take, each once."""
-    found = {}
-    for bound in fit.problem.campaigns.values():
-        for name, unit in bound.taken.items():
-            value = float(bound.setup.start_values[name])
-            found[name] = Taken(name, value, "" if unit == "1" else unit)
-    return list(found.values())
-
-
-def _known(values: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
-    """Parameters of the campaign that have a value and an error."""
-    return {
-        name: value
-        for name, value in values.items()
-        if value.asked and value.status.has_value and value.std > 0.0
-    }
-
-
-def _column(solution: Solution, taken: Taken) -> _Column | None:
+def _column(solution: Solution, response: FmuResponse, taken: Taken) -> _Column | None:
     """What the smallest step of a taken value that is seen well changes; None where none is."""
     whitened, here = solution.noise.covariance.whitened, solution.final.residuals
 
     def change(step: float) -> FloatArray:
-        moved = _with(solution.objective, {taken.name: taken.value + step})
+        other = response.with_settings({taken.name: taken.value + step})
+        moved = replace(solution.objective, response=other)
         [point] = evaluate_many(moved, [solution.final.x])
         return whitened(point.residuals - here)
 
@@ -171,13 +160,6 @@ def _power(change: Callable[[float], FloatArray], step: float, found: FloatArray
     half = float(np.linalg.norm(change(0.5 * step)))
     ratio = float(np.linalg.norm(found)) / max(half, 1e-300)
     return min(max(round(math.log2(max(ratio, 1.0))), 1), POWERS)
-
-
-def _with(objective: Objective, settings: Mapping[str, float]) -> Objective:
-    """The objective of an FMU with other start values."""
-    response = objective.response
-    assert isinstance(response, FmuResponse)  # noqa: S101 - asked by the caller
-    return replace(objective, response=response.with_settings(settings))
 
 
 def _rest(fixed: FloatArray, added: FloatArray) -> BoolArray:

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
 from fitting.campaign.joint import is_shared
 from fitting.campaign.parameters import prior_sigmas, search_bounds
 from fitting.fit.differences import central
@@ -96,7 +95,7 @@ def consistency(problem: Problem, solution: Solution) -> JointResult:
         SeriesPart(
             name=name,
             campaign=str(problem.campaigns[name].path),
-            scale_kind=_scale_kind(problem.campaigns[name]),
+            scale_kind="none" if (sweep := problem.campaigns[name].sweep) is None else sweep.scale,
             chi=solution.final.chis[k],
             rows=system.parts[k].rows.size,
             determined=minima[k].rank,
@@ -116,10 +115,6 @@ def consistency(problem: Problem, solution: Solution) -> JointResult:
         pairs += [((k,), tuple(j for j in everything if j != k)) for k in everything]
     tensions = tuple(_pair_test(system, one, other, names) for one, other in pairs)
     return JointResult(series, tensions)
-
-
-def _scale_kind(bound: BoundCampaign) -> str:
-    return bound.sweep.scale if bound.sweep is not None else "none"
 
 
 def _swept(measurements: Sequence[Measurement], point: Point, series: str) -> tuple[float, ...]:

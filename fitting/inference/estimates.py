@@ -72,7 +72,7 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
             lower=parameter.lower,
             upper=parameter.upper,
             shrinkage=shrinkage,
-            status=_word(shrinkage),
+            status=Verdict.LINEARISED if shrinkage >= SEEN else Verdict.UNKNOWN,
             algorithm2=float(paper[i]),
             most_likely=float(shown[i]),
             period=parameter.period,
@@ -81,11 +81,6 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
             asked=parameter.moves_model,
         )
     return results
-
-
-def _word(shrinkage: float) -> Verdict:
-    """What a linearisation can say: never that the data determine a value."""
-    return Verdict.LINEARISED if shrinkage >= SEEN else Verdict.UNKNOWN
 
 
 def _interval(parameter: Parameter, raw: float, shown: float, half: float) -> tuple[float, float]:
@@ -118,7 +113,8 @@ def derived_results(
     answers = response.derived_many([to_model(parameters, y) for y in everything])
     ranges = output_ranges(response, parameters, seed, everything)
     reported, likely = response.derived_many([found.reported, found.best])
-    places = _labels(solution)
+    read_at = places_of_outputs(solution.objective.data.measurements)
+    places = tuple(label for each in read_at.values() for label, _ in each)
     results = {}
     for name, values in reported.items():
         means = np.array([mean(answer[name]) for answer in answers])
@@ -133,6 +129,7 @@ def derived_results(
         value = mean(values)
         each = len(places) == values.size > 1
         slopes = around.quotients([answer[name] for answer in answers[2:]]) if each else ()
+        errors = [_bounded_errors(solution, slope) for slope in slopes]
         results[name] = OutputEstimate(
             name=name,
             value=value,
@@ -143,7 +140,7 @@ def derived_results(
             ci95=_within(box, best, half + shift),
             reference=float(means[1]),
             shrinkage=shrinkage,
-            status=_word(shrinkage),
+            status=Verdict.LINEARISED if shrinkage >= SEEN else Verdict.UNKNOWN,
             lower=box[0],
             upper=box[1],
             algorithm2=float(means[0]),
@@ -151,16 +148,10 @@ def derived_results(
             simulation=shift,
             reason=phrase("status", "no_profile"),
             places=places if each else (),
-            stds=tuple(_bounded_errors(solution, slope)[0] for slope in slopes),
-            halves95=tuple(_bounded_errors(solution, slope)[1] for slope in slopes),
+            stds=tuple(std for std, _ in errors),
+            halves95=tuple(half for _, half in errors),
         )
     return results
-
-
-def _labels(solution: Solution) -> tuple[str, ...]:
-    """Of the places at which derived outputs are read, in their order."""
-    found = places_of_outputs(solution.objective.data.measurements)
-    return tuple(label for places in found.values() for label, _ in places)
 
 
 def _bounded_errors(solution: Solution, gradient: FloatArray) -> tuple[float, float]:
@@ -227,7 +218,7 @@ def offset_results(solution: Solution, found: Estimates) -> dict[str, OffsetEsti
             ci95=(best - half - shift, best + half + shift),
             prior=p.prior_sigma or float("nan"),
             shrinkage=shrinkage,
-            status=_word(shrinkage),
+            status=Verdict.LINEARISED if shrinkage >= SEEN else Verdict.UNKNOWN,
             fitted=float(found.reported[i]),
             most_likely=best,
             simulation=shift,

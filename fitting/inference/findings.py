@@ -41,7 +41,7 @@ from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.estimate import FittedEstimate, OffsetEstimate
-from fitting.text.finding import SEVERITIES, Finding, Kind, Severity
+from fitting.text.finding import SEVERITIES, Finding, Kind, Severity, note
 from fitting.text.notation import hertz, settings_words
 from fitting.text.units import convert
 
@@ -106,8 +106,13 @@ def findings_of(
     residuals = () if adequacy is None else residual_findings(adequacy, series, widening)
     lines = () if problem.is_joint else tuple(sweeps.lines.values())
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
+    notes = problem.notes if problem.is_joint else ()
+    unconverged: tuple[Finding, ...] = ()
+    if fit.status is not Status.CONVERGED:
+        kind = Kind.not_converged
+        unconverged = (Finding(kind=kind, severity="error", subject=_subject(series)),)
     return in_order(
-        *_of_convergence(fit),
+        *unconverged,
         *residuals,
         *causes,
         *(_of_excess(fit.status, misfit) if not residuals else ()),
@@ -131,7 +136,7 @@ def findings_of(
         *sweeps.faults,
         *sweeps.left_out,
         *contradiction_findings(sweeps.agreement),
-        *(_note(text) for text in (problem.notes if problem.is_joint else ())),
+        *(note(Kind.campaign_note, "campaign", {"text": (text,)}) for text in notes),
     )
 
 
@@ -142,17 +147,6 @@ def in_order(*findings: Finding) -> tuple[Finding, ...]:
         findings: in any order.
     """
     return tuple(sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity)))
-
-
-def _note(text: str) -> Finding:
-    names = {"text": (text,)}
-    return Finding(kind=Kind.campaign_note, severity="note", subject="campaign", names=names)
-
-
-def _of_convergence(fit: Fit) -> Iterator[Finding]:
-    if fit.status is not Status.CONVERGED:
-        subject = _subject(fit.problem.data.series)
-        yield Finding(kind=Kind.not_converged, severity="error", subject=subject)
 
 
 def residual_findings(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from fitting.campaign.parameters import canonical
@@ -19,7 +19,7 @@ from fitting.result.provenance import Identity, provenance_of
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import INTERFACES
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.rendering import phrase
 
 #: Kinds of warnings that a note tells of.
@@ -63,39 +63,46 @@ def result_through(
         FmuFailure: the FMU failed at the solution.
     """
     workers, problem = planned.workers, planned.problem
-    response, p = planned.response(fit.alternative), _reported(fit, inference)
+    response = planned.response(fit.alternative)
+    p = canonical(problem.parameters, inference.reported)  # as the model takes them
     here = _said_at(response, p, workers)
+    # what the FMU warned of at starts, steps and samples only
+    kinds = _by_kind(workers.warnings).items()
+    rest = [alike for kind, alike in kinds if kind not in here]
+    notes: tuple[str, ...] = ()
+    if rest:
+        dropped = DROPPED in workers.warnings
+        notes = (phrase("findings", "fmu_elsewhere", rest, MOST_KINDS, dropped),)
     reuse = workers.reuse_note
     provenance = replace(
         provenance_of(problem, identity, fit.options),
         plan=(*planned.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
-        notes=_notes_of_other_parameters(workers.warnings, here),
+        notes=notes,
     )
     plans = list(planned.plans.values())
+    # warnings of the FMU that differ in numbers together
     further = [
-        *(_of_fmu(alike) for alike in here.values()),
-        *_other_signals(response.misfit(p), problem.accuracy),
-        *_of_plans(plans),
-        *_other_interface(workers.description, plans),
+        Finding(
+            kind=Kind.fmu_warning,
+            severity="warning",
+            subject="FMU",
+            numbers={"count": float(len(alike))},
+            names={"text": (alike[0],)},
+        )
+        for alike in here.values()
     ]
+    misfit = response.misfit(p)
+    if misfit > max(100.0 * problem.accuracy, 1e-4):
+        numbers, kind = {"error": misfit}, Kind.not_periodic
+        further.append(Finding(kind=kind, severity="warning", subject="samples", numbers=numbers))
+    further += _of_plans(plans)
+    # the equations of the FMU could be integrated here, where its own solver does not do
+    other, description = INTERFACES[1], workers.description
+    short = any(plan.budget is not None and not plan.budget.kept for plan in plans)
+    if short and description.interface != other and other in description.offers:
+        further.append(note(Kind.model_exchange_offered, other))
     result = result_of(fit, inference, provenance, further, plans[0].record)
     return replace(result, seconds=seconds)
-
-
-def _reported(fit: Fit, inference: Inference) -> FloatArray:
-    """The reported values, as the model takes them."""
-    return canonical(fit.problem.parameters, inference.reported)
-
-
-def _of_fmu(alike: Sequence[str]) -> Finding:
-    """What the FMU warns of at the solution, warnings that differ in numbers together."""
-    return Finding(
-        kind=Kind.fmu_warning,
-        severity="warning",
-        subject="FMU",
-        numbers={"count": float(len(alike))},
-        names={"text": (alike[0],)},
-    )
 
 
 def _of_plans(plans: Sequence[Plan]) -> Iterator[Finding]:
@@ -115,22 +122,6 @@ def _of_plans(plans: Sequence[Plan]) -> Iterator[Finding]:
                 )
 
 
-def _other_interface(description: FmuDescription, plans: Sequence[Plan]) -> Iterator[Finding]:
-    """That the equations of the FMU could be integrated here, where its own solver does not do."""
-    other = INTERFACES[1]
-    short = any(plan.budget is not None and not plan.budget.kept for plan in plans)
-    if short and description.interface != other and other in description.offers:
-        yield Finding(kind=Kind.model_exchange_offered, severity="note", subject=other)
-
-
-def _other_signals(misfit: float, accuracy: float) -> Iterator[Finding]:
-    if misfit > max(100.0 * accuracy, 1e-4):
-        numbers = {"error": misfit}
-        yield Finding(
-            kind=Kind.not_periodic, severity="warning", subject="samples", numbers=numbers
-        )
-
-
 def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[str, list[str]]:
     """What the FMU warns of at these parameters, by kind.
 
@@ -143,16 +134,6 @@ def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[
     replace(response).derived_many([p])
     said += workers.latest_warnings
     return _by_kind(list(dict.fromkeys(said)))
-
-
-def _notes_of_other_parameters(
-    warnings: Sequence[str], here: Mapping[str, list[str]]
-) -> tuple[str, ...]:
-    """One sentence on what the FMU warned of at starts, steps and samples only."""
-    rest = [alike for kind, alike in _by_kind(warnings).items() if kind not in here]
-    if not rest:
-        return ()
-    return (phrase("findings", "fmu_elsewhere", rest, MOST_KINDS, DROPPED in warnings),)
 
 
 def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
