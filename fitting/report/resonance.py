@@ -38,7 +38,7 @@ from fitting.signal.peaks import TAIL
 from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.text.estimate import Estimate
-from fitting.text.notation import hertz, number, percent, prefixed, quantity, with_error
+from fitting.text.notation import prefixed, quantity, with_error
 from fitting.text.once import made_once
 from fitting.text.rendering import with_prefix
 from fitting.text.sentences import sentence
@@ -49,13 +49,6 @@ WIRINGS = {
     **{form: f"the line and {words}" for form, words in WORDS_BESIDE.items()},
     NOTCH: "a resonator next to a feed line",
     REFLECTION: "a resonator at the end of a line",
-}
-#: What was recorded of a ringdown.
-RECORDED = {PHASORS: "X and Y of a demodulator", AMPLITUDES: "amplitudes"}
-#: How two modes of a noise spectrum are driven.
-MOVED = {
-    TOGETHER: "modes which one force drives",
-    COUPLED: "two coupled modes in thermal motion, of which one is observed",
 }
 #: Share of the height of a second line by which another height is printed, too.
 SECOND_DIFFERS = 0.05
@@ -110,7 +103,7 @@ def _rendered(result: MeasuredLine, part: str) -> list[str]:
     if isinstance(result, Ringdown):
         kind, decided = "ringdown", _of_ringdown(result)
     elif isinstance(result, NoiseLine):
-        kind, decided = "noise", {"moved": MOVED.get(result.kind, "")}
+        kind, decided = "noise", {"together": TOGETHER, "coupled": COUPLED}
     block = getattr(_blocks(), f"{kind}_{part}")
     return [line for line in str(block(result, decided)).splitlines() if line]
 
@@ -129,23 +122,22 @@ def _blocks() -> Any:
 def _of_line(line: Line) -> dict[str, Any]:
     second = line.second
     return {
-        "model": _model(line),
+        "name": _name(line.forms[0]),
+        # a complex slope is complex
+        "besides": (WORDS_BESIDE_COMPLEX if line.is_complex else WORDS_BESIDE).get(line.wiring),
         "choice": _choice(line),
         "wirings": WIRINGS,
         "other": _other_amplitude(line),
         "second_differs": second is not None
         and abs(second.mirrored - second.share) > SECOND_DIFFERS * second.share,
-        "further": [hertz(f, digits=6) for f in line.further_hz],
         "moving": _moving(line),
         "rivals": bool(line.rivals) and line.rivals_widening > NOTABLE,
         "faults": [sentence(fault_finding(fault)) for fault in line.faults],
-        "instrument": _instrument(line),
     }
 
 
 def _of_ringdown(result: Ringdown) -> dict[str, Any]:
     return {
-        "kind": RECORDED.get(result.kind, "samples of a motion"),
         "forms": FORM_WORDS,
         "phasors": PHASORS,
         "amplitudes": AMPLITUDES,
@@ -156,34 +148,24 @@ def _of_ringdown(result: Ringdown) -> dict[str, Any]:
     }
 
 
-def _model(line: Line) -> str:
-    """The form that was taken, with what it has besides the line; a complex slope is complex."""
-    known = WORDS_BESIDE_COMPLEX if line.is_complex else WORDS_BESIDE
-    beside = known.get(line.wiring)
-    words = f"the line and {beside}" if beside else WIRINGS[line.wiring]
-    if line.second is not None:
-        words = f"the line, a second one and {beside}" if beside else "the line and a second one"
-    delay = ", and the delay of a cable" if line.forms[0].delayed else ""
-    return f"{line.wiring if line.is_requested else _name(line.forms[0])}, {words}{delay}"
-
-
-def _choice(line: Line) -> str:
+def _choice(line: Line) -> dict[str, Any]:
     """Why this form was taken; empty where it is the only one, or was requested."""
     fitted = [form for form in line.forms if not math.isnan(form.criterion)]
     if line.is_requested or len(fitted) < 2:
-        return ""
+        return {}
     chosen, best = line.forms[0].criterion, min(fitted, key=lambda form: form.criterion)
-    lowest, near = f"lowest AIC of {len(fitted)} forms", number(AS_GOOD, 1)
+    rest = sorted(form.criterion for form in fitted)
+    numbers = {"count": len(fitted), "near": AS_GOOD, "delta": rest[1] - rest[0]}
+    kind = "no_delay"
     if not chosen > best.criterion:
-        rest = sorted(form.criterion for form in fitted)
-        return f"{lowest}, ΔAIC {number(rest[1] - rest[0], 2)}"
-    if line.wiring == TAIL:
-        return "not the lowest AIC, but the file has another line"
-    if best.name == SLOPED and not line.is_complex:
-        return f"{lowest}, or within {near} of it, except with a slope, which is not significant"
-    if not line.is_complex or line.second is not None:
-        return f"the simplest within ΔAIC {near} of the {lowest}"
-    return f"{lowest} except with a cable delay, which is not significant"
+        kind = "lowest"
+    elif line.wiring == TAIL:
+        kind = "other_line"
+    elif best.name == SLOPED and not line.is_complex:
+        kind = "no_slope"
+    elif not line.is_complex or line.second is not None:
+        kind = "simplest"
+    return {"kind": kind, **numbers}
 
 
 def _other_amplitude(line: Line) -> str:
@@ -194,34 +176,21 @@ def _other_amplitude(line: Line) -> str:
     return scaled(other)
 
 
-def _moving(line: Line) -> list[tuple[str, list[str]]]:
-    """Forms that are nearly as good and move the line, and by how much."""
+def _moving(line: Line) -> list[tuple[str, dict[str, float]]]:
+    """Forms that are nearly as good and move the line, or its FWHM, and by how much, Hz."""
     chosen, moving = line.forms[0], []
     for form in line.forms[1:]:
-        moved = [
-            f"{what} by {number(there.value - here.value, 2)} Hz"
+        moved = {
+            what: there.value - here.value
             for what, there, here, own in (
                 ("the line", form.frequency, line.frequency, chosen.frequency),
                 ("its FWHM", form.width, line.width, chosen.width),
             )
             if abs(there.value - here.value) > MOVES * own.std
-        ]
+        }
         if moved and form.criterion - chosen.criterion < AS_GOOD:
             moving.append((form.name, moved))
     return moving
-
-
-def _instrument(line: Line) -> list[str]:
-    own = []
-    if "frequency_hz" in line.instrument:
-        there = line.instrument["frequency_hz"]
-        apart = there - line.frequency.value
-        way = "above" if apart > 0.0 else "below"
-        own.append(f"f = {number(there, 9)} Hz ({number(abs(apart), 2)} Hz {way} this one)")
-    if "q" in line.instrument:
-        there = line.instrument["q"]
-        own.append(f"Q = {number(there, 6)} ({percent(there / line.q.value - 1.0)})")
-    return own
 
 
 def _row_name(result: MeasuredLine, form: TriedForm) -> str:

@@ -33,8 +33,9 @@ from fitting.report.figures.style import (
     say_empty,
     series_look,
 )
+from fitting.report.screen import phrase
 from fitting.text.estimate import FittedEstimate, Interval, Verdict
-from fitting.text.notation import listed, mathtext, on_log_axis, scaling_for
+from fitting.text.notation import mathtext, on_log_axis, scaling_for
 
 PROFILES, TOGETHER, OUTPUTS, NU = "profiles", "together", "outputs", "nu"
 PER_ROW = 3
@@ -103,17 +104,7 @@ def undrawn_sentence(found: Values, figures: Sequence[Described]) -> str:
     names = _flat(found)
     if not names or any(figure.name == PROFILES for figure in figures):
         return ""
-    return f"Flat, with Δχ² below 1 at every value of the scan: {listed(names)}."
-
-
-def _left_out(found: Values) -> str:
-    """Which profiles are not drawn, and why; empty where all are."""
-    groups = (
-        (_flat(found), "flat: Δχ² is below 1 at every value of the scan"),
-        (list(_bent(found))[MOST_PROFILES:], f"{MOST_PROFILES} profiles are drawn at most"),
-        ([name for name, scan in found.scans.items() if not scan.values], "no profile was scanned"),
-    )
-    return "; ".join(f"{listed(names)} ({why})" for names, why in groups if names)
+    return phrase("knowledge", "flat", names)
 
 
 def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described:
@@ -129,7 +120,10 @@ def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described
         PROFILES,
         words=[f"{name} {value.status}{value.condition}" for name, value in shown.items()],
         widened=any(v.simulation > WORTH_SAYING * found.scans[n].sigma for n, v in shown.items()),
-        left=_left_out(found),
+        flat=_flat(found),
+        further=list(_bent(found))[MOST_PROFILES:],
+        most=MOST_PROFILES,
+        unscanned=[name for name, scan in found.scans.items() if not scan.values],
     )
     height = 1.3 + 1.75 * math.ceil(len(shown) / PER_ROW)
     figure = new_figure(words.title, campaign, synthetic=synthetic, height=height)
