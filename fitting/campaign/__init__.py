@@ -2,23 +2,23 @@
 
 file.py          every key of campaign.toml, as written        WrittenSweep, ...
 instruments/     a file per layout of instruments' files       RawTrace
-measured.py      what was measured, of files or of arrays      MeasuredSweep, ...
+measured.py      what was measured, of files or of arrays      Experiment, SweepData, ...
 data.py          campaign.toml and its data files, read        Campaign
 setup.py         how a series drives the FMU                   Drive, Setup
 bound.py         the campaign in the FMU's names and units     BoundCampaign
 binding.py       how it comes there from what was read
 drift.py, noise.py, parameters.py, joint.py                    parts of the bound campaign
-asked_parameters.py, conflicts.py                              steps of the binding
+binder.py, conflicts.py, assumptions.py                        steps of the binding
 kind.py          what a further kind of measurement adds to all of these
 """
 
 from __future__ import annotations
 
 from fitting.campaign.binding import bind
-from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
+from fitting.campaign.bound import BoundCampaign, Drift
 from fitting.campaign.data import Campaign, read_campaign
 from fitting.campaign.file import ContinuationSettings, WrittenFmu
-from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Phases, Spectrum
+from fitting.campaign.measured import Experiment, Phases, Spectrum, SweepData
 from fitting.campaign.setup import Drive, Setup
 from fitting.fmu.variables import VariableLike
 
@@ -29,8 +29,6 @@ __all__ = [
     "Drift",
     "Drive",
     "Experiment",
-    "MeasuredExperiment",
-    "MeasuredSweep",
     "Phases",
     "Setup",
     "Spectrum",

@@ -9,42 +9,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fitting.campaign.asked_parameters import (
-    bind_parameters,
-    in_one_unit,
-    of_experiments,
-    written_numbers,
-)
-from fitting.campaign.binder import Binder
+from fitting.campaign.binder import IN_PROGRAM, Binder
 from fitting.campaign.binding import (
     bind_alternatives,
     bind_drive,
     bind_experiment,
+    bind_parameters,
     completed,
     factor_to_output,
-    free_scale,
+    parameter_of,
+    written_numbers,
 )
-from fitting.campaign.bound import BoundCampaign, SweepData
+from fitting.campaign.bound import BoundCampaign
+from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.file import offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
-from fitting.campaign.measured import NO_FILE, MeasuredExperiment, Phases
+from fitting.campaign.measured import NO_FILE, Experiment, Phases, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES, ParameterTable
-from fitting.campaign.places import places_of_series
 from fitting.campaign.setup import Setup
-from fitting.campaign.stated import DriftPriors, bind_sigmas
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arguments import checked
-from fitting.text.arrays import ComplexArray, Scalar
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
 from fitting.text.written import Written, as_written, written_values
@@ -111,7 +106,7 @@ class Parameter(ParameterTable[float | str]):
         numbers = written_numbers(self)
         # where some have a unit, plain numbers are in the FMU's, which is known beside it alone
         if len({written.unit is None for written in numbers.values()}) == 1:
-            in_one_unit(name, numbers, unit)
+            parameter_of(name, unit, numbers)
 
 
 @checked
@@ -162,21 +157,19 @@ class Tones:
         _ = self.experiments  # what is nonsense is refused here
 
     @cached_property
-    def experiments(self) -> tuple[MeasuredExperiment, ...]:
+    def experiments(self) -> tuple[Experiment, ...]:
         """What was measured, as of a file."""
-        drive_hz = _table(self.drive_hz, "drive_hz", None)
-        count = len(drive_hz)
-        names = self.setup.drive.frequency_names
-        if self.setup.drive.kind == "tones" and drive_hz.shape[1] != len(names):
+        drive, drive_hz = self.setup.drive, _table(self.drive_hz, "drive_hz", None)
+        count, names, tones = len(drive_hz), drive.frequency_names, drive.kind == "tones"
+        if tones and drive_hz.shape[1] != len(names):
             raise BadInput(
                 f"tones: drive_hz has the shape {drive_hz.shape}, wanted ({count}, {len(names)}), "
                 f"a column for each of {', '.join(names)}"
             )
         lines_hz = drive_hz if self.lines_hz is None else _table(self.lines_hz, "lines_hz", count)
         values = _table(self.peaks_v, "peaks_v", count, complex)
-        peaks_v = np.abs(values)
-        if not np.iscomplexobj(self.peaks_v):
-            peaks_v = values.real
+        is_complex = np.iscomplexobj(self.peaks_v)
+        peaks_v = np.abs(values) if is_complex else values.real
         sigmas_v = np.full(peaks_v.shape, np.nan)
         if self.sigmas_v is not None:
             sigmas_v = _table(self.sigmas_v, "sigmas_v", count)
@@ -184,46 +177,36 @@ class Tones:
         if len(labels) != count:
             raise BadInput(f"tones: {len(labels)} labels, wanted {count}, one per experiment")
         columns = {name: _column(each, count, name) for name, each in self.settings.items()}
-        phases = self._phases(values, labels)
-        return tuple(
-            MeasuredExperiment(
+        if not is_complex and (self.restarted or self.unknown != "phase"):
+            key = "restarted" if self.restarted else "unknown"
+            raise BadInput(f"tones: {key} has a meaning with complex peaks_v only")
+        for label in self.restarted:
+            if label not in labels:
+                raise BadInput(f"tones: restarted names '{label}', wanted some of the labels")
+        made = []
+        for i, label in enumerate(labels):
+            where = f"{_top(self.series)}tones: experiment '{label}'"
+            written = written_values({name: column[i] for name, column in columns.items()}, where)
+            for name, tone in zip(names if tones else (), drive_hz[i], strict=tones):
+                written[name] = Written(float(tone), "Hz", f"{where}: {name}")
+            phases = None
+            if is_complex:
+                restarted = label in self.restarted
+                phases = Phases(
+                    radians=np.angle(values[i]), unknown=self.unknown, restarted=restarted
+                )
+            experiment = Experiment(
                 label=str(label),
                 tones_hz=tuple(map(float, drive_hz[i])),
                 lines_hz=tuple(map(float, lines_hz[i])),
                 peaks_v=peaks_v[i],
                 sigmas_v=sigmas_v[i],
-                settings=self._settings(drive_hz[i], {n: c[i] for n, c in columns.items()}, label),
-                output=Written(self.output, None, "tones: output") if self.output else None,
-                phases=phases[i],
+                written=written,
+                observed=Written(self.output, None, "tones: output") if self.output else None,
+                phases=phases,
             )
-            for i, label in enumerate(labels)
-        )
-
-    def _phases(self, values: ComplexArray, labels: Sequence[str]) -> list[Phases | None]:
-        """Phases of every experiment; None for amplitudes."""
-        if not np.iscomplexobj(self.peaks_v):
-            if self.restarted or self.unknown != "phase":
-                key = "restarted" if self.restarted else "unknown"
-                raise BadInput(f"tones: {key} has a meaning with complex peaks_v only")
-            return [None] * len(labels)
-        for label in self.restarted:
-            if label not in labels:
-                raise BadInput(f"tones: restarted names '{label}', wanted some of the labels")
-        return [
-            Phases(radians=np.angle(row), unknown=self.unknown, restarted=label in self.restarted)
-            for row, label in zip(values, labels, strict=True)
-        ]
-
-    def _settings(
-        self, tones_hz: npt.NDArray[np.float64], own: Mapping[str, Scalar], label: str
-    ) -> dict[str, Written]:
-        where = f"{places_of_series(self.series).top}tones: experiment '{label}'"
-        drive = self.setup.drive
-        held = written_values(own, where)
-        if drive.kind == "tones":
-            for name, tone in zip(drive.frequency_names, tones_hz, strict=True):
-                held[name] = Written(float(tone), "Hz", f"{where}: {name}")
-        return held
+            made.append(checked_experiment(experiment))
+        return tuple(made)
 
 
 @checked
@@ -299,7 +282,7 @@ class Sweep(SweepData):
             frequency_hz=frequency_hz,  # type: ignore[arg-type]  # made an array there
             amplitude_v=amplitude_v,  # type: ignore[arg-type]
             phase_rad=phase_rad,  # type: ignore[arg-type]
-            source=Path(f"{places_of_series(series).top}sweep"),
+            source=Path(f"{_top(series)}sweep"),
             unit=amplitude_unit,
             settings=settings or {},
             setting_sigma=setting_sigma or {},  # type: ignore[arg-type]  # bound to the FMU later
@@ -307,6 +290,11 @@ class Sweep(SweepData):
             scale=scale,
             background=background,
         )
+
+
+def _top(series: str) -> str:
+    """What opens errors about a series: nothing where there is but one."""
+    return f"series '{series}': " if series else ""
 
 
 def _check_setup(kind: str, setup: object) -> None:
@@ -340,11 +328,6 @@ def _column(values: object, count: int, name: str) -> list[Scalar]:
         )
     column: list[Scalar] = np.broadcast_to(found, count).tolist()
     return column
-
-
-def _kind(measurement: Tones | Sweep) -> str:
-    """What complaints call it."""
-    return type(measurement).__name__.lower()
 
 
 Measured = Tones | Sweep | BoundMeasurement
@@ -383,20 +366,28 @@ def bind_arrays(
             raise BadInput(
                 f"problem: measurements hold a {type(other).__name__}, wanted Tones or Sweep"
             )
-    if not any(_is_fitted(m) for m in measurements):
+    if not any(
+        m.use == "fit" if isinstance(m, Sweep) else isinstance(m, Tones) or m.rows > 0
+        for m in measurements
+    ):
         raise BadInput('problem: nothing to fit, wanted tones, or a sweep with use = "fit"')
-    readers = []
+    tried = alternatives or {}
+    for name, values in tried.items():
+        if isinstance(values, str) or np.ndim(values) != 1 or not len(values):
+            raise BadInput(
+                f"problem: alternatives: {name}: found {values!r}, wanted a list of values"
+            )
+    written = {
+        name: [as_written(value, f"problem: alternatives: {name}") for value in values]
+        for name, values in tried.items()
+    }
+    bounds = []
     for name in dict.fromkeys(m.series for m in measurements):
         mine = [m for m in measurements if m.series == name]
-        readers.append(partial(_bound_series, mine, parameters, variables))
-    tried, known = alternatives or {}, noise or Noise()
-    return tuple(read(derived, tried, known) for read in readers)
-
-
-def _is_fitted(measurement: Measured) -> bool:
-    if isinstance(measurement, Sweep):
-        return measurement.use == "fit"
-    return isinstance(measurement, Tones) or measurement.rows > 0
+        bounds.append(
+            _bound_series(mine, parameters, variables, derived, written, noise or Noise())
+        )
+    return tuple(bounds)
 
 
 def _bound_series(
@@ -404,38 +395,42 @@ def _bound_series(
     parameters: Sequence[Parameter],
     variables: Mapping[str, VariableLike],
     derived: Sequence[str],
-    alternatives: Mapping[str, Sequence[Scalar]],
+    alternatives: Mapping[str, Sequence[Written]],
     noise: Noise,
 ) -> BoundCampaign:
     """The measurements of one series as a campaign."""
-    given, name = mine[0].setup, mine[0].series
-    places, binder = places_of_series(name), Binder(variables, given.laws.names)
-    top, path = places.top, NO_FILE / name  # nothing opens complaints where there is but one series
+    given, name, top = mine[0].setup, mine[0].series, _top(mine[0].series)
+    binder = Binder(variables, given.laws.names, top, IN_PROGRAM)
     if any(m.setup != given for m in mine):
         raise BadInput(f"{top}measurements with different setups; wanted a series for each setup")
     output = binder.real(given.output, f"{top}setup: output", READABLE, "observed")
-    sweeps = [m for m in mine if isinstance(m, Sweep)]
+    tones, sweeps = ([m for m in mine if isinstance(m, kind)] for kind in (Tones, Sweep))
     if len(sweeps) > 1:
         raise BadInput(f"{top}{len(sweeps)} sweeps, wanted a series for each of them")
     factor, unit = _unit([m for m in mine if isinstance(m, Tones | Sweep)], output, top)
     drive = given.drive
     if drive.kind != "none":
         drive, _ = bind_drive(drive, binder, f"{top}setup: drive")
-    written = written_values(given.start_values, f"{top}setup: start_values")
     setup = replace(
         given,
         drive=drive,
-        start_values={key: binder.setting(key, value) for key, value in written.items()},
+        start_values=binder.settings(
+            written_values(given.start_values, f"{top}setup: start_values")
+        ),
         accuracy=checked_accuracy(given.accuracy, f"{top}setup: accuracy"),
         source=f"{top}setup",
     )
-    measured = [e for m in mine if isinstance(m, Tones) for e in m.experiments]
-    experiments = []
-    for e in measured:
-        scaled = replace(e, peaks_v=factor * e.peaks_v, sigmas_v=factor * e.sigmas_v)
-        experiments.append(bind_experiment(scaled, binder, drive, output))
+    experiments = [
+        bind_experiment(
+            replace(e, peaks_v=factor * e.peaks_v, sigmas_v=factor * e.sigmas_v),
+            binder,
+            drive,
+            output,
+        )
+        for m in tones
+        for e in m.experiments
+    ]
     others = [m.within(setup, "") for m in mine if not isinstance(m, Tones | Sweep)]
-    further = {f"{type(m).__name__} {k}": m for k, m in enumerate(others, start=1)}
     labels = [*(e.label for e in experiments), *labels_of(others)]
     if len(set(labels)) < len(labels):
         raise BadInput(
@@ -447,36 +442,30 @@ def _bound_series(
     for found in sweeps:
         settings = written_values(found.settings, f"{top}sweep: settings")
         sigmas = written_values(found.setting_sigma, f"{top}sweep: setting_sigma")
-        as_given = {of.name: getattr(found, of.name) for of in fields(SweepData)}
         bound_to_fmu = {
             "amplitude_v": factor * found.amplitude_v,
-            "settings": {key: binder.setting(key, value) for key, value in settings.items()},
+            "settings": binder.settings(settings),
             "setting_sigma": bind_sigmas(sigmas, binder),
-            "source": path,
+            "source": NO_FILE / name,
             "unit": unit,
         }
+        as_given = {of.name: getattr(found, of.name) for of in fields(SweepData)}
         sweep = SweepData(**{**as_given, **bound_to_fmu})
-    fitted = bind_parameters(parameters, binder, places)
     bound = BoundCampaign(
         title="Data from arrays",
-        path=path,
+        path=NO_FILE / name,
         setup=setup,
         experiments=tuple(experiments),
         sweep=sweep,
-        parameters=(
-            *of_experiments(fitted, labels),
-            *free_scale(sweep, noise),
-            *(p for m in others for p in m.parameters),
-        ),
+        parameters=(),
         derived=tuple(derived),
-        alternatives=_alternatives(alternatives, binder),
+        alternatives=bind_alternatives(alternatives, binder),
         amplitude_unit=unit,
-        notes=tuple(binder.notes),
         files=(),
         noise=noise,
-        measurements=further,
+        measurements={f"{type(m).__name__} {k}": m for k, m in enumerate(others, start=1)},
     )
-    return completed(bound, binder, places, DriftPriors())
+    return completed(bound, binder, bind_parameters(parameters, binder))
 
 
 def _unit(given: Sequence[Tones | Sweep], output: VariableLike, top: str) -> tuple[float, str]:
@@ -485,26 +474,11 @@ def _unit(given: Sequence[Tones | Sweep], output: VariableLike, top: str) -> tup
         return 1.0, output.unit or "V"
     units = {m.amplitude_unit: type(m).__name__.lower() for m in reversed(given)}
     if len(units) > 1:
-        said = ", ".join(f"{kind} in {unit!r}" for unit, kind in reversed(units.items()))
-        raise BadInput(f"{top}{said}; wanted one amplitude_unit")
+        each = ", ".join(f"{kind} in {unit!r}" for unit, kind in reversed(units.items()))
+        raise BadInput(f"{top}{each}; wanted one amplitude_unit")
     [(unit, kind)] = units.items()
     free = any(isinstance(m, Tones) and m.unknown == "gain" for m in given)
     scaled = any(isinstance(m, Sweep) and m.scale != "none" for m in given)
     if output.unit is None or free or scaled:
         return 1.0, unit
     return factor_to_output(unit, output, f"{top}{kind}: amplitude_unit"), output.unit
-
-
-def _alternatives(
-    asked: Mapping[str, Sequence[Scalar]], binder: Binder
-) -> tuple[Mapping[str, Scalar], ...]:
-    for name, values in asked.items():
-        if isinstance(values, str) or np.ndim(values) != 1 or not len(values):
-            raise BadInput(
-                f"problem: alternatives: {name}: found {values!r}, wanted a list of values"
-            )
-    written = {
-        name: [as_written(value, f"problem: alternatives: {name}") for value in values]
-        for name, values in asked.items()
-    }
-    return bind_alternatives(written, binder)

@@ -16,107 +16,81 @@ from fitting.campaign.bound import Assumption, BoundCampaign
 from fitting.campaign.conflicts import bound_laws
 from fitting.campaign.file import WrittenAssumption
 from fitting.campaign.laws import Law, Laws
-from fitting.campaign.places import Places
-from fitting.campaign.setup import Setup
 from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.formula import Formula
-from fitting.text.written import Written
 
 
 def with_assumptions(
-    bound: BoundCampaign, asked: Sequence[WrittenAssumption], binder: Binder, places: Places
+    bound: BoundCampaign, written: Sequence[WrittenAssumption], binder: Binder
 ) -> BoundCampaign:
     """A campaign with its assumptions.
 
     Args:
         bound: campaign, bound to its FMU, with its laws.
-        asked: as they are written.
+        written: as they are written.
         binder: of the campaign to its FMU.
-        places: what complaints name its parts by.
 
     Raises:
         BadInput: a quantity that there is not or that is fitted, a formula or value that it cannot
             have; a line each.
     """
-    readers = [partial(_bound, one, bound, binder, places) for one in asked]
+    readers = [partial(_bound, one, bound, binder) for one in written]
     return replace(bound, assumptions=tuple(gathered(readers)))
 
 
-def _bound(
-    asked: WrittenAssumption, bound: BoundCampaign, binder: Binder, places: Places
-) -> Assumption:
-    where = f"{places.top}[assumptions '{asked.that}']"
-    words = Assumption(that=asked.that, otherwise=asked.otherwise)
-    if asked.quantity is None:
-        return replace(words, start=_started(asked.start, bound, where))
-    if asked.quantity in {p.target for p in bound.parameters}:
-        raise BadInput(f"{where} quantity: '{asked.quantity}' is fitted; wanted one that is fixed")
-    if asked.law is not None:
-        laws = _with_law(bound.setup.laws, asked.quantity, asked.law, where)
-    elif asked.value is not None and asked.quantity in bound.setup.laws.constants:
-        laws = _with_constant(bound.setup.laws, asked.quantity, asked.value, where)
+def _bound(written: WrittenAssumption, bound: BoundCampaign, binder: Binder) -> Assumption:
+    where, name = f"{binder.top}[assumptions '{written.that}']", written.quantity
+    words, setup = Assumption(that=written.that, otherwise=written.otherwise), bound.setup
+    if name is None:
+        return replace(words, start=_start(written.start, bound, where))
+    if name in {p.target for p in bound.parameters}:
+        raise BadInput(f"{where} quantity: '{name}' is fitted; wanted one that is fixed")
+    formulas, constants = dict(setup.laws.formulas), dict(setup.laws.constants)
+    if written.law is not None:
+        if name in constants:
+            raise BadInput(f"{where} law: '{name}' is a constant; wanted its 'value'")
+        # names of laws stand for their formulas in it
+        law = Formula(written.law, f"{where} law").written_out(setup.laws.parsed)
+        formulas[name] = law.text
+    elif written.value is not None and name in constants:
+        constants[name] = written.value
     else:
-        return replace(words, setup=_with_start(bound, asked, binder, where))
-    made = bound_laws(laws, bound, binder, replace(places, top=""))
-    return replace(words, setup=replace(bound.setup, laws=made))
+        if name in formulas:
+            raise BadInput(f"{where} value: '{name}' follows a law; wanted another 'law'")
+        if name not in binder.variables:
+            known = sorted((*constants, *binder.variables))
+            raise BadInput(
+                f"{where} quantity: '{name}' is neither a constant nor a variable of the FMU"
+                f"{did_you_mean(name, known)}"
+            )
+        assert written.value is not None  # noqa: S101 - the table wants a law or a value
+        changed = {**setup.start_values, name: binder.setting(name, written.value)}
+        return replace(words, setup=replace(setup, start_values=changed))
+    # another law may do without some constants
+    named = {each for text in formulas.values() for each in Formula(text, where).names}
+    constants = {n: value for n, value in constants.items() if n in named}
+    laws = bound_laws(Laws(formulas, constants, source=f"{where}:"), bound, binder)
+    return replace(words, setup=replace(setup, laws=laws))
 
 
-def _with_law(laws: Laws, name: str, text: str, where: str) -> Laws:
-    """Laws with another one for a variable, in which names of laws stand for their formulas."""
-    if name in laws.constants:
-        raise BadInput(f"{where} law: '{name}' is a constant; wanted its 'value'")
-    formula = Formula(text, f"{where} law").written_out(laws.parsed)
-    return _laws({**laws.formulas, name: formula.text}, laws.constants, where)
-
-
-def _with_constant(laws: Laws, name: str, value: Written, where: str) -> Laws:
-    return _laws(laws.formulas, {**laws.constants, name: value}, where)
-
-
-def _laws(
-    formulas: Mapping[str, str], constants: Mapping[str, float | str | Written], where: str
-) -> Laws:
-    """Laws with the constants that one of them names: another law may do without."""
-    named = {name for text in formulas.values() for name in Formula(text, where).names}
-    return Laws(formulas, {n: v for n, v in constants.items() if n in named}, source=f"{where}:")
-
-
-def _with_start(
-    bound: BoundCampaign, asked: WrittenAssumption, binder: Binder, where: str
-) -> Setup:
-    """The setup with another start value of a variable that no law sets."""
-    name, laws = str(asked.quantity), bound.setup.laws
-    if name in laws.formulas:
-        raise BadInput(f"{where} value: '{name}' follows a law; wanted another 'law'")
-    if name not in binder.variables:
-        known = (*laws.constants, *binder.variables)
-        raise BadInput(
-            f"{where} quantity: '{name}' is neither a constant nor a variable of the FMU"
-            f"{did_you_mean(name, sorted(known))}"
-        )
-    assert asked.value is not None  # noqa: S101 - the table wants a law or a value
-    changed = {**bound.setup.start_values, name: binder.setting(name, asked.value)}
-    return replace(bound.setup, start_values=changed)
-
-
-def _started(asked: Mapping[str, str], bound: BoundCampaign, where: str) -> dict[str, Law]:
+def _start(formulas: Mapping[str, str], bound: BoundCampaign, where: str) -> dict[str, Law]:
     """Formulas of parameters in the fitted values of all of them."""
     units = {p.name: p.unit for p in bound.parameters if p.moves_model and not p.experiments}
-    for name in asked:
+
+    def check(name: str, place: str) -> None:
         if name not in units:
             raise BadInput(
-                f"{where} start: '{name}' is no fitted parameter of the whole campaign"
+                f"{place}: '{name}' is no fitted parameter of the whole campaign"
                 f"{did_you_mean(name, sorted(units))}"
             )
-    found = {}
-    for name, text in asked.items():
+
+    for name in formulas:
+        check(name, f"{where} start")
+    laws = {}
+    for name, text in formulas.items():
         formula = Formula(text, f"{where} start.{name}")
         for other in formula.names:
-            if other not in units:
-                raise BadInput(
-                    f"{formula.where}: '{other}' is no fitted parameter of the whole campaign"
-                    f"{did_you_mean(other, sorted(units))}"
-                )
+            check(other, formula.where)
         own = {other: units[other] for other in formula.names}
-        found[name] = Law(name, formula, units=own, unit=units[name])
-    return found
+        laws[name] = Law(name, formula, units=own, unit=units[name])
+    return laws

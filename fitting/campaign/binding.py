@@ -5,23 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
 
-from fitting.campaign.asked_parameters import bind_parameters, of_experiments
 from fitting.campaign.assumptions import with_assumptions
-from fitting.campaign.binder import Binder, bind_annotation
-from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
+from fitting.campaign.binder import Binder
+from fitting.campaign.bound import BoundCampaign, Drift
 from fitting.campaign.conflicts import check_conflicts, check_tones, with_laws
 from fitting.campaign.data import Campaign, in_other_unit
-from fitting.campaign.drift import Drifting, bind_drift
-from fitting.campaign.file import SAMPLES_PER_PERIOD, CampaignHead, WrittenCampaign, WrittenDrive
+from fitting.campaign.drift import Prior, bind_drift, bind_sigmas, drift_priors, with_offsets
+from fitting.campaign.file import SAMPLES_PER_PERIOD, CampaignHead, WrittenAccuracy, WrittenDrive
 from fitting.campaign.kind import labels_of
 from fitting.campaign.laws import Laws
-from fitting.campaign.measured import MeasuredExperiment, Peaks
+from fitting.campaign.measured import Experiment, SweepData
 from fitting.campaign.noise import (
     Noise,
     bind_noise,
@@ -29,22 +28,23 @@ from fitting.campaign.noise import (
     sweep_scale_sigma,
     sweep_sigmas,
 )
-from fitting.campaign.parameters import Parameter
-from fitting.campaign.places import Places, places_of_file
+from fitting.campaign.parameters import SCOPES, Parameter, ParameterTable
 from fitting.campaign.setup import USUAL_ACCURACY, Drive, Setup
-from fitting.campaign.stated import DriftPriors, bind_sigmas, drift_priors, with_offsets
+from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, Complaints, gathered
-from fitting.text.units import base_unit, convert, same_kind
-from fitting.text.written import Written
+from fitting.text.units import base_unit, convert, dimension_of, parse_quantity, same_kind
+from fitting.text.written import Written, difference_in, in_unit
 
+#: A parameter as a file has it, or as a program gives it.
+WrittenParameter = ParameterTable[Written] | ParameterTable[float | str]
 #: Each combination of alternatives is a fit of its own.
 MOST_ALTERNATIVES = 100
 #: Causalities of variables that hold a tone.
 HOLD_TONES = ("parameter", "input")
-#: A word of a formula.
-WORD = re.compile(r"[A-Za-z_]\w*")
+#: Numbers of a parameter that are differences of its values: 1 degC of them is 1 K.
+DIFFERENCES = ("scale", "period", "prior")
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
@@ -62,17 +62,20 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
             not match, a value outside the FMU's range, a variable set in two ways; a line each.
     """
-    file, top, places = campaign.file, str(campaign.path), places_of_file(campaign.path)
+    file, top = campaign.file, str(campaign.path)
     said = Complaints()  # of every table by itself, then of what rests on several
     laws, output, drive = Laws(), None, None
     with said:
-        laws = Laws(file.laws, file.constants, source=f"{places.top}{places.of('laws')}")
-    swept = {} if file.sweep is None else file.sweep.set
-    columns: dict[str, Written] = {}  # each where it is first written
-    for measured in campaign.experiments:
-        columns = {**measured.settings, **columns}
-    named = _may_be_named(file, {*swept, *columns}) if said.lines else laws.names
-    binder = Binder(variables, named)
+        laws = Laws(file.laws, file.constants, source=f"{top}: [laws]")
+    swept = file.sweep.set if file.sweep is not None else {}
+    # what columns set, each where it is first written
+    columns = {k: w for e in reversed(campaign.experiments) for k, w in e.written.items()}
+    columns = {k: columns[k] for e in campaign.experiments for k in e.written}
+    named = laws.names
+    if said.lines:  # laws that cannot be read may mean whatever no variable is called
+        words = (word for law in file.laws.values() for word in re.findall(r"[A-Za-z_]\w*", law))
+        named = frozenset([*(p.name for p in file.parameters), *swept, *columns, *words])
+    binder = Binder(variables, named, f"{top}: ")
     with said:
         where = f"{top}: [observe] output"
         output = binder.real(file.observe.output, where, READABLE, "observed")
@@ -85,26 +88,25 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         noise = _bind_noise(campaign)
     with said:
         binder.settings(columns)
-    for name in file.derived.outputs:
-        with said:
-            binder.reported(name, f"{top}: [derived] outputs", file.laws)
+    with said:
+        where = f"{top}: [derived] outputs"
+        gathered(partial(binder.reported, n, where, file.laws) for n in file.derived.outputs)
     with said:
         start_values = binder.settings(file.fmu.start)
     with said:
-        annotation = bind_annotation(file.accuracy, binder, f"{top}: [accuracy]")
+        annotation = _bind_annotation(file.accuracy, binder, f"{top}: [accuracy]")
     with said:
         settings = binder.settings(swept)
     with said:
         sigmas = bind_sigmas({} if file.sweep is None else file.sweep.set_sigma, binder)
     with said:
-        parameters = bind_parameters(file.parameters, binder, places)
+        parameters = bind_parameters(file.parameters, binder)
     with said:
         alternatives = bind_alternatives(file.alternatives, binder)
-    taken = {}
-    for name in file.fmu.taken:
-        with said:
-            variable = binder.real(name, f"{top}: [fmu] taken", SETTABLE, "set")
-            taken[name] = variable.unit or "1"
+    with said:
+        place = f"{top}: [fmu] taken"
+        held = gathered(partial(binder.real, n, place, SETTABLE, "set") for n in file.fmu.taken)
+        taken = {variable.name: variable.unit or "1" for variable in held}
     if output is None or drive is None:
         said.check()
         raise AssertionError  # pragma: no cover - one of them has complained
@@ -125,72 +127,200 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         readers = (partial(m.bind, binder, setup) for m in campaign.measurements.values())
         further = dict(zip(campaign.measurements, gathered(readers), strict=True))
     said.check()
-    sweep = None
-    if file.sweep is not None and campaign.sweep is not None:
-        sweep = SweepData(
-            **vars(campaign.sweep),
-            settings=settings,
-            setting_sigma=sigmas,
-            use=file.sweep.use,
-            scale=file.sweep.scale,
-            background=file.sweep.background,
-        )
-    labels = [*(e.label for e in experiments), *labels_of(further.values())]
     bound = BoundCampaign(
         **{of.name: getattr(file, of.name) for of in fields(CampaignHead)},
         path=campaign.path,
         setup=setup,
         experiments=experiments,
-        sweep=sweep,
-        parameters=(
-            *of_experiments(parameters, labels),
-            *drift.parameters,
-            *free_scale(sweep, noise),
-            *(p for m in further.values() for p in m.parameters),
-        ),
+        sweep=campaign.sweep and replace(campaign.sweep, settings=settings, setting_sigma=sigmas),
+        parameters=(),
         derived=file.derived.outputs,
         alternatives=alternatives,
         amplitude_unit=campaign.amplitude_unit,
-        notes=tuple(binder.notes),
         files=campaign.files,
-        drift=Drift(drift.ends, {name: variables[name].unit or "1" for name in drift.ends}),
+        drift=drift,
         noise=noise,
         measurements=further,
         taken=taken,
     )
-    bound = completed(bound, binder, places, drift_priors(campaign, binder, drift))
-    return with_assumptions(bound, file.assumptions, binder, places)
-
-
-def _may_be_named(file: WrittenCampaign, measured_at: Collection[str]) -> frozenset[str]:
-    """What laws that cannot be read may name: what no variable is called may be meant for them."""
-    words = [word for law in file.laws.values() for word in WORD.findall(law)]
-    return frozenset([*(p.name for p in file.parameters), *measured_at, *words])
+    bound = completed(bound, binder, parameters, drift_priors(campaign, binder, drift))
+    return with_assumptions(bound, file.assumptions, binder)
 
 
 def completed(
-    bound: BoundCampaign, binder: Binder, places: Places, priors: DriftPriors
+    bound: BoundCampaign, binder: Binder, fitted: Sequence[Parameter], priors: Sequence[Prior] = ()
 ) -> BoundCampaign:
-    """A campaign with offsets of stated values and laws, whose parts do not contradict each other.
+    """A campaign with all its parameters, notes and laws, whose parts do not contradict each other.
 
     Args:
         bound: campaign, bound to its FMU but for them.
         binder: of the campaign to its FMU.
-        places: what complaints name its parts by.
+        fitted: parameters in the FMU's units, those of the scope "experiment" once.
         priors: what is known beforehand of the error of drifting variables.
 
     Raises:
-        BadInput: a variable that is set in two ways, a tone that nobody names, a law of what there
+        BadInput: a variable that is set in two ways, a tone that is not named, a law of what there
             is not.
     """
+    further = bound.measurements.values()
+    labels = [*(e.label for e in bound.experiments), *labels_of(further)]
+    parameters = (
+        *_of_experiments(fitted, labels),
+        *bound.drift.parameters,
+        *_free_scale(bound.sweep, bound.noise),
+        *(p for m in further for p in m.parameters),
+    )
+    bound = replace(bound, parameters=parameters, notes=tuple(binder.notes))
     bound = with_offsets(bound, binder, priors)
-    check_conflicts(bound, places)
-    check_tones(bound, binder.variables, places)
-    return with_laws(bound, binder, places)
+    check_conflicts(bound, binder)
+    check_tones(bound, binder)
+    return with_laws(bound, binder)
+
+
+def _of_experiments(parameters: Sequence[Parameter], labels: Sequence[str]) -> Iterator[Parameter]:
+    """The parameters, those of the scope "experiment" one for each of the labels."""
+    for p in parameters:
+        if p.scope == SCOPES[0]:
+            yield p
+            continue
+        for label in labels:
+            name = f"{p.name}[{label}]"
+            yield replace(p, scope=SCOPES[0], name=name, variable=p.name, experiment=label)
+
+
+def _free_scale(sweep: SweepData | None, noise: Noise) -> Iterator[Parameter]:
+    """The parameter of a scale that is fitted with the rest; none for any other scale."""
+    if sweep is not None and sweep.scale == "free":
+        spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
+        sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
+        yield scale_parameter(sigma, swept=sweep.use == "fit")
+
+
+def bind_parameters(written: Sequence[WrittenParameter], binder: Binder) -> list[Parameter]:
+    """Parameters in the FMU's units, those of the scope "experiment" once.
+
+    Args:
+        written: as the file or the program has them.
+        binder: of the campaign to its FMU.
+
+    Raises:
+        BadInput: no such variable, or numbers that it cannot have.
+    """
+    return gathered(partial(_bind_parameter, each, binder) for each in written)
+
+
+def _bind_parameter(choice: WrittenParameter, binder: Binder) -> Parameter:
+    where = f"{binder.top}{binder.part('parameter', choice.name)}"
+    written = written_numbers(choice)
+    if choice.name in binder.free_names:  # a law names it, and the FMU has no such variable
+        start = written["start"]
+        unit = start.unit
+        if isinstance(start.value, str):
+            unit = choice.unit or parse_quantity(start.value, where=start.where)[1]
+        if unit is None:
+            raise BadInput(
+                f'{where}: a coefficient of laws has no unit, wanted unit = "Hz/V", for example; a '
+                'plain number has the unit "1"'
+            )
+        made = parameter_of(choice.name, unit, written, where)
+        return replace(made, scope=choice.scope, role="coefficient")
+    declared = choice.unit
+    try:
+        variable = binder.real(choice.name, where, ("parameter",), "fitted")
+        if choice.unit and variable.unit:  # else every number that has this unit complains
+            declared = variable.unit
+            convert(1.0, choice.unit, variable.unit, where=f"{where} unit")
+    except BadInput as error:
+        misfits: Sequence[str] = ()
+        try:  # what is wrong with the numbers that have units of their own besides
+            if declared:
+                dimension_of(declared, where=f"{where} unit")
+            quantities = (each for each in written.values() if isinstance(each.value, str))
+            gathered(partial(in_unit, each, declared) for each in quantities)
+        except BadInput as more:
+            misfits = more.args
+        raise BadInput(*error.args, *misfits) from None
+    made = parameter_of(choice.name, choice.unit or "1", written, where, variable, binder)
+    return replace(
+        made,
+        scope=choice.scope,
+        least=-math.inf if variable.min is None else variable.min,
+        most=math.inf if variable.max is None else variable.max,
+    )
+
+
+def written_numbers(parameter: WrittenParameter) -> dict[str, Written]:
+    """The numbers of a parameter with their places, bare ones in the unit of the entry.
+
+    Args:
+        parameter: as a file or a program has it.
+
+    Raises:
+        BadInput: what is neither a number nor a quantity with a unit.
+    """
+    made = {}
+    for key, value in parameter.numbers.items():
+        where, unit = f"parameter '{parameter.name}': {key}", parameter.unit
+        if isinstance(value, Written):
+            bare = not isinstance(value.value, str) and value.unit is None
+            made[key] = replace(value, unit=unit) if bare else value
+        elif isinstance(value, str):
+            number, own = parse_quantity(value, where=where, wanted=unit)
+            made[key] = Written(number, own or unit, where)
+        else:
+            try:
+                made[key] = Written(float(value), unit, where)
+            except (TypeError, ValueError):
+                raise BadInput(
+                    f'{where}: found {value!r}, wanted a number or a text as "400 Hz"'
+                ) from None
+    return made
+
+
+def parameter_of(
+    name: str,
+    unit: str | None,
+    written: Mapping[str, Written],
+    where: str = "",
+    variable: VariableLike | None = None,
+    binder: Binder | None = None,
+) -> Parameter:
+    """A parameter of numbers as written, all put into one unit.
+
+    Args:
+        name: of the parameter.
+        unit: of the parameter where the FMU has none for it; None: numbers have none.
+        written: the numbers by their keys.
+        where: opens errors about the numbers together; empty: nothing does.
+        variable: of the FMU, whose unit and range hold; None: there is none.
+        binder: of the campaign to its FMU, if there is a variable.
+
+    Raises:
+        BadInput: another unit, or numbers that no parameter has.
+    """
+    own = unit if variable is None else variable.unit
+
+    def read(key: str, each: Written) -> float:
+        if key in DIFFERENCES:
+            return difference_in(each, own)
+        if binder is None or variable is None or key == "reference":
+            return in_unit(each, own)  # the FMU's range does not bind the prior
+        return binder.number(variable, each)
+
+    readers = (partial(read, *each) for each in written.items())
+    numbers = dict(zip(written, gathered(readers), strict=True))
+    lower, upper, start = (numbers.pop(key) for key in ("lower", "upper", "start"))
+    numbers = {"reference": start, "scale": 0.5 * (upper - lower), **numbers}
+    try:
+        return Parameter(
+            name=name, unit=own or unit or "", lower=lower, upper=upper, start=start, **numbers
+        )
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}" if where else f"{error}") from error
 
 
 def _bind_drive(choice: WrittenDrive | None, binder: Binder, where: str) -> Drive:
-    """How the FMU is driven; not at all where the campaign says nothing of tones."""
+    """How the FMU is driven; not at all where the campaign has no tones."""
     if choice is None:
         return Drive()
     drive = Drive(
@@ -215,7 +345,7 @@ def bind_drive(
     Args:
         drive: with an input or names of tones.
         binder: of the campaign to its FMU.
-        where: what complaints name its keys by, as "[drive] {}".
+        where: what errors name its keys by, as "[drive] {}".
         hold: causalities of variables that hold a tone.
 
     Raises:
@@ -224,10 +354,8 @@ def bind_drive(
     if drive.input is not None:
         return drive, binder.real(drive.input, where.format("input"), ("input",), "driven")
     names, place = drive.frequency_names, where.format("frequencies")
-    named = [
-        *((name, place) for name in names),
-        *((name, where.format("amplitudes")) for name in drive.amplitude_names),
-    ]
+    named = [(name, place) for name in names]
+    named += [(name, where.format("amplitudes")) for name in drive.amplitude_names]
     held = gathered(partial(binder.real, *each, hold, "set") for each in named)
     units = [tone.unit or drive.tone_unit for tone in held[: len(names)]]
     if len(set(units)) > 1:
@@ -246,15 +374,15 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder)
     """Amplitudes in the output's unit where no scale stands between the two, else as they are."""
     if campaign.is_scaled or not (campaign.experiments or campaign.sweep):
         return campaign
-    found, section = campaign.amplitude_unit, "sweep" if campaign.sweep else "experiments"
-    factor = factor_to_output(found, output, f"{campaign.path}: [{section}] amplitude")
+    own, section = campaign.amplitude_unit, "sweep" if campaign.sweep else "experiments"
+    factor = factor_to_output(own, output, f"{campaign.path}: [{section}] amplitude")
     if output.unit is None:
         binder.note_missing_unit(output)
     if factor == 1.0:
         return campaign
-    unit = output.unit or base_unit(found)
+    unit = output.unit or base_unit(own)
     binder.notes.append(
-        f"There is no scale: amplitudes were converted from {found} to {unit}, the unit of "
+        f"There is no scale: amplitudes were converted from {own} to {unit}, the unit of "
         f"'{output.name}'."
     )
     return in_other_unit(campaign, factor, unit)
@@ -266,7 +394,7 @@ def factor_to_output(unit: str, output: VariableLike, where: str) -> float:
     Args:
         unit: of the amplitudes.
         output: of the FMU.
-        where: what complaints name the amplitudes by.
+        where: what errors name the amplitudes by.
 
     Raises:
         BadInput: units of different kinds.
@@ -293,46 +421,44 @@ def _bind_noise(campaign: Campaign) -> Noise:
     return noise
 
 
-def free_scale(sweep: SweepData | None, noise: Noise) -> list[Parameter]:
-    """The parameter of a scale that is fitted with the rest; none for any other scale.
-
-    Args:
-        sweep: the measured sweep, None without one.
-        noise: declared noise of the amplitudes.
-    """
-    if sweep is None or sweep.scale != "free":
-        return []
-    spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
-    sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
-    return [scale_parameter(sigma, swept=sweep.use == "fit")]
+def _bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> AccuracyAnnotation:
+    """The [accuracy] table in the FMU's names and units."""
+    names = (name for name in (choice.tolerance, choice.substep) if name is not None)
+    readers = [partial(binder.real, name, where, SETTABLE, "set") for name in names]
+    for entry in choice.reductions:
+        if entry.bound is not None and "{output}" not in entry.bound:
+            inside = f"{where.removesuffix(']')}.reductions '{entry.name}'] bound"
+            readers.append(partial(binder.real, entry.bound, inside, READABLE, "read"))
+        readers.append(partial(binder.settings, entry.set))
+    gathered([*readers, partial(binder.settings, choice.full)])
+    reductions = tuple(
+        Reduction(entry.name, binder.settings(entry.set), bound=entry.bound, cost=entry.cost)
+        for entry in choice.reductions
+    )
+    same = {of.name: getattr(choice, of.name) for of in fields(AccuracyNames)}
+    try:
+        return AccuracyAnnotation(**same, full=binder.settings(choice.full), reductions=reductions)
+    except BadInput as error:
+        raise BadInput(f"{where} {error}") from error
 
 
 def _bind_experiments(
-    campaign: Campaign,
-    binder: Binder,
-    drive: Drive,
-    drift: Drifting,
-    output: VariableLike,
+    campaign: Campaign, binder: Binder, drive: Drive, drift: Drift, output: VariableLike
 ) -> tuple[Experiment, ...]:
+    """All experiments, with what drifts between the ends of the series."""
+    readers = (partial(bind_experiment, e, binder, drive, output) for e in campaign.experiments)
     bound = []
-    known = gathered(
-        partial(bind_experiment, measured, binder, drive, output)
-        for measured in campaign.experiments
-    )
-    each = zip(campaign.experiments, known, drift.positions, strict=True)
-    for measured, experiment, position in each:
-        settings = dict(experiment.settings)
-        for name, (before, after) in drift.ends.items():
-            if name in settings:
-                where = measured.settings[name].where
-                raise BadInput(f"{where}: '{name}' is set here and by [drift]; wanted one of them")
-            settings[name] = before + position * (after - before)
-        bound.append(replace(experiment, settings=settings))
+    for e, position in zip(gathered(readers), drift.positions, strict=True):
+        for name in (name for name in drift.ends if name in e.settings):
+            where = e.written[name].where
+            raise BadInput(f"{where}: '{name}' is set here and by [drift]; wanted one of them")
+        moved = {name: b + position * (after - b) for name, (b, after) in drift.ends.items()}
+        bound.append(replace(e, settings={**e.settings, **moved}))
     return tuple(bound)
 
 
 def bind_experiment(
-    measured: MeasuredExperiment, binder: Binder, drive: Drive, output: VariableLike
+    measured: Experiment, binder: Binder, drive: Drive, output: VariableLike
 ) -> Experiment:
     """One experiment in the names and units of the FMU.
 
@@ -340,67 +466,49 @@ def bind_experiment(
         measured: an experiment as it was read.
         binder: of the campaign to its FMU.
         drive: the campaign's drive.
-        output: name of the output.
+        output: that the campaign observes.
 
     Raises:
         BadInput: a variable that is not there or cannot be set, another unit of what is observed.
     """
-    return Experiment(
-        **{of.name: getattr(measured, of.name) for of in fields(Peaks)},
-        settings=_experiment_settings(measured, binder, drive),
-        output=_observed(measured, binder, output),
-    )
-
-
-def _observed(measured: MeasuredExperiment, binder: Binder, output: VariableLike) -> str:
-    """The output that an experiment observes; all share a unit, because they share a scale."""
-    if measured.output is None:
-        return output.name
-    name, where = str(measured.output.value), measured.output.where
+    settings = binder.settings(measured.written)
+    if drive.kind == "tones":
+        for name, tone in zip(drive.frequency_names, measured.tones_hz, strict=True):
+            # from the rounded hertz, so that the FMU is driven at the very frequency that is read
+            where = measured.written[name].where
+            settings[name] = convert(tone, "Hz", drive.tone_unit, where=where)
+    if measured.observed is None:
+        return replace(measured, settings=settings, output=output.name)
+    name, where = str(measured.observed.value), measured.observed.where
     other = binder.real(name, where, READABLE, "observed")
     if other.unit != output.unit:
         raise BadInput(
             f"{where}: '{name}' is in {other.unit or 'no unit'}, [observe] output in "
             f"{output.unit or 'no unit'}; wanted one unit, because they share the scale"
         )
-    return name
-
-
-def _experiment_settings(
-    measured: MeasuredExperiment, binder: Binder, drive: Drive
-) -> dict[str, Scalar]:
-    settings = binder.settings(measured.settings)
-    if drive.kind == "tones":
-        for name, tone in zip(drive.frequency_names, measured.tones_hz, strict=True):
-            where = measured.settings[name].where
-            # from the rounded hertz, so that the FMU is driven at the very frequency that is read
-            settings[name] = convert(tone, "Hz", drive.tone_unit, where=where)
-    return settings
+    return replace(measured, settings=settings, output=name)
 
 
 def bind_alternatives(
-    asked: Mapping[str, Sequence[Written]], binder: Binder
+    written: Mapping[str, Sequence[Written]], binder: Binder
 ) -> tuple[Mapping[str, Scalar], ...]:
     """Every combination of the values to try; one empty mapping without any.
 
     Args:
-        asked: values to try, by name.
+        written: values to try, by name.
         binder: of the campaign to its FMU.
 
     Raises:
         BadInput: a variable that cannot be set, a value that it cannot have, or too many
             combinations.
     """
-    count = math.prod(len(values) for values in asked.values())
+    count = math.prod(len(values) for values in written.values())
     if count > MOST_ALTERNATIVES:
         raise BadInput(
             f"[alternatives]: {count} combinations of values, wanted {MOST_ALTERNATIVES} at most: "
             "each is a fit of its own"
         )
-    each = [(name, written) for name, values in asked.items() for written in values]
+    each = [(name, value) for name, values in written.items() for value in values]
     values = iter(gathered(partial(binder.setting, *one) for one in each))
-    tried = {name: list(itertools.islice(values, len(written))) for name, written in asked.items()}
-    return tuple(
-        dict(zip(tried, combination, strict=True))
-        for combination in itertools.product(*tried.values())
-    )
+    tried = [[(name, next(values)) for _ in own] for name, own in written.items()]
+    return tuple(dict(combination) for combination in itertools.product(*tried))

@@ -1,70 +1,50 @@
-"""A campaign in the names and units of one FMU: experiments, sweep, drift, and all of it."""
+"""A campaign in the names and units of one FMU: its drift, its assumptions, and all of it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
-
-import numpy as np
 
 from fitting.campaign.file import CampaignHead
 from fitting.campaign.kind import BoundMeasurement
 from fitting.campaign.laws import Law
-from fitting.campaign.measured import MeasuredSweep, Peaks
+from fitting.campaign.measured import Experiment, SweepData
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.setup import Setup
-from fitting.signal.single_points import single_points
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 
-
-@dataclass(frozen=True, kw_only=True)
-class Experiment(Peaks):
-    """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
-
-    ``output`` is the FMU output that is observed (the campaign's, where empty).
-    """
-
-    settings: Mapping[str, Scalar]
-    output: str = ""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SweepData(MeasuredSweep):
-    """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``.
-
-    ``setting_sigma`` are declared errors of settings; ``label`` is what values of its own are named
-    by, empty where it has none.
-    """
-
-    settings: Mapping[str, Scalar]
-    use: str
-    scale: str
-    background: str = "none"
-    setting_sigma: Mapping[str, float] = field(default_factory=dict)
-    label: str = ""
-
-    @cached_property
-    def far_off(self) -> tuple[tuple[int, float], ...]:
-        """Single points that no line of its grid makes: number, and what would be likely there."""
-        found = single_points(self.frequency_hz, self.amplitude_v)
-        return tuple((k, abs(there)) for k, there in found)
-
-    @cached_property
-    def of_line(self) -> tuple[FloatArray, FloatArray]:
-        """Frequencies, Hz, and amplitudes, of ``unit``, of the points that may be its line's."""
-        away = [k for k, _ in self.far_off]
-        return np.delete(self.frequency_hz, away), np.delete(self.amplitude_v, away)
+#: Positions in a series may leave it by so much.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Drift:
-    """Variables that move over a series: ``ends`` (before, after) and ``units`` by variable."""
+    """Variables that move over a series: ``ends`` (before, after) and ``units`` by variable.
+
+    ``positions`` (n,) of the experiments between the ends, 0 to 1; ``parameters`` correct them.
+
+    Raises:
+        BadInput: ends that are not finite, positions that are not from 0 to 1.
+    """
 
     ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    positions: tuple[float, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, (before, after) in self.ends.items():
+            if not (math.isfinite(before) and math.isfinite(after)):
+                raise BadInput(
+                    f"drift of {name}: from {before:g} to {after:g}, wanted finite values"
+                )
+        if not all(-ROUNDING <= place <= 1.0 + ROUNDING for place in self.positions):
+            shown = ", ".join(f"{place:g}" for place in self.positions)
+            raise BadInput(f"drift: positions {shown} of the experiments, wanted them from 0 to 1")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +88,7 @@ class BoundCampaign(CampaignHead):
     derived: tuple[str, ...]
     alternatives: tuple[Mapping[str, Scalar], ...]
     amplitude_unit: str
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     files: tuple[Path, ...]
     drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)

@@ -21,15 +21,16 @@ from fitting.campaign.instruments import RawTrace, read_trace, unit_of
 from fitting.campaign.kind import MeasurementTable, ReadMeasurement
 from fitting.campaign.measured import (
     UNKNOWN,
-    MeasuredExperiment,
-    MeasuredSweep,
+    Experiment,
     Phases,
     Spectrum,
+    SweepData,
+    checked_experiment,
 )
-from fitting.signal.amplitudes import Amplitude, to_peak
+from fitting.signal.amplitudes import to_peak
 from fitting.signal.clipped_top import clipped_top
 from fitting.signal.peaks import read_peaks
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz, quantity
@@ -52,8 +53,8 @@ class Campaign:
 
     path: Path
     file: WrittenCampaign
-    experiments: tuple[MeasuredExperiment, ...]
-    sweep: MeasuredSweep | None
+    experiments: tuple[Experiment, ...]
+    sweep: SweepData | None
     measurements: Mapping[str, ReadMeasurement] = field(default_factory=dict)
     unit: str = ""
 
@@ -113,7 +114,7 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
 
     Args:
         path: of the file.
-        kinds: of measurements that it may tell of, beside experiments and a sweep.
+        kinds: of measurements that it may hold, beside experiments and a sweep.
 
     Raises:
         BadInput: one line with file, row, column or key, what was found, what is wanted.
@@ -123,8 +124,8 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
         file = read_campaign_file(path, kinds)
     except BadInput as error:
         raise BadInput(*error.args, *_missing_files(path, kinds)) from None
-    experiments: tuple[MeasuredExperiment, ...] = ()
-    sweep: MeasuredSweep | None = None
+    experiments: tuple[Experiment, ...] = ()
+    sweep: SweepData | None = None
     measurements: dict[str, ReadMeasurement] = {}
     said = Complaints()
     if file.experiments is not None:
@@ -138,44 +139,38 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
             kind, first = type(tables[0]), tables[0]
             measurements[name] = kind.read_together(tables) if kind.REPEATED else first.read()
     said.check()
-    _check_one_unit(path, file)
+    if file.experiments is not None and file.sweep is not None:
+        # peaks and sweep are compared with each other, so they must share the detector's unit
+        unit, other = (t.format.amplitude.unit for t in (file.experiments, file.sweep))
+        if unit != other:
+            raise BadInput(
+                f"{path}: [sweep] amplitude is declared in {other}, [experiments] in {unit}; "
+                "wanted the same unit, because they are compared"
+            )
     return Campaign(
         path=path, file=file, experiments=experiments, sweep=sweep, measurements=measurements
     )
 
 
 def _missing_files(path: Path, kinds: Sequence[type[MeasurementTable]]) -> list[str]:
-    """What is to be said of measured files that are not there, where keys are wrong besides."""
+    """Errors of measured files that are not there, where keys are wrong besides."""
     try:
         data = read_toml(path)
     except BadInput:
         return []
     named = [data.get(name) for name in ("experiments", "sweep", *(kind.TABLE for kind in kinds))]
-    tables = [table for each in named for table in (each if isinstance(each, list) else [each])]
-    files = [table.get("file") for table in tables if isinstance(table, Mapping)]
-    said: list[str] = []
-    for file in files:
+    errors: list[str] = []
+    for table in (t for each in named for t in (each if isinstance(each, list) else [each])):
+        file = table.get("file") if isinstance(table, Mapping) else None
         if isinstance(file, str) and not (path.parent / file).exists():
             try:
                 read_text(path.parent / file)
             except BadInput as error:
-                said += error.args
-    return said
+                errors += error.args
+    return errors
 
 
-def _check_one_unit(path: Path, file: WrittenCampaign) -> None:
-    """Peaks and sweep are compared with each other, so they must share the detector's unit."""
-    if file.experiments is None or file.sweep is None:
-        return
-    unit, other = (t.format.amplitude.unit for t in (file.experiments, file.sweep))
-    if unit != other:
-        raise BadInput(
-            f"{path}: [sweep] amplitude is declared in {other}, [experiments] in {unit}; "
-            "wanted the same unit, because they are compared"
-        )
-
-
-def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
+def _read_sweep(written: WrittenSweep) -> SweepData:
     how = written.format
     raw = read_trace(written.file, how.layout, how.selection)
     frequency_hz, amplitude_v = _calibrated(raw, how)
@@ -194,7 +189,7 @@ def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
         )
         frequency_hz, amplitude_v = frequency_hz[~cut], amplitude_v[~cut]
         phase_rad = None if phase_rad is None else phase_rad[~cut]
-    return MeasuredSweep(
+    return SweepData(
         frequency_hz=frequency_hz,
         amplitude_v=amplitude_v,
         phase_rad=phase_rad,
@@ -202,6 +197,9 @@ def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
         unit=how.amplitude.unit,
         notes=dict(raw.notes),
         left_out=" ".join(filter(None, (raw.left_out, left_out))),
+        use=written.use,
+        scale=written.scale,
+        background=written.background,
     )
 
 
@@ -218,20 +216,46 @@ def _calibrated(raw: RawTrace, how: TraceFormat) -> tuple[FloatArray, FloatArray
     return frequency, amplitude
 
 
-#: What a column of the experiments holds, for complaints.
-PEAKS, PHASES = "ready peaks", "phases"
-
-
 def _read_experiments(
     file: WrittenCampaign, written: WrittenExperiments, folder: Path
-) -> tuple[MeasuredExperiment, ...]:
-    """All experiments, or complaints of every row and spectrum that has one."""
-    table = read_table(written.file)
-    wanted = [("experiment", ""), *((name, "") for name in file.driven.frequencies)]
-    wanted += [(name, PHASES if name in written.phases else PEAKS) for name in written.data_columns]
-    gathered(partial(_column, table, name, what) for name, what in wanted)
-    labels = _labels(table)
-    tones = _tones(table, file.driven.frequencies)
+) -> tuple[Experiment, ...]:
+    """All experiments, or errors of every row and spectrum that has one."""
+    table, names = read_table(written.file), file.driven.frequencies
+    wanted = [("experiment", ""), *((name, "") for name in names)]
+    wanted += [
+        (name, " of phases" if name in written.phases else " of ready peaks")
+        for name in written.data_columns
+    ]
+    columns = [c.name for c in table.columns]
+    gathered(
+        partial(_raise, f"{table.path}: no column '{name}'{what}{did_you_mean(name, columns)}")
+        for name, what in wanted
+        if table.find(name) is None
+    )
+    labels = table.texts(table.column("experiment"))
+    for i, label in enumerate(labels):
+        if not label or label in labels[:i]:
+            what = "is empty" if not label else f"'{label}' appears twice"
+            raise BadInput(
+                f"{table.path}: row {table.lines[i]}, column 'experiment': {what}; "
+                "wanted a name of its own for every experiment"
+            )
+    tones_hz = np.column_stack(
+        [
+            hertz_of(
+                table.numbers(column),
+                unit_of(table, column, f"{name} (MHz)"),
+                where=f"{table.path}: column '{name}'",
+            )
+            for name, column in ((name, table.column(name)) for name in names)
+        ]
+    )
+    for row, line in zip(tones_hz, table.lines, strict=True):
+        if np.any(row <= 0.0) or np.unique(row).size < row.size:
+            raise BadInput(
+                f"{table.path}: row {line}: drive frequencies "
+                f"{hertz(*row, digits=8, joined=', ')}; wanted positive ones that differ"
+            )
     for label in written.restarted:
         if label not in labels:
             raise BadInput(
@@ -239,19 +263,22 @@ def _read_experiments(
                 f"names{did_you_mean(label, labels)}"
             )
     _check_phases(table, written)
-    read = partial(_experiment, file, written, folder)
-    rows = enumerate(zip(labels, tones, strict=True))
+    rows = enumerate(zip(labels, tones_hz.tolist(), strict=True))
     return tuple(
         gathered(
-            partial(read, _Cells(table, i), label, tuple(map(float, own)))
+            partial(_experiment, file, written, folder, table, i, label, tuple(own))
             for i, (label, own) in rows
         )
     )
 
 
+def _raise(line: str) -> None:
+    raise BadInput(line)
+
+
 def _check_phases(table: Table, written: WrittenExperiments) -> None:
-    """Complain of columns of phases as a whole: all in another unit, or filled with one number."""
-    columns = [c for c in map(table.find, written.phases) if c is not None]
+    """Refuse columns of phases as a whole: all in another unit, or filled with one number."""
+    columns = [table.column(name) for name in written.phases]
     try:
         phases = np.array([table.numbers(column) for column in columns])
     except BadInput:
@@ -271,122 +298,57 @@ def _check_phases(table: Table, written: WrittenExperiments) -> None:
         )
 
 
-def _column(table: Table, name: str, what: str) -> Column:
-    """A column of a table, of ``what`` it is, for complaints."""
-    found = table.find(name)
-    if found is None:
-        of = f" of {what}" if what else ""
-        hint = did_you_mean(name, [c.name for c in table.columns])
-        raise BadInput(f"{table.path}: no column '{name}'{of}{hint}")
-    return found
-
-
-def _labels(table: Table) -> tuple[str, ...]:
-    column = table.column("experiment")
-    labels = table.texts(column)
-    for i, label in enumerate(labels):
-        if not label or label in labels[:i]:
-            what = "is empty" if not label else f"'{label}' appears twice"
-            raise BadInput(
-                f"{table.path}: row {table.lines[i]}, column 'experiment': {what}; "
-                "wanted a name of its own for every experiment"
-            )
-    return labels
-
-
-def _tones(table: Table, names: tuple[str, ...]) -> FloatArray:
-    """Drive frequencies (experiments, tones) in Hz, positive and different within a row."""
-    columns = []
-    for name in names:
-        column = table.column(name)
-        unit = unit_of(table, column, f"{name} (MHz)")
-        where = f"{table.path}: column '{name}'"
-        columns.append(hertz_of(table.numbers(column), unit, where=where))
-    tones = np.column_stack(columns)
-    for row, line in zip(tones, table.lines, strict=True):
-        if np.any(row <= 0.0) or np.unique(row).size < row.size:
-            raise BadInput(
-                f"{table.path}: row {line}: drive frequencies "
-                f"{hertz(*row, digits=8, joined=', ')}; wanted positive ones that differ"
-            )
-    return tones
-
-
-@dataclass(frozen=True)
-class _Cells:
-    """The cells of one row of the experiments file, by its columns."""
-
-    table: Table
-    index: int
-
-    @property
-    def row(self) -> str:
-        """Words for the row."""
-        return f"row {self.table.lines[self.index]}"
-
-    def place(self, column: str) -> str:
-        """Words for a cell."""
-        return f"{self.table.path}: {self.row}, column '{column}'"
-
-    def text(self, column: Column) -> str:
-        """A cell as it stands."""
-        return self.table.cells[self.index][column.index]
-
-    def number(self, column: Column, name: str = "") -> float:
-        """A cell that is to be a number; complaints call its column by the name."""
-        where = self.place(name or column.name)
-        return parse_number(self.text(column), where, decimal_comma=self.table.decimal_comma)
-
-    def stamp(self, name: str) -> Written:
-        """A time stamp: a number in the column's unit, or an ISO date."""
-        column = self.table.column(name)
-        if column.unit is None and any(mark in self.text(column) for mark in "-:T"):
-            return Written(self.text(column), None, self.place(column.name))
-        return Written(self.number(column), column.unit, self.place(column.name))
-
-    def setting(self, column: Column) -> Written:
-        """A cell as a Boolean, a text, a whole number or a number."""
-        text, where = self.text(column), self.place(column.name)
-        if text.lower() in ("true", "false"):
-            return Written(text.lower() == "true", column.unit, where)
-        if column.unit is None and not _numeric(text):
-            return Written(text, None, where)  # a String variable's value, or a quantity
-        number = self.number(column)
-        whole = column.unit is None and number.is_integer() and not set(text.lower()) & set(".,e")
-        return Written(int(number) if whole else number, column.unit, where)
-
-    def amplitude(self, declared: Amplitude, name: str, *, part: bool = False) -> float:
-        """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""
-        column = _column(self.table, name, PEAKS)
-        unit = unit_of(self.table, column, f"{name} (uV)")
-        number = np.array([self.number(column, name)])
-        size = np.abs(number) if part else number
-        found = to_peak(size, unit, declared, str(self.table.path), [self.row], name)[0]
-        return float(np.copysign(found, number[0]) if part else found)
-
-    def radians(self, name: str) -> float:
-        """A cell as a phase."""
-        column = _column(self.table, name, PHASES)
-        unit = unit_of(self.table, column, f"{name} (deg)")
-        value = self.number(column, name)
-        return convert(value, unit, "rad", where=f"{self.table.path}: column '{name}'")
-
-
-def _experiment(
+def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
     file: WrittenCampaign,
     written: WrittenExperiments,
     folder: Path,
-    cells: _Cells,
+    table: Table,
+    i: int,
     label: str,
     tones_hz: tuple[float, ...],
-) -> MeasuredExperiment:
+) -> Experiment:
     """The experiment of one row, with its spectrum or its ready peaks."""
-    table, drive = cells.table, file.driven
+    path, row, drive, how = table.path, f"row {table.lines[i]}", file.driven, written.format
+
+    def place(name: str) -> str:
+        return f"{path}: {row}, column '{name}'"
+
+    def number(name: str) -> float:
+        text = table.cells[i][table.column(name).index]
+        return parse_number(text, place(name), decimal_comma=table.decimal_comma)
+
+    def setting(column: Column, *, is_stamp: bool = False) -> Written:
+        """A cell as a Boolean, a text, a whole number or a number; a stamp may be an ISO date."""
+        text, unit = table.cells[i][column.index], column.unit
+        value: Scalar = text
+        numeric = not text or text[0] in "+-.0123456789" or text.lower() in ("nan", "inf")
+        if text.lower() in ("true", "false") and not is_stamp:
+            value = text.lower() == "true"
+        elif unit is not None or (
+            not any(mark in text for mark in "-:T") if is_stamp else numeric
+        ):  # else a String variable's value, a quantity, or a date
+            value = number(column.name)
+            whole = unit is None and value.is_integer() and not set(text.lower()) & set(".,e")
+            value = int(value) if whole and not is_stamp else value
+        return Written(value, unit, place(column.name))
+
+    def amplitude(name: str, *, part: bool = False) -> float:
+        """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""
+        unit = unit_of(table, table.column(name), f"{name} (uV)")
+        value = np.array([number(name)])
+        size = np.abs(value) if part else value
+        peak = to_peak(size, unit, how.amplitude, str(path), [row], name)[0]
+        return float(np.copysign(peak, value[0]) if part else peak)
+
+    def radians(name: str) -> float:
+        unit = unit_of(table, table.column(name), f"{name} (deg)")
+        return convert(number(name), unit, "rad", where=f"{path}: column '{name}'")
+
+    # columns that are no data set variables of the FMU
     data = {*written.data_columns, file.drift.time}
-    if drive.kind == "input":
-        data |= set(drive.frequencies)
-    settings = {  # what the columns that are no data set of the FMU's variables
-        column.name: cells.setting(column)
+    data |= set(drive.frequencies) if drive.kind == "input" else set()
+    settings = {
+        column.name: setting(column)
         for column in table.columns
         if column.name not in data and column.name.lower() != "experiment"
     }
@@ -394,53 +356,44 @@ def _experiment(
     for line, f in zip(drive.lines, lines_hz, strict=True):
         if f <= 0.0:
             raise BadInput(
-                f"{table.path}: {cells.row}: {line.text} is at {hertz(f)}, wanted a positive "
-                "frequency"
+                f"{path}: {row}: {line.text} is at {hertz(f)}, wanted a positive frequency"
             )
+    time = file.drift.time
     read = partial(
-        MeasuredExperiment,
+        Experiment,
         label=label,
         tones_hz=tones_hz,
         lines_hz=lines_hz,
-        output=settings.pop(OUTPUT_COLUMN, None),
-        settings=settings,
-        stamp=cells.stamp(file.drift.time) if file.drift.time else None,
+        observed=settings.pop(OUTPUT_COLUMN, None),
+        written=settings,
+        stamp=setting(table.column(time), is_stamp=True) if time else None,
     )
-    how = written.format
     if written.spectra is not None:
-        path = folder / written.spectra.replace("{experiment}", label)
-        raw = read_trace(path, how.layout, how.selection)
-        spectrum = Spectrum(*_calibrated(raw, how), source=path, unit=how.amplitude.unit)
+        source = folder / written.spectra.replace("{experiment}", label)
+        raw = read_trace(source, how.layout, how.selection)
+        spectrum = Spectrum(*_calibrated(raw, how), source=source, unit=how.amplitude.unit)
         measured, kind = (spectrum.frequency_hz, spectrum.amplitude_v), written.noise_floor
-        reading = read_peaks(*measured, lines_hz, kind, source=str(path))
+        reading = read_peaks(*measured, lines_hz, kind, source=str(source))
         floor_v = 0.0 if kind == "none" else reading.floor.level_v
-        return read(
-            peaks_v=reading.peaks_v, sigmas_v=reading.sigmas_v, floor_v=floor_v, spectrum=spectrum
+        peaks_v, sigmas_v = reading.peaks_v, reading.sigmas_v
+        return checked_experiment(
+            read(peaks_v=peaks_v, sigmas_v=sigmas_v, floor_v=floor_v, spectrum=spectrum)
         )
-    amplitude = partial(cells.amplitude, how.amplitude, part=bool(written.x))
-    names = written.x or written.peaks
-    peaks, phases = np.array([amplitude(name) for name in names]), None
+    names, phases = written.x or written.peaks, None
+    peaks = np.array([amplitude(name, part=bool(written.x)) for name in names])
     if written.x:
-        values = peaks + 1j * np.array([amplitude(name) for name in written.y])
-        peaks, radians = np.abs(values), np.angle(values)
+        values = peaks + 1j * np.array([amplitude(name, part=True) for name in written.y])
+        peaks, angles = np.abs(values), np.angle(values)
     else:
-        radians = np.array([cells.radians(name) for name in written.phases])
+        angles = np.array([radians(name) for name in written.phases])
     for name, value in zip(names, peaks, strict=True):
         if value <= 0.0:
-            where = cells.place(name)
-            raise BadInput(f"{where}: the peak is zero; wanted a positive amplitude")
+            raise BadInput(f"{place(name)}: the peak is zero; wanted a positive amplitude")
     if written.is_complex:
         phases = Phases(
-            radians=-radians if written.conjugate else radians,
+            radians=-angles if written.conjugate else angles,
             unknown=written.unknown or UNKNOWN[0],
             restarted=label in written.restarted,
         )
-    sigmas = [
-        cells.amplitude(how.amplitude, name) for name in written.peak_sigmas
-    ]  # nan where no column tells them
-    sigmas_v = np.array(sigmas or np.full(peaks.size, np.nan))
-    return read(peaks_v=peaks, sigmas_v=sigmas_v, phases=phases)
-
-
-def _numeric(text: str) -> bool:
-    return not text or text[0] in "+-.0123456789" or text.lower() in ("nan", "inf")
+    sigmas = np.array([amplitude(name) for name in written.peak_sigmas])
+    return checked_experiment(read(peaks_v=peaks, sigmas_v=sigmas, phases=phases))

@@ -30,44 +30,20 @@ REMEMBERED = 4096
 Place = tuple[str, Mapping[str, Scalar]]
 
 
-@dataclass(frozen=True)
-class InBase:
-    """How numbers in a unit become numbers in SI base units: times ``factor``, plus ``offset``."""
-
-    factor: float = 1.0
-    offset: float = 0.0
-
-    def to_base(self, value: float) -> float:
-        """A number of the unit in base units.
-
-        Args:
-            value: in the unit.
-        """
-        return value * self.factor + self.offset
-
-    def from_base(self, value: float) -> float:
-        """A number in base units in the unit.
-
-        Args:
-            value: in base units.
-        """
-        return (value - self.offset) / self.factor
-
-
-def in_base(unit: str, where: str) -> InBase:
-    """How numbers in a unit become numbers in SI base units.
+def in_base(unit: str, where: str) -> tuple[float, float]:
+    """Factor and offset: a number x of the unit is factor x + offset in SI base units.
 
     Args:
         unit: that exists; empty: none is declared, numbers stay as they are.
-        where: what opens complaints.
+        where: what opens errors.
 
     Raises:
         BadInput: there is no such unit, or it is a logarithmic one.
     """
     if not unit:
-        return InBase()
+        return 1.0, 0.0
     offset = to_base(0.0, unit, where=where)
-    return InBase(to_base(1.0, unit, where=where) - offset, offset)
+    return to_base(1.0, unit, where=where) - offset, offset
 
 
 @dataclass(frozen=True)
@@ -87,8 +63,8 @@ class Law:
     units: Mapping[str, str]
     constants: Mapping[str, float] = field(default_factory=dict)
     unit: str = ""
-    scales: Mapping[str, InBase] = field(init=False, repr=False, compare=False)
-    result: InBase = field(init=False, repr=False, compare=False)
+    scales: Mapping[str, tuple[float, float]] = field(init=False, repr=False, compare=False)
+    result: tuple[float, float] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         where = self.formula.where
@@ -113,9 +89,12 @@ class Law:
         Args:
             values: of all names that are not constant, in their units.
         """
-        given = {**values, **self.constants}
-        base = {name: self.scales[name].to_base(float(given[name])) for name in self.formula.names}
-        return self.result.from_base(float(self.formula.value(base)))
+        given, base = {**values, **self.constants}, {}
+        for name in self.formula.names:
+            factor, offset = self.scales[name]
+            base[name] = float(given[name]) * factor + offset
+        factor, offset = self.result
+        return (float(self.formula.value(base)) - offset) / factor
 
     @property
     def words(self) -> str:
@@ -202,23 +181,33 @@ class Laws:
         """Constants by name: a number and its unit, "1" for a plain number."""
         return {name: _number(name, value, self.source) for name, value in self.constants.items()}
 
-    def with_units(self, targets: Mapping[str, str], known: Known) -> Laws:
+    def with_units(
+        self,
+        targets: Mapping[str, str],
+        *,
+        parameters: Mapping[str, str],
+        variables: Mapping[str, str],
+        controls: Mapping[str, str],
+    ) -> Laws:
         """The same, bound to an FMU.
 
         Args:
             targets: units of the FMU's variables that follow a law, empty where it declares none.
-            known: what names can stand for.
+            parameters: units of coefficients and fitted variables, which names can stand for.
+            variables: units of variables of the FMU that measurements or start values set.
+            controls: units of quantities that no variable holds.
 
         Raises:
             BadInput: a name that stands for nothing, a dimension that is not the target's.
         """
-        units = {**known.variables, **known.controls, **known.parameters}
+        units = {**variables, **controls, **parameters}
+        kinds = {"a parameter": parameters, "a control quantity": controls}
         for name in self.numbers:
             if name in units:
-                what = next(w for w, held in known.by_kind.items() if name in held)
+                what = (kind for kind, names in kinds.items() if name in names)
                 raise BadInput(
-                    f"{self.source} the constant '{name}' is also {what}; wanted another name for "
-                    "one of them"
+                    f"{self.source} the constant '{name}' is also "
+                    f"{next(what, 'a variable of the FMU')}; wanted another name for one of them"
                 )
         units |= {name: unit for name, (_, unit) in self.numbers.items()}
         for formula in self.parsed.values():
@@ -238,7 +227,7 @@ class Laws:
             )
             for target, formula in self.parsed.items()
         )
-        return replace(self, bound=bound, controls=known.controls)
+        return replace(self, bound=bound, controls=controls)
 
     def applied(
         self, values: Mapping[str, Scalar], coefficients: Mapping[str, float]
@@ -292,28 +281,6 @@ class Laws:
                     f"{users[0].formula.where}: the control quantity '{name}' is {values[0]:g} "
                     f"{unit} everywhere; wanted two values or more, or a constant"
                 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Known:
-    """What names in laws can stand for, beside constants, each with its unit.
-
-    ``parameters`` are coefficients or fitted variables, ``variables`` those of the FMU, which
-    measurements or start values set, ``controls`` quantities that no variable holds.
-    """
-
-    parameters: Mapping[str, str]
-    variables: Mapping[str, str]
-    controls: Mapping[str, str]
-
-    @property
-    def by_kind(self) -> Mapping[str, Mapping[str, str]]:
-        """The names by what they are, in words."""
-        return {
-            "a parameter": self.parameters,
-            "a control quantity": self.controls,
-            "a variable of the FMU": self.variables,
-        }
 
 
 def _number(name: str, value: float | str | Written, source: str) -> tuple[float, str]:

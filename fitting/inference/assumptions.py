@@ -180,7 +180,7 @@ def _shifts(
     for name, value in known.items():
         shift = after.get(name, np.nan) - before.get(name, np.nan)
         if np.isfinite(shift):
-            factor = in_base(value.unit, name).factor
+            factor = in_base(value.unit, name)[0]
             yield name, factor * shift
 
 

@@ -61,7 +61,7 @@ def combination_findings(
         rest = float(np.sqrt(max(1.0 - rho**2, 0.0)))
         numbers = {"correlation": rho}
         for p, deviation in ((parameters[k], deviations[k]) for k in (i, j)):
-            std = float(p.scale * deviation) * in_base(p.unit, p.name).factor
+            std = float(p.scale * deviation) * in_base(p.unit, p.name)[0]
             numbers |= {f"std_{p.name}": std, f"{ALONE}{p.name}": rest * std}
         following = list(_following(solution, covariance[:, i] / deviations[i]))
         subject = listed(parameters[k].name for k in (i, j))

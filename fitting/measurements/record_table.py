@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Self, TypeVar, cast
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
+from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.kind import MeasurementTable
-from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE
 from fitting.measurements.record import Record
 from fitting.measurements.together import Together

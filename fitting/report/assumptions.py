@@ -24,7 +24,7 @@ def shifts_of(result: Result, finding: Finding) -> list[str]:
     """
     shifts = []
     for name, value in {**result.derived, **result.parameters}.items():
-        shift = finding.numbers.get(f"{SHIFT}{name}", math.nan) / in_base(value.unit, name).factor
+        shift = finding.numbers.get(f"{SHIFT}{name}", math.nan) / in_base(value.unit, name)[0]
         if abs(shift) >= LEAST * value.std:
             shifts.append(f"{name} by {with_prefix(shift, value.unit, 2, signed=True)}")
     return shifts
@@ -39,7 +39,7 @@ def alone_of(result: Result, finding: Finding) -> list[str]:
     """
     errors = {n: finding.numbers.get(f"{ALONE}{n}") for n in result.parameters}
     return [
-        f"{n} to {with_prefix(e / in_base(p.unit, n).factor, p.unit, 2)}"
+        f"{n} to {with_prefix(e / in_base(p.unit, n)[0], p.unit, 2)}"
         for n, p in result.parameters.items()
         if (e := errors[n]) is not None
     ]

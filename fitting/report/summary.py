@@ -259,7 +259,7 @@ def _assumption(result: Result) -> str:
         shift = finding.numbers.get(f"{SHIFT}{name}", math.nan)
         # not what the data themselves exclude
         if value is not None and math.isfinite(shift) and finding.numbers["chi_square"] < EXCLUDED:
-            found.append((abs(shift), finding.subject, shift / in_base(value.unit, name).factor))
+            found.append((abs(shift), finding.subject, shift / in_base(value.unit, name)[0]))
     if not found:
         return ""
     _, subject, shift = max(found)

@@ -15,7 +15,7 @@ import pytest
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.binder import Binder
 from fitting.campaign.drift import bind_drift
-from fitting.campaign.measured import MeasuredExperiment
+from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import Objective, weights
 from fitting.fit.options import Options, options_of
@@ -303,12 +303,12 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
 def test_what_two_outputs_read_of_one_drive_is_one_state(swift_fmu: Path, tmp_path: Path) -> None:
     """Three drives, two of them read at both outputs; a drive that comes again later is another."""
     measured = [
-        MeasuredExperiment(
+        Experiment(
             label=label,
             tones_hz=(tone - 40.0, tone + 40.0),
             peaks_v=np.array([2e-5, 2e-5]),
-            settings=written_values({"u1": tone - 40.0, "u2": tone + 40.0}, label),
-            output=Written(output, None, label),
+            written=written_values({"u1": tone - 40.0, "u2": tone + 40.0}, label),
+            observed=Written(output, None, label),
         )
         for label, tone, output in [
             ("a1", 6.94e6, "q1_hybrid"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.campaign.laws import Known, Laws
+from fitting.campaign.laws import Laws
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
@@ -167,12 +167,12 @@ def test_a_program_says_the_same(swift_fmu: Path) -> None:
 
 
 def test_a_variable_without_unit_takes_the_value_in_base_units_and_says_so() -> None:
-    known = Known(parameters={"k": "kN/m"}, variables={"mass": "g"}, controls={})
-    [law] = Laws({"w2": "k/mass"}).with_units({"w2": ""}, known).bound
+    known = {"parameters": {"k": "kN/m"}, "variables": {"mass": "g"}, "controls": {}}
+    [law] = Laws({"w2": "k/mass"}).with_units({"w2": ""}, **known).bound
     assert law.value({"k": 2.0, "mass": 500.0}) == pytest.approx(2000.0 / 0.5)
     for token in ("'w2'", " k/mass", " kN/g/m "):
         assert token in law.words
-    [plain] = Laws({"n": "k/k"}).with_units({"n": ""}, known).bound
+    [plain] = Laws({"n": "k/k"}).with_units({"n": ""}, **known).bound
     assert plain.words.startswith("'n' ")
     assert plain.words.endswith(" k/k.")
 

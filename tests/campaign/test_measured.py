@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitting.campaign import read_campaign
-from fitting.campaign.drift import Drifting
-from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Spectrum
+from fitting.campaign import Drift, read_campaign
+from fitting.campaign.measured import Experiment, Spectrum, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.text.errors import BadInput
 from fitting.text.written import Written, as_written, in_unit, positive_in, written_values
@@ -26,17 +25,17 @@ def test_the_shipped_series_from_its_numbers_alone() -> None:
     first, sweep = campaign.experiments[0], campaign.sweep
     assert sweep is not None
     assert first.spectrum is not None
-    made = MeasuredExperiment(
+    made = experiment(
         label="pair1",
         tones_hz=(6940160.0, 6940360.0),
         peaks_v=first.peaks_v,
         sigmas_v=first.sigmas_v,
-        settings=written_values({"u1": 6940160.0, "u2": 6940360.0}, "here"),
+        written=written_values({"u1": 6940160.0, "u2": 6940360.0}, "here"),
     )
     assert made.lines_hz == first.lines_hz == made.tones_hz
     assert np.array_equal(made.peaks_v, first.peaks_v)
-    assert in_unit(made.settings["u1"], "Hz") == in_unit(first.settings["u1"], "Hz")
-    again = MeasuredSweep(frequency_hz=sweep.frequency_hz, amplitude_v=sweep.amplitude_v)
+    assert in_unit(made.written["u1"], "Hz") == in_unit(first.written["u1"], "Hz")
+    again = SweepData(frequency_hz=sweep.frequency_hz, amplitude_v=sweep.amplitude_v)
     assert again.unit == sweep.unit == "V"
     assert again.source == Path("arrays")
     spectrum = Spectrum(first.spectrum.frequency_hz, first.spectrum.amplitude_v)
@@ -44,22 +43,22 @@ def test_the_shipped_series_from_its_numbers_alone() -> None:
 
 
 def test_lists_are_arrays_and_what_is_unknown_is_nan() -> None:
-    made = MeasuredExperiment(label="a", tones_hz=(1.0, 2.0), peaks_v=np.array([3, 4]))
+    made = experiment(peaks_v=np.array([3, 4]))
     assert made.peaks_v.dtype == float
     assert np.all(np.isnan(made.sigmas_v))
     assert made.sigmas_v.shape == (2,)
     values: Any = list(range(1, 9))
-    assert MeasuredSweep(frequency_hz=values, amplitude_v=values).amplitude_v.tolist() == values
+    assert SweepData(frequency_hz=values, amplitude_v=values).amplitude_v.tolist() == values
 
 
-def experiment(**changed: Any) -> MeasuredExperiment:
+def experiment(**changed: Any) -> Experiment:
     usual: dict[str, Any] = {"label": "a", "tones_hz": (1.0, 2.0), "peaks_v": np.array([3.0, 4.0])}
-    return MeasuredExperiment(**usual | changed)
+    return checked_experiment(Experiment(**usual | changed))
 
 
-def sweep(**changed: Any) -> MeasuredSweep:
+def sweep(**changed: Any) -> SweepData:
     usual: dict[str, Any] = {"frequency_hz": F, "amplitude_v": A}
-    return MeasuredSweep(**usual | changed)
+    return SweepData(**usual | changed)
 
 
 @pytest.mark.parametrize(
@@ -121,9 +120,9 @@ def test_spectra_noise_and_drift_that_cannot_be_are_refused() -> None:
     with pytest.raises(BadInput, match="threshold 0"):
         Noise(threshold=0.0)
     with pytest.raises(BadInput, match=r"eta: .* 1 to nan"):
-        Drifting(ends={"eta": (1.0, np.nan)}, positions=(0.0, 1.0), parameters=())
+        Drift(ends={"eta": (1.0, np.nan)}, positions=(0.0, 1.0), parameters=())
     with pytest.raises(BadInput, match="positions 0, 2 "):
-        Drifting(ends={"eta": (1.0, 2.0)}, positions=(0.0, 2.0), parameters=())
+        Drift(ends={"eta": (1.0, 2.0)}, positions=(0.0, 2.0), parameters=())
 
 
 def test_values_as_if_they_were_written() -> None:

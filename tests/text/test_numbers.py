@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.campaign.measured import MeasuredSweep
+from fitting.campaign.measured import SweepData
 from tests.support.in_process import told
 from tests.support.lines import mode, write_csv
 
@@ -24,7 +24,7 @@ TAKERS: dict[str, tuple[Callable[..., Any], np.ndarray, np.ndarray]] = {
     "phasors": (ff.line, F_HZ, LINE),
     "density": (ff.noise_line, F_HZ, abs(LINE) ** 2),
     "decay": (ff.ringdown, T_S, np.exp(-9.0 * T_S) * np.cos(600.0 * T_S)),
-    "sweep": (lambda f, a: MeasuredSweep(frequency_hz=f, amplitude_v=a), F_HZ, AMPLITUDES),
+    "sweep": (lambda f, a: SweepData(frequency_hz=f, amplitude_v=a), F_HZ, AMPLITUDES),
 }
 
 
