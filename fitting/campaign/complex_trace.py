@@ -32,12 +32,12 @@ from fitting.campaign.instruments.roles import (
     without_zero,
 )
 from fitting.campaign.instruments.trace import check_axis
+from fitting.campaign.measured import check_count, check_rising
 from fitting.signal.complex_line import complex_line
-from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
-from fitting.text.notation import how_many, prefixed
+from fitting.text.notation import prefixed
 from fitting.text.numbers import as_numbers, as_values, require_size
 from fitting.text.units import convert
 
@@ -79,21 +79,14 @@ class MeasuredComplex:
             raise BadInput(
                 f"{where}: frequencies {f.shape} and values {values.shape}; wanted (n,) for both"
             )
-        if f.size < MIN_SWEEP_POINTS:
-            raise BadInput(
-                f"{where}: {how_many(f.size, 'point is', 'points are')} too few for a sweep; "
-                "wanted at least "
-                f"{MIN_SWEEP_POINTS}"
-            )
+        check_count(f.size, where)
         for name, numbers in (("frequency", f), ("X", values.real), ("Y", values.imag)):
             for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
                 raise BadInput(
                     f"{where}: {name} number {i + 1} is {numbers[i]}, wanted a finite number"
                 )
-        require_size(f, f"{where}: frequencies")
         require_size(values, f"{where}: values")
-        if f[0] <= 0.0 or np.any(np.diff(f) <= 0.0):
-            raise BadInput(f"{where}: wanted frequencies above zero that rise strictly")
+        check_rising(f, where)
         if not np.any(np.abs(values) > 0.0):
             raise BadInput(f"{where}: every value is zero; wanted a resonance")
         object.__setattr__(self, "u_hz", f)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from fitting.campaign.file import TraceFormat
-from fitting.campaign.instruments import Channel, RawTrace, Recording, read_trace, unit_of
+from fitting.campaign.instruments import Channel, Recording, read_trace, unit_of
 from fitting.campaign.instruments.recording import of_table
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
 from fitting.campaign.instruments.wide import read_spectra_table
@@ -36,21 +36,6 @@ REACH = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpectraFormat:
-    """How spectra are read: ``controls`` are columns, ``drive_column`` may be one.
-
-    Of a periodic drive with the fundamental ``fundamental_hz`` only the odd harmonics are taken;
-    ``range_hz`` is the first and the last frequency.
-    """
-
-    trace: TraceFormat
-    controls: tuple[str, ...]
-    drive_column: str = ""
-    fundamental_hz: float | None = None
-    range_hz: tuple[float, float] = (0.0, float("inf"))
-
-
-@dataclass(frozen=True, kw_only=True)
 class MeasuredSpectrum:
     """Peak amplitudes (n,) at ``frequency_hz`` (n,), under ``controls`` as they were written.
 
@@ -65,21 +50,107 @@ class MeasuredSpectrum:
     drive: FloatArray | None = None
 
 
-def read_spectra(path: Path, how: SpectraFormat) -> tuple[MeasuredSpectrum, ...]:
+def read_spectra(
+    path: Path,
+    trace: TraceFormat,
+    controls: Sequence[str],
+    drive_column: str = "",
+    fundamental_hz: float | None = None,
+    range_hz: tuple[float, float] = (0.0, float("inf")),
+) -> tuple[MeasuredSpectrum, ...]:
     """All spectra of a table, each by the values of its controls.
 
     Args:
         path: of the table, with all points or with a row for each spectrum.
-        how: they are read.
+        trace: how the points are read.
+        controls: columns of the control quantities.
+        drive_column: column of the drive's amplitude; empty: none has it.
+        fundamental_hz: of a periodic drive, Hz, of which only the odd harmonics are taken.
+        range_hz: first and last frequency that is taken, Hz.
 
     Raises:
         BadInput: no such file or column, values that are no numbers, frequencies that do not rise
             or are there twice, two spectra at the same values, fewer than two spectra.
     """
     table = read_spectra_table(path)
-    places = places_of(table, how.controls)
+    places = places_of(table, controls)
     recording = of_table(table)
-    return tuple(spectra_at(table, places, partial(_spectrum, table, recording, how)))
+    taken = {each.lower() for each in (*controls, drive_column)}
+
+    def spectrum_at(place: ControlPlace) -> MeasuredSpectrum:
+        own = file_at(table, place)
+        if own is not None:
+            raw, drive = read_trace(own, trace.layout, trace.selection), None
+            where = f"{own}: column 'frequency'"
+            f = raw.frequency * _hertz(raw.frequency_unit, where)
+            sizes, unit, rows = raw.amplitude, raw.amplitude_unit, raw.places
+        else:
+            own = table.path
+            f, sizes, unit, drive = _points_of(recording, trace, taken, drive_column, place.rows)
+            rows = tuple(recording.places[i] for i in place.rows)
+        spectrum = MeasuredSpectrum(
+            label=place.label,
+            controls=place.controls,
+            frequency_hz=f,
+            amplitude=to_peak(sizes, unit, trace.amplitude, str(own), rows),
+            source=own,
+            drive=drive,
+        )
+        if fundamental_hz is not None:
+            spectrum = with_harmonics(spectrum, fundamental_hz)
+        where = f"{own}: the spectrum at {place.label}"
+        kept = inside(spectrum.frequency_hz, range_hz, where)
+        if not np.any(spectrum.amplitude[kept] > 0.0):
+            raise BadInput(f"{where}: every amplitude is zero; wanted a resonance")
+        return replace(
+            spectrum,
+            frequency_hz=spectrum.frequency_hz[kept],
+            amplitude=spectrum.amplitude[kept],
+            drive=None if spectrum.drive is None else spectrum.drive[kept],
+        )
+
+    return tuple(spectra_at(table, places, spectrum_at))
+
+
+def _hertz(unit: str, where: str) -> float:
+    """Hz in one of the unit: of many points at once, each rounded twice."""
+    return float(hertz_of([1.0], unit, where=where)[0])
+
+
+def _points_of(
+    recording: Recording, trace: TraceFormat, taken: Set[str], drive_column: str, rows: IntArray
+) -> tuple[FloatArray, FloatArray, str, FloatArray | None]:
+    """Frequencies in Hz, amplitudes, their unit and the drive in rows of a table, (n,) each."""
+    path, wanted = recording.path, trace.selection
+    places = [recording.places[i] for i in rows]
+
+    def column(name: str, usual: Sequence[str]) -> Channel:
+        """The column of the wanted name, else of the first usual one that is no control."""
+        if name:
+            return recording.column(name)
+        there = (recording.find(each) for each in usual if each not in taken)
+        first = next((each for each in there if each is not None), None)
+        return first or recording.column(usual[0])
+
+    frequency = column(wanted.frequency, FREQUENCY)
+    amplitude = column(wanted.amplitude, AMPLITUDE)
+    unit = unit_of(recording, frequency, "frequency (Hz)")
+    f = _hertz(unit, f"{path}: column '{frequency.name}'") * recording.numbers(frequency)[rows]
+    for i in np.flatnonzero(f < 0.0)[:1]:
+        raise BadInput(f"{path}: {places[i]}: frequency {f[i]:.12g} Hz; wanted one from zero on")
+    for i in np.flatnonzero(np.diff(f) <= 0.0)[:1]:
+        raise BadInput(
+            f"{path}: {places[i + 1]}: frequency {f[i + 1]:.12g} Hz follows {f[i]:.12g} Hz; wanted "
+            "strictly rising ones at each value of the controls"
+        )
+    unit = unit_of(recording, amplitude, "amplitude (uV)")
+    values = recording.numbers(amplitude)[rows]
+    driven = recording.find(drive_column) if drive_column else None
+    drive = None if driven is None else recording.numbers(driven)[rows]
+    if drive is not None and np.any(drive <= 0.0):
+        bad = places[int(np.argmax(drive <= 0.0))]
+        raise BadInput(f"{path}: {bad}, column '{drive_column}': wanted more than zero")
+    return f, values, unit, drive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,8 +206,14 @@ def places_of(table: Table, controls: Sequence[str]) -> tuple[ControlPlace, ...]
             f"{table.path}: one spectrum, at {labels[0]}; wanted several values of "
             f"{', '.join(controls)}"
         )
-    if listed is None:
-        _check_counts(table, controls, places)
+    most = max(place.rows.size for place in places)
+    if listed is None and most < LEAST_POINTS:
+        names = ", ".join(controls)
+        raise BadInput(
+            f"{table.path}: {len(places)} values of {names}, at each {how_many(most, 'point')} or "
+            f"fewer; wanted at least {LEAST_POINTS} at each (rows of one spectrum have the very "
+            f"same value of {names})"
+        )
     return tuple(places)
 
 
@@ -161,18 +238,6 @@ def spectra_at(
         # one table: what is wrong with its first spectrum is mostly wrong with all
         further = f" (and {len(error.args) - 1} more such complaints)" * (len(error.args) > 1)
         raise BadInput(f"{error.args[0]}{further}") from error
-
-
-def _check_counts(table: Table, controls: Sequence[str], places: Sequence[ControlPlace]) -> None:
-    """Complain of a table where no value of the controls is there often enough for a spectrum."""
-    counts = [place.rows.size for place in places]
-    if max(counts) < LEAST_POINTS:
-        names = ", ".join(controls)
-        raise BadInput(
-            f"{table.path}: {len(counts)} values of {names}, at each "
-            f"{_points(max(counts))} or fewer; wanted at least {LEAST_POINTS} at each "
-            f"(rows of one spectrum have the very same value of {names})"
-        )
 
 
 def file_at(table: Table, place: ControlPlace) -> Path | None:
@@ -204,104 +269,10 @@ def inside(frequency_hz: FloatArray, range_hz: tuple[float, float], where: str) 
     if count < LEAST_POINTS:
         between = "" if high == np.inf else f" from {hertz(low)} to {hertz(high)}"
         raise BadInput(
-            f"{where} has {_points(count)} to fit{between}; wanted at least {LEAST_POINTS}"
+            f"{where} has {how_many(count, 'point')} to fit{between}; wanted at least "
+            f"{LEAST_POINTS}"
         )
     return np.asarray(kept)
-
-
-def _spectrum(
-    table: Table, recording: Recording, how: SpectraFormat, place: ControlPlace
-) -> MeasuredSpectrum:
-    path = file_at(table, place)
-    if path is not None:
-        raw = read_trace(path, how.trace.layout, how.trace.selection)
-        read = _from_trace(raw, how)
-    else:
-        read = _from_rows(table, recording, how, place.rows)
-    spectrum = replace(read, label=place.label, controls=place.controls)
-    if how.fundamental_hz is not None:
-        spectrum = with_harmonics(spectrum, how.fundamental_hz)
-    where = f"{spectrum.source}: the spectrum at {place.label}"
-    kept = inside(spectrum.frequency_hz, how.range_hz, where)
-    if not np.any(spectrum.amplitude[kept] > 0.0):
-        raise BadInput(f"{where}: every amplitude is zero; wanted a resonance")
-    return replace(
-        spectrum,
-        frequency_hz=spectrum.frequency_hz[kept],
-        amplitude=spectrum.amplitude[kept],
-        drive=None if spectrum.drive is None else spectrum.drive[kept],
-    )
-
-
-def _points(count: int) -> str:
-    return how_many(count, "point")
-
-
-def _from_trace(raw: RawTrace, how: SpectraFormat) -> MeasuredSpectrum:
-    where = f"{raw.path}: column 'frequency'"
-    amplitude = to_peak(
-        raw.amplitude, raw.amplitude_unit, how.trace.amplitude, str(raw.path), raw.places
-    )
-    return MeasuredSpectrum(
-        label="",
-        controls={},
-        frequency_hz=raw.frequency * _hertz(raw.frequency_unit, where),
-        amplitude=amplitude,
-        source=raw.path,
-    )
-
-
-def _hertz(unit: str, where: str) -> float:
-    """Hz in one of the unit: of many points at once, each rounded twice."""
-    return float(hertz_of([1.0], unit, where=where)[0])
-
-
-def _from_rows(
-    table: Table, recording: Recording, how: SpectraFormat, rows: IntArray
-) -> MeasuredSpectrum:
-    selection = how.trace.selection
-    frequency = _named(recording, selection.frequency, FREQUENCY, how)
-    amplitude = _named(recording, selection.amplitude, AMPLITUDE, how)
-    where = f"{table.path}: column '{frequency.name}'"
-    written = unit_of(recording, frequency, "frequency (Hz)")
-    f = _hertz(written, where) * recording.numbers(frequency)[rows]
-    for i in np.flatnonzero(f < 0.0)[:1]:
-        raise BadInput(
-            f"{table.path}: row {table.lines[rows[i]]}: frequency {f[i]:.12g} Hz; wanted one from "
-            "zero on"
-        )
-    for i in np.flatnonzero(np.diff(f) <= 0.0)[:1]:
-        raise BadInput(
-            f"{table.path}: row {table.lines[rows[i + 1]]}: frequency {f[i + 1]:.12g} Hz follows "
-            f"{f[i]:.12g} Hz; wanted strictly rising ones at each value of the controls"
-        )
-    places = [f"row {table.lines[i]}" for i in rows]
-    unit = unit_of(recording, amplitude, "amplitude (uV)")
-    values = recording.numbers(amplitude)[rows]
-    driven = table.find(how.drive_column) if how.drive_column else None
-    drive = None if driven is None else table.numbers(driven)[rows]
-    if drive is not None and np.any(drive <= 0.0):
-        bad = places[int(np.argmax(drive <= 0.0))]
-        raise BadInput(f"{table.path}: {bad}, column '{how.drive_column}': wanted more than zero")
-    return MeasuredSpectrum(
-        label="",
-        controls={},
-        frequency_hz=f,
-        amplitude=to_peak(values, unit, how.trace.amplitude, str(table.path), places),
-        source=table.path,
-        drive=drive,
-    )
-
-
-def _named(recording: Recording, wanted: str, names: Sequence[str], how: SpectraFormat) -> Channel:
-    """The column of the wanted name, else of the first usual one that is no control, no drive."""
-    if wanted:
-        return recording.column(wanted)
-    taken = {each.lower() for each in (*how.controls, how.drive_column)}
-    found = (recording.find(each) for each in names if each not in taken)
-    return next((column for column in found if column is not None), None) or recording.column(
-        names[0]
-    )
 
 
 def with_harmonics(spectrum: MeasuredSpectrum, fundamental_hz: float) -> MeasuredSpectrum:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fitting.campaign.bound import BoundCampaign, SweepData
+from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.parameters import Parameter
 from fitting.text.errors import BadInput
 
@@ -23,18 +23,49 @@ def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, .
     Raises:
         BadInput: parameters, alternatives or units that contradict each other; names both files.
     """
-    for other in bounds[1:]:
-        _check_alike(bounds[0], other)
+    wanted = "wanted the same in campaigns that are fitted together"
+    first, *others = bounds
+    for other in others:
+        for what, one, two in (
+            ("[alternatives]", first.alternatives, other.alternatives),
+            ("unit of the amplitudes", first.amplitude_unit, other.amplitude_unit),
+        ):
+            if one != two:
+                found, known = (
+                    str([dict(v) for v in value]) if isinstance(value, tuple) else str(value)
+                    for value in (two, one)
+                )
+                raise BadInput(
+                    f"{other.path}: {what}: {found}, but {first.path} has {known}; {wanted}"
+                )
+        if first.path.resolve() == other.path.resolve():
+            raise BadInput(f"{other.path}: is named twice; wanted different campaigns")
     shared: dict[str, tuple[Parameter, BoundCampaign]] = {}
     own: list[Parameter] = []
     notes: list[str] = []
     for bound in bounds:
-        for parameter in bound.parameters:
-            if is_shared(parameter):
-                known = shared.setdefault(parameter.name, (parameter, bound))
-                notes += _compared(*known, parameter, bound)
-            else:
-                own.append(parameter)
+        for p in bound.parameters:
+            if not is_shared(p):
+                own.append(p)
+                continue
+            q, home = shared.setdefault(p.name, (p, bound))
+            for key in ("unit", "lower", "upper", "period", "prior"):
+                if getattr(q, key) != getattr(p, key):
+                    raise BadInput(
+                        f"{bound.path}: parameter '{p.name}': {key} = {getattr(p, key)!r}, but "
+                        f"{home.path} has {getattr(q, key)!r}; {wanted}"
+                    )
+            apart = [
+                f"{key} {getattr(q, key):.8g} and {getattr(p, key):.8g}"
+                for key in ("start", "reference", "scale")
+                if getattr(q, key) != getattr(p, key)
+            ]
+            if apart:
+                one, two = home.path.parent.name, bound.path.parent.name
+                notes.append(
+                    f"'{p.name}' has {', '.join(apart)} in {one} and {two}: those of {one} are "
+                    "taken for both."
+                )
     return (*(p for p, _ in shared.values()), *own), notes
 
 
@@ -46,25 +77,31 @@ def named_apart(bounds: Sequence[BoundCampaign]) -> tuple[tuple[str, BoundCampai
     """
     if len(bounds) == 1:
         return (("", bounds[0]),)
-    return tuple(
-        (
-            name,
-            replace(
-                bound,
-                experiments=tuple(
-                    replace(e, label=f"{name}/{e.label}", output=e.output or bound.setup.output)
-                    for e in bound.experiments
-                ),
-                sweep=None if bound.sweep is None else _labelled(bound.sweep, name),
-                parameters=tuple(p if is_shared(p) else _apart(p, name) for p in bound.parameters),
-            ),
+    named = []
+    for name, bound in zip(series_names(bounds), bounds, strict=True):
+        sweep, parameters = bound.sweep, []
+        if sweep is not None and sweep.label:
+            sweep = replace(sweep, label=f"{name}/{sweep.label}")
+        for p in bound.parameters:
+            if not is_shared(p):
+                # offset[pair1] of the series a is offset[a/pair1], ln_scale is ln_scale[a]
+                head, bracket, label = p.name.partition("[")
+                labels = [f"{name}/{each}" for each in p.experiments]
+                p = replace(
+                    p,
+                    name=f"{head}[{name}/{label}" if bracket else f"{p.name}[{name}]",
+                    variable=p.target,
+                    experiment=labels[0] if labels else None,
+                    further=tuple(labels[1:]),
+                )
+            parameters.append(p)
+        experiments = tuple(
+            replace(e, label=f"{name}/{e.label}", output=e.output or bound.setup.output)
+            for e in bound.experiments
         )
-        for name, bound in zip(series_names(bounds), bounds, strict=True)
-    )
-
-
-def _labelled(sweep: SweepData, series: str) -> SweepData:
-    return replace(sweep, label=f"{series}/{sweep.label}") if sweep.label else sweep
+        apart = replace(bound, experiments=experiments, sweep=sweep, parameters=tuple(parameters))
+        named.append((name, apart))
+    return tuple(named)
 
 
 def is_shared(parameter: Parameter) -> bool:
@@ -88,62 +125,3 @@ def series_names(bounds: Sequence[BoundCampaign]) -> tuple[str, ...]:
         if len(set(names)) == len(names):
             return tuple(names)
     return tuple(f"{name}{k}" for k, name in enumerate(folders, start=1))
-
-
-def _suffixed(name: str, series: str) -> str:
-    """``offset[pair1]`` of the series a is ``offset[a/pair1]``, ``ln_scale`` is ``ln_scale[a]``."""
-    head, bracket, label = name.partition("[")
-    return f"{head}[{series}/{label}" if bracket else f"{name}[{series}]"
-
-
-def _apart(parameter: Parameter, series: str) -> Parameter:
-    labels = [f"{series}/{label}" for label in parameter.experiments]
-    return replace(
-        parameter,
-        name=_suffixed(parameter.name, series),
-        variable=parameter.target,
-        experiment=labels[0] if labels else None,
-        further=tuple(labels[1:]),
-    )
-
-
-def _compared(
-    known: Parameter, home: BoundCampaign, parameter: Parameter, bound: BoundCampaign
-) -> list[str]:
-    """A note where two campaigns begin a shared parameter elsewhere."""
-    for field in ("unit", "lower", "upper", "period", "prior"):
-        one, two = getattr(known, field), getattr(parameter, field)
-        if one != two:
-            raise BadInput(
-                f"{bound.path}: parameter '{parameter.name}': {field} = {two!r}, but "
-                f"{home.path} has {one!r}; wanted the same in campaigns that are fitted together"
-            )
-    apart = [
-        f"{field} {getattr(known, field):.8g} and {getattr(parameter, field):.8g}"
-        for field in ("start", "reference", "scale")
-        if getattr(known, field) != getattr(parameter, field)
-    ]
-    if not apart:
-        return []
-    return [
-        f"'{parameter.name}' has {', '.join(apart)} in {home.path.parent.name} and "
-        f"{bound.path.parent.name}: those of {home.path.parent.name} are taken for both."
-    ]
-
-
-def _check_alike(one: BoundCampaign, two: BoundCampaign) -> None:
-    for what, a, b in (
-        ("[alternatives]", one.alternatives, two.alternatives),
-        ("unit of the amplitudes", one.amplitude_unit, two.amplitude_unit),
-    ):
-        if a != b:
-            raise BadInput(
-                f"{two.path}: {what}: {_words(b)}, but {one.path} has {_words(a)}; wanted the "
-                "same in campaigns that are fitted together"
-            )
-    if one.path.resolve() == two.path.resolve():
-        raise BadInput(f"{two.path}: is named twice; wanted different campaigns")
-
-
-def _words(value: object) -> str:
-    return str([dict(v) for v in value]) if isinstance(value, tuple) else str(value)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,41 +32,30 @@ ROLES = ("frequency", "amplitude", "phase", "re", "im", "complex", "time")
 ROLE_WORDS = {"re": "real part", "im": "imaginary part", "complex": "complex values"}
 #: How many times more, of its size, a column varies than one that is held.
 FAR_MORE = 10.0
-#: Why a column is taken for which nothing else speaks.
-NO_OTHER = "no other one is left"
 _PHASE_UNITS = ("deg", "rad", "°")
-
-
-@dataclass(frozen=True, kw_only=True)
-class FoundColumn:
-    """A column: its name, its unit (None: the file tells none), and its role, one of `ROLES`.
-
-    ``role`` is empty for a column that seems to be none of these; ``guessed`` says whether the role
-    comes from the numbers or the unit, and not from a usual name.
-    """
-
-    name: str
-    unit: str | None
-    role: str = ""
-    guessed: bool = False
+_AMPLITUDE_WORDS = (
+    r"ampl|magn|\bmag\b|\bamp\b|level|power|gain|\bs\d\d\b|response|signal|volt|trace"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recognised:
     """A file as it was recognised.
 
-    ``layout`` is its name in a campaign; ``words`` say it to people, as "Touchstone, 1 port, S11,
-    201 points, GHz"; ``remarks`` are sentences about what was guessed, and what else is there.
+    ``layout`` is its name in a campaign; ``words`` describe it, as "Touchstone, 1 port, S11, 201
+    points, GHz"; ``columns`` have a ``role`` of `ROLES`, empty where they seem to be none, and are
+    ``guessed`` where it comes from the numbers or the unit, and not from a usual name; ``remarks``
+    are sentences about what was guessed, and what else is there.
     """
 
     path: Path
     layout: str
     words: str
-    columns: tuple[FoundColumn, ...]
+    columns: tuple[Channel, ...]
     points: int
     remarks: tuple[str, ...] = ()
 
-    def role(self, name: str) -> FoundColumn | None:
+    def role(self, name: str) -> Channel | None:
         """The column of a role, or None.
 
         Args:
@@ -119,14 +108,16 @@ def recognised(path: Path, selection: Selection | None = None) -> Recognised:
     layout = layout_in(path, selection)
     recording = read_recording(path, layout, selection)
     roles = _Roles(recording)
-    roles.find()
+    if not recording.headed:
+        roles.by_numbers()
+    else:
+        roles.axis()
+        if not roles.complex_values():
+            roles.parts()
+            if "re" not in roles.given.values():
+                roles.sizes()
     columns = tuple(
-        FoundColumn(
-            name=c.name,
-            unit=c.unit,
-            role=roles.found.get(c.name, ""),
-            guessed=c.name in roles.guessed,
-        )
+        replace(c, role=roles.given.get(c.name, ""), guessed=c.name in roles.guessed)
         for c in recording.channels
     )
     axis = next((c for c in columns if c.role in ("frequency", "time")), None)
@@ -147,27 +138,17 @@ class _Roles:
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
-        self.found: dict[str, str] = {}
+        self.given: dict[str, str] = {}
         self.guessed: set[str] = set()
         self.remarks: list[str] = []
 
-    def find(self) -> None:
-        if not self.recording.headed:
-            self._by_numbers()
-            return
-        self._axis()
-        self._complex()
-        if "complex" not in self.found.values():
-            self._parts()
-        self._sizes()
-
     def _free(self) -> list[Channel]:
-        return [c for c in self.recording.channels if c.name not in self.found]
+        return [c for c in self.recording.channels if c.name not in self.given]
 
     def _give(self, channel: Channel | None, role: str, *, why: str = "") -> bool:
-        if channel is None or channel.name in self.found:
+        if channel is None or channel.name in self.given:
             return False
-        self.found[channel.name] = role
+        self.given[channel.name] = role
         if why:
             self.guessed.add(channel.name)
             self.remarks.append(
@@ -175,38 +156,42 @@ class _Roles:
             )
         return True
 
-    def _axis(self) -> None:
+    def axis(self) -> None:
+        """The frequency: by its usual name, one that rises, or the only one in hertz; or time."""
         recording = self.recording
-        time = usual(recording, TIME)
-        held = usual(recording, FREQUENCY)
-        if time is not None and held is not None and _rises(time) and not _varies(held):
-            held = None  # what a lock-in demodulated at, beside what it recorded
-        if self._give(held, "frequency"):
+        time, frequency = usual(recording, TIME), usual(recording, FREQUENCY)
+        if time is not None and frequency is not None and _rises(time) and not _varies(frequency):
+            frequency = None  # what a lock-in demodulated at, beside what it recorded
+        if self._give(frequency, "frequency"):
             return
         in_hertz = [c for c in recording.channels if c.unit and is_frequency(c.unit)]
         named = [c for c in recording.channels if "freq" in plain_name(c)]
-        rising = [c for c in (*named, *in_hertz) if _rises(c)]
-        if rising:
-            why = "it rises" + (f", and is in {rising[0].unit}" if rising[0].unit else "")
-            self._give(rising[0], "frequency", why=why)
+        rising = next((c for c in (*named, *in_hertz) if _rises(c)), None)
+        if rising is not None:
+            why = "it rises" + (f", and is in {rising.unit}" if rising.unit else "")
+            self._give(rising, "frequency", why=why)
             return
-        in_seconds = [c for c in recording.channels if c.unit and same_kind(c.unit, "s")]
-        time = time or next(iter(in_seconds), None)
-        if self._give(time, "time"):
+        in_seconds = (c for c in recording.channels if c.unit and same_kind(c.unit, "s"))
+        if self._give(time or next(in_seconds, None), "time"):
             self.remarks.append("it is a recording over time, not a sweep of the frequency")
         elif len(in_hertz) == 1:  # of a map in rows: it rises anew for each value of the control
             self._give(in_hertz[0], "frequency", why=f"it is the only one in {in_hertz[0].unit}")
 
-    def _complex(self) -> None:
+    def complex_values(self) -> bool:
+        """Complex values, the transmission if there are several."""
         complexes = [c for c in self.recording.channels if c.is_complex]
         through = [c for c in complexes if re.fullmatch(r"[a-z]*\W*2,?1\W*", c.name.lower())]
         chosen = next(iter(through or complexes), None)
-        others = ", ".join(c.name for c in complexes if c is not chosen)
-        if self._give(chosen, "complex") and others and chosen is not None:
+        if chosen is None or not self._give(chosen, "complex"):
+            return False
+        if len(complexes) > 1:
+            others = ", ".join(c.name for c in complexes if c is not chosen)
             self.guessed.add(chosen.name)
             self.remarks.append(f"{chosen.name} is taken; there is also {others}")
+        return True
 
-    def _parts(self) -> None:
+    def parts(self) -> None:
+        """Real and imaginary part: by usual names, as one quantity, or as their names say."""
         x, y = usual(self.recording, X), usual(self.recording, Y)
         if x is not None and y is not None and usual(self.recording, AMPLITUDE) is None:
             self._give(x, "re")
@@ -225,37 +210,25 @@ class _Roles:
                 self._give(other, "im", why="its name means the imaginary part")
                 return
 
-    def _sizes(self) -> None:
-        if "complex" in self.found.values() or "re" in self.found.values():
-            return
-        tests: Sequence[tuple[str, Callable[[Channel], bool]]] = (
-            ("its name", lambda c: bool(re.search(r"phase|theta|angle|\barg\b", plain_name(c)))),
-            ("its unit", lambda c: c.unit in _PHASE_UNITS),
-        )
-        if not self._give(usual(self.recording, PHASE), "phase"):
-            self._first("phase", tests)
-        if not self._give(usual(self.recording, AMPLITUDE), "amplitude"):
-            words = (
-                r"ampl|magn|\bmag\b|\bamp\b|level|power|gain|\bs\d\d\b|response|signal|volt|trace"
-            )
-            self._first(
-                "amplitude",
-                (
-                    ("its name", lambda c: bool(re.search(words, plain_name(c)))),
-                    ("its unit", lambda c: c.unit is not None),
-                    (NO_OTHER, lambda c: True),
-                ),
-            )
+    def sizes(self) -> None:
+        """Amplitude and phase: by usual names, by words in the name, by the unit, or the rest."""
+        for role, names, pattern, units in (
+            ("phase", PHASE, r"phase|theta|angle|\barg\b", _PHASE_UNITS),
+            ("amplitude", AMPLITUDE, _AMPLITUDE_WORDS, None),
+        ):
+            if self._give(usual(self.recording, names), role):
+                continue
+            lively = [c for c in self._free() if _varies(c)]
+            named = [c for c in lively if re.search(pattern, plain_name(c))]
+            in_unit = [c for c in lively if (c.unit in units if units else c.unit is not None)]
+            rest = "no other one is left"
+            if len(lively) > 1:
+                rest = f"it is the first of {len(lively)} that could be it"
+            tests = [("its name", named), ("its unit", in_unit)]
+            tests += [] if units else [(rest, lively)]
+            any(self._give(_livelier(suitable), role, why=why) for why, suitable in tests)
 
-    def _first(self, role: str, tests: Sequence[tuple[str, Callable[[Channel], bool]]]) -> None:
-        for why, suits in tests:
-            found = [c for c in self._free() if suits(c) and _varies(c)]
-            if why == NO_OTHER and len(found) > 1:
-                why = f"it is the first of {len(found)} that could be it"
-            if self._give(_livelier(found), role, why=why):
-                return
-
-    def _by_numbers(self) -> None:
+    def by_numbers(self) -> None:
         """Roles of columns without names: frequency first, then what the numbers look like."""
         first, *rest = self.recording.channels
         if not _rises(first):
@@ -266,24 +239,19 @@ class _Roles:
         if complexes:
             self._give(complexes[0], "complex", why="its values are complex")
             return
-        if len(rest) == 1:
-            self._give(rest[0], "amplitude", why="it is the second one")
-        elif len(rest) > 1:
-            self._two(rest[0], rest[1])
-
-    def _two(self, second: Channel, third: Channel) -> None:
-        a, b = _numbers(second), _numbers(third)
-        if a is None or b is None:
-            self._give(second, "amplitude", why="it is the second one")
+        numbers = [_numbers(c) for c in rest[:2]]
+        if len(rest) < 2 or numbers[0] is None or numbers[1] is None:
+            self._give(next(iter(rest), None), "amplitude", why="it is the second one")
             return
+        a, b = numbers
         alike = 0.05 < np.ptp(a) / max(np.ptp(b), np.finfo(float).tiny) < 20.0
         if alike and np.min(a) < 0.0 and (np.max(a) > 0.0 or np.min(b) * np.max(b) < 0.0):
-            self._give(second, "re", why="second and third column are alike and change sign")
-            self._give(third, "im", why="second and third column are alike and change sign")
+            for channel, role in zip(rest, ("re", "im"), strict=False):
+                self._give(channel, role, why="second and third column are alike and change sign")
             return
-        self._give(second, "amplitude", why="it is the second one and not like the third")
+        self._give(rest[0], "amplitude", why="it is the second one and not like the third")
         unit = "rad" if np.max(np.abs(b)) <= 2.0 * np.pi else "deg"
-        self._give(third, "phase", why=f"it is the third one; it would be in {unit}")
+        self._give(rest[1], "phase", why=f"it is the third one; it would be in {unit}")
 
 
 def _numbers(channel: Channel) -> Numbers | None:
@@ -306,18 +274,13 @@ def _varies(channel: Channel) -> bool:
 
 def _livelier(channels: Sequence[Channel]) -> Channel | None:
     """The first column, if no other one varies far more: a source's level hardly does."""
-    spreads = [_spread(c) for c in channels]
+    spreads = []
+    for values in map(_numbers, channels):
+        size = 0.0 if values is None else float(np.max(np.abs(values)))
+        spreads.append(float(np.ptp(values.real)) / size if values is not None and size else 0.0)
     best = max(spreads, default=0.0)
     lively = (c for c, spread in zip(channels, spreads, strict=True) if spread > best / FAR_MORE)
     return next(lively, None)
-
-
-def _spread(channel: Channel) -> float:
-    values = _numbers(channel)
-    if values is None:
-        return 0.0
-    sizes = np.abs(values)
-    return float(np.ptp(values.real) / np.max(sizes)) if np.max(sizes) > 0.0 else 0.0
 
 
 _REAL_WORDS = r"real|re|x|i"

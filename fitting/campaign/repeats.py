@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.bound import BoundCampaign, Experiment
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.campaign.bound import BoundCampaign
+from fitting.campaign.measured import Spectrum, SweepData
 from fitting.text.errors import BadInput
 
 #: Digits of all peaks of an experiment together from which equal ones are no coincidence: two
@@ -24,7 +23,7 @@ BITS = 33
 
 
 def refuse_repeats(bounds: Sequence[BoundCampaign]) -> None:
-    """Complain of data that are listed twice, under whatever path or name.
+    """Refuse data that are listed twice, under whatever path or name.
 
     Compared is what was measured: spectra and sweeps point by point, ready peaks with their drive
     frequencies. Two campaigns may name one sweep if at most one of them fits it: the other takes
@@ -36,56 +35,52 @@ def refuse_repeats(bounds: Sequence[BoundCampaign]) -> None:
     Raises:
         BadInput: names both.
     """
-    curves: dict[bytes, list[_Curve]] = {}
-    rows: dict[tuple[str, ...], list[_Row]] = {}
+    known: dict[Hashable, list[tuple[str, object]]] = {}
     for bound in bounds:
-        for curve in _curves(bound):
-            alike = curves.setdefault(curve.shape, [])
-            _refuse(curve.where, [known.where for known in alike if known.is_that_of(curve)])
-            alike.append(curve)
-        for row in _rows(bound):
-            others = rows.setdefault(row.numbers, [])
-            _refuse(row.where, [known.where for known in others if known.is_that_of(row)])
-            others.append(row)
+        for where, key, data, is_same in (*_curves(bound), *_rows(bound)):
+            alike = known.setdefault(key, [])
+            for other, its_data in alike:
+                if is_same(its_data, data):
+                    raise BadInput(
+                        f"{where}: are the data of {other} again; wanted every measurement once"
+                    )
+            alike.append((where, data))
 
 
-def _refuse(where: str, known: Sequence[str]) -> None:
-    if known:
-        raise BadInput(f"{where}: are the data of {known[0]} again; wanted every measurement once")
+#: Where data are, a key that is equal for equal ones, the data, and whether two are the same.
+_Data = tuple[str, Hashable, object, Callable[..., bool]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Curve:
-    """A spectrum or a sweep; ``fitted`` unless it only gives a scale."""
-
-    where: str
-    frequency_hz: FloatArray
-    amplitude_v: FloatArray
-    source: Path
-    fitted: bool = True
-
-    @property
-    def top_v(self) -> float:
-        return float(np.max(self.amplitude_v))
-
-    @property
-    def shape(self) -> bytes:
-        """Digest of the points, amplitudes in units of the largest."""
-        relative = self.amplitude_v / (self.top_v or 1.0)
-        values = np.concatenate([self.frequency_hz, relative])
-        mantissa, exponent = np.frexp(values)
+def _curves(bound: BoundCampaign) -> Iterator[_Data]:
+    """Spectra and the sweep, by a digest of their points, amplitudes in units of the largest."""
+    named: list[tuple[str, Spectrum | SweepData]] = [
+        (f"{bound.path}: experiment '{e.label}' ({e.spectrum.source})", e.spectrum)
+        for e in bound.experiments
+        if e.spectrum is not None
+    ]
+    if bound.sweep is not None:
+        source = bound.sweep.source
+        file = f" ({source})" if source.is_file() else ""
+        named.append((f"{bound.path}: sweep{file}", bound.sweep))
+    for where, curve in named:
+        relative = curve.amplitude_v / (np.max(curve.amplitude_v) or 1.0)
+        mantissa, exponent = np.frexp(np.concatenate([curve.frequency_hz, relative]))
         rounded = np.round(np.ldexp(mantissa, BITS))
-        return hashlib.sha256(rounded.tobytes() + exponent.tobytes()).digest()
+        key = hashlib.sha256(rounded.tobytes() + exponent.tobytes()).digest()
+        yield where, key, curve, _is_same_curve
 
-    def is_that_of(self, other: _Curve) -> bool:
-        """Whether another curve of this shape is of the same data.
 
-        One measurement read in two units is; a linear sample driven at two levels is not.
-        """
-        if not (self.fitted and other.fitted):
-            return False
-        alike = math.isclose(self.top_v, other.top_v, rel_tol=10.0**-COMPARED)
-        return alike or _content(self.source) == _content(other.source) != b""
+def _is_same_curve(one: Spectrum | SweepData, two: Spectrum | SweepData) -> bool:
+    """Whether curves of one shape are of the same data, and both are fitted.
+
+    One measurement read in two units is; a linear sample driven at two levels is not.
+    """
+    if any(isinstance(each, SweepData) and each.use != "fit" for each in (one, two)):
+        return False
+    tops = (float(np.max(each.amplitude_v)) for each in (one, two))
+    return math.isclose(*tops, rel_tol=10.0**-COMPARED) or (
+        _content(one.source) == _content(two.source) != b""
+    )
 
 
 def _content(path: Path) -> bytes:
@@ -93,59 +88,25 @@ def _content(path: Path) -> bytes:
     return hashlib.sha256(path.read_bytes()).digest() if path.is_file() else b""
 
 
-def _curves(bound: BoundCampaign) -> Iterator[_Curve]:
-    for e in bound.experiments:
-        if e.spectrum is not None:
-            yield _Curve(
-                where=f"{bound.path}: experiment '{e.label}' ({e.spectrum.source})",
-                frequency_hz=e.spectrum.frequency_hz,
-                amplitude_v=e.spectrum.amplitude_v,
-                source=e.spectrum.source,
-            )
-    sweep = bound.sweep
-    if sweep is not None:
-        named = f" ({sweep.source})" if sweep.source.is_file() else ""
-        yield _Curve(
-            where=f"{bound.path}: sweep{named}",
-            frequency_hz=sweep.frequency_hz,
-            amplitude_v=sweep.amplitude_v,
-            source=sweep.source,
-            fitted=sweep.use == "fit",
-        )
-
-
-@dataclass(frozen=True)
-class _Row:
-    """The numbers of an experiment with ready peaks, and what was set that does not drift."""
-
-    where: str
-    numbers: tuple[str, ...]
-    settings: Mapping[str, Scalar]
-
-    def is_that_of(self, other: _Row) -> bool:
-        """Whether another experiment of these numbers is the same one."""
-        both = self.settings.keys() & other.settings.keys()
-        return all(self.settings[name] == other.settings[name] for name in both)
-
-
-def _rows(bound: BoundCampaign) -> Iterator[_Row]:
+def _rows(bound: BoundCampaign) -> Iterator[_Data]:
+    """Experiments with ready peaks, by their numbers; the data are settings that do not drift."""
     moving = {*bound.drift.ends, *(name for p in bound.parameters for name in p.adds_to)}
     for e in bound.experiments:
-        known = e.spectrum is None and bool(np.all(np.isfinite(e.peaks_v)))
-        if known and sum(map(_digits, e.peaks_v)) >= DIGITS:
-            yield _Row(
-                where=f"{bound.path}: experiment '{e.label}'",
-                numbers=_numbers(e),
-                settings={k: v for k, v in e.settings.items() if k not in moving},
+        if e.spectrum is not None or not np.all(np.isfinite(e.peaks_v)):
+            continue
+        digits = 0
+        for peak in e.peaks_v:
+            # as few as it was written with: as peak, as rms, or in dBm at 50 ohm
+            ways = (peak, peak / math.sqrt(2.0), 20.0 * math.log10(peak) + 10.0)
+            mantissas = (f"{value:.{COMPARED - 1}e}".partition("e")[0] for value in ways)
+            digits += min(len(m.strip("-0.").replace(".", "")) for m in mantissas)
+        if digits >= DIGITS:
+            numbers = (*e.tones_hz, *e.read_hz, *e.peaks_v.tolist())
+            key = tuple(f"{value:.{COMPARED}g}" for value in numbers)
+            settings = {name: value for name, value in e.settings.items() if name not in moving}
+            yield (
+                f"{bound.path}: experiment '{e.label}'",
+                key,
+                settings,
+                lambda one, two: all(one[name] == two[name] for name in one.keys() & two.keys()),
             )
-
-
-def _numbers(e: Experiment) -> tuple[str, ...]:
-    return tuple(f"{v:.{COMPARED}g}" for v in (*e.tones_hz, *e.read_hz, *e.peaks_v.tolist()))
-
-
-def _digits(peak: float) -> int:
-    """Digits with which an amplitude was written at least: as peak, as rms, or in dBm at 50 ohm."""
-    ways = (peak, peak / math.sqrt(2.0), 20.0 * math.log10(peak) + 10.0)
-    mantissas = (f"{value:.{COMPARED - 1}e}".partition("e")[0] for value in ways)
-    return min(len(m.strip("-0.").replace(".", "")) for m in mantissas)

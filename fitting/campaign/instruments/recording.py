@@ -27,6 +27,7 @@ class Channel:
 
     ``read`` gives its values (n,), checked then and not before: nobody may want this column.
     ``whole`` is its name with the groups of the file that it is in, as "warm/X"; empty: in none.
+    ``role`` and ``guessed`` say what it seems to be (`fitting.campaign.recognised`).
     """
 
     name: str
@@ -34,6 +35,8 @@ class Channel:
     read: Callable[[], Numbers]
     is_complex: bool = False
     whole: str = ""
+    role: str = ""
+    guessed: bool = False
 
     def is_called(self, name: str) -> bool:
         """Whether it has this name, capitals apart, alone or with groups that it is in.

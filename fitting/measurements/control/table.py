@@ -14,7 +14,6 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.control_table import (
     MeasuredSpectrum,
-    SpectraFormat,
     read_spectra,
 )
 from fitting.campaign.file import TraceFormat
@@ -109,20 +108,15 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
 
     def read(self) -> ReadControlSweep:
         """Its files: Hz, peak amplitudes, controls as written."""
-        how = SpectraFormat(
-            trace=TraceFormat(
-                layout=self.layout,
-                amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
-                selection=Selection(
-                    frequency=self.columns.frequency, amplitude=self.columns.amplitude
-                ),
-            ),
-            controls=self.controls,
-            drive_column=self.drive or "",
-            fundamental_hz=self.lines,
-            range_hz=self.range_hz,
+        how = TraceFormat(
+            layout=self.layout,
+            amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
+            selection=Selection(frequency=self.columns.frequency, amplitude=self.columns.amplitude),
         )
-        return ReadControlSweep(self, how, read_spectra(self.file, how))
+        spectra = read_spectra(
+            self.file, how, self.controls, self.drive or "", self.lines, self.range_hz
+        )
+        return ReadControlSweep(self, how, spectra)
 
 
 @dataclass(frozen=True)
@@ -130,7 +124,7 @@ class ReadControlSweep:
     """Spectra as `table` tells of them, and as their files have them."""
 
     table: ControlSweepTable
-    format: SpectraFormat
+    format: TraceFormat
     spectra: tuple[MeasuredSpectrum, ...]
 
     @property
@@ -142,7 +136,7 @@ class ReadControlSweep:
     def bind(self, binder: Binder, setup: Setup) -> ControlSweep:
         """The same with the controls in the units of laws and of the FMU."""
         table, where = self.table, f"{setup.source}: [control_sweep]"
-        unit = self.format.trace.amplitude.unit
+        unit = self.format.amplitude.unit
         gathered(self._names(binder, f"{where} output", unit))
         sigma = sigma_in(table.sigma, unit)
         return ControlSweep(
@@ -155,7 +149,7 @@ class ReadControlSweep:
             scaled_by=table.scale,
             rectified=table.rectified,
             estimated=table.sigma is None and not table.relative and table.lines is None,
-            logarithmic=self.format.trace.amplitude.kind == "dB",
+            logarithmic=self.format.amplitude.kind == "dB",
             output=table.output or "",
             unit=unit,
         )
