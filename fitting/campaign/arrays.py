@@ -404,7 +404,7 @@ def _bound_series(
     if any(m.setup != given for m in mine):
         raise BadInput(f"{top}measurements with different setups; wanted a series for each setup")
     output = binder.real(given.output, f"{top}setup: output", READABLE, "observed")
-    tones, sweeps = ([m for m in mine if isinstance(m, kind)] for kind in (Tones, Sweep))
+    sweeps = [m for m in mine if isinstance(m, Sweep)]
     if len(sweeps) > 1:
         raise BadInput(f"{top}{len(sweeps)} sweeps, wanted a series for each of them")
     factor, unit = _unit([m for m in mine if isinstance(m, Tones | Sweep)], output, top)
@@ -427,7 +427,8 @@ def _bound_series(
             drive,
             output,
         )
-        for m in tones
+        for m in mine
+        if isinstance(m, Tones)
         for e in m.experiments
     ]
     others = [m.within(setup, "") for m in mine if not isinstance(m, Tones | Sweep)]

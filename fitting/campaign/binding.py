@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 
@@ -309,11 +309,18 @@ def parameter_of(
 
     readers = (partial(read, *each) for each in written.items())
     numbers = dict(zip(written, gathered(readers), strict=True))
-    lower, upper, start = (numbers.pop(key) for key in ("lower", "upper", "start"))
-    numbers = {"reference": start, "scale": 0.5 * (upper - lower), **numbers}
+    lower, upper, start = (numbers[key] for key in ("lower", "upper", "start"))
     try:
         return Parameter(
-            name=name, unit=own or unit or "", lower=lower, upper=upper, start=start, **numbers
+            name=name,
+            unit=own or unit or "",
+            lower=lower,
+            upper=upper,
+            start=start,
+            reference=numbers.get("reference", start),
+            scale=numbers.get("scale", 0.5 * (upper - lower)),
+            period=numbers.get("period"),
+            prior=numbers.get("prior"),
         )
     except BadInput as error:
         raise BadInput(f"{where}: {error}" if where else f"{error}") from error
@@ -424,13 +431,15 @@ def _bind_noise(campaign: Campaign) -> Noise:
 def _bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> AccuracyAnnotation:
     """The [accuracy] table in the FMU's names and units."""
     names = (name for name in (choice.tolerance, choice.substep) if name is not None)
-    readers = [partial(binder.real, name, where, SETTABLE, "set") for name in names]
+    readers: list[Callable[[], object]] = []
+    readers += [partial(binder.real, name, where, SETTABLE, "set") for name in names]
     for entry in choice.reductions:
         if entry.bound is not None and "{output}" not in entry.bound:
             inside = f"{where.removesuffix(']')}.reductions '{entry.name}'] bound"
             readers.append(partial(binder.real, entry.bound, inside, READABLE, "read"))
         readers.append(partial(binder.settings, entry.set))
-    gathered([*readers, partial(binder.settings, choice.full)])
+    readers.append(partial(binder.settings, choice.full))
+    gathered(readers)
     reductions = tuple(
         Reduction(entry.name, binder.settings(entry.set), bound=entry.bound, cost=entry.cost)
         for entry in choice.reductions

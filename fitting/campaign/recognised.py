@@ -239,11 +239,10 @@ class _Roles:
         if complexes:
             self._give(complexes[0], "complex", why="its values are complex")
             return
-        numbers = [_numbers(c) for c in rest[:2]]
-        if len(rest) < 2 or numbers[0] is None or numbers[1] is None:
+        a, b = [*map(_numbers, rest[:2]), None, None][:2]
+        if a is None or b is None:
             self._give(next(iter(rest), None), "amplitude", why="it is the second one")
             return
-        a, b = numbers
         alike = 0.05 < np.ptp(a) / max(np.ptp(b), np.finfo(float).tiny) < 20.0
         if alike and np.min(a) < 0.0 and (np.max(a) > 0.0 or np.min(b) * np.max(b) < 0.0):
             for channel, role in zip(rest, ("re", "im"), strict=False):

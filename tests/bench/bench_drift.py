@@ -18,7 +18,7 @@ import numpy as np
 
 import build_fmu
 from fitting.campaign import BoundCampaign, bind, read_campaign
-from fitting.campaign.bound import Experiment
+from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import Objective, evaluate_many, stencil
 from fitting.fit.problem import problem_of

@@ -11,7 +11,7 @@ To add an instrument, add an entry to `vendors.LAYOUTS`, or a file here, of any 
 It is found by being here: a campaign may say ``layout = "mine"`` at once, and `layout_of` tells it
 by the first bytes of a file (``head.data``; ``head.text`` where they are text). Which column is the
 frequency and which the amplitude is decided for all layouts in `roles`. A library that a layout
-needs is imported within its reader, under `fitting.campaign.instruments.libraries.needed`.
+needs is imported within its reader, under `fitting.campaign.instruments.libraries.understood`.
 
 `fitting.campaign.recognised` tells people what a file is, and guesses what its columns are.
 """

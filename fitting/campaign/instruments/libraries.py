@@ -1,6 +1,6 @@
 """Formats that libraries read: HDF5, MATLAB, TDMS, Touchstone, Universal Files.
 
-A library is imported within its reader, under `needed`: without it the complaint says which extra
+A library is imported within its reader, under `understood`: without it the error says which extra
 of this package brings it.
 """
 
@@ -10,7 +10,7 @@ import io
 import re
 import struct
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,28 +33,8 @@ from fitting.text.units import same_kind
 
 
 @contextmanager
-def needed(path: Path, kind: str, extra: str) -> Iterator[None]:
-    """Within, a library is imported that reads this file; without it the complaint says what to do.
-
-    Args:
-        path: of the file.
-        kind: of the file, as "a Touchstone file".
-        extra: of this package that brings the library.
-
-    Raises:
-        BadInput: the library is not there.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise BadInput(
-            f"{path}: is {kind}; to read it: pip install 'fmu-fit[{extra}]' ({error})"
-        ) from error
-
-
-@contextmanager
-def understood(path: Path, kind: str) -> Iterator[None]:
-    """Within, a library reads a file: whatever it raises is a complaint about the file.
+def understood(path: Path, kind: str, extra: str = "") -> Iterator[None]:
+    """Within, a library is imported and reads a file: whatever it raises is an error of the file.
 
     Libraries have no errors of their own for files that are broken; what comes out is whatever the
     first wrong byte leads to. Their warnings are about the format, not about the data.
@@ -62,9 +42,10 @@ def understood(path: Path, kind: str) -> Iterator[None]:
     Args:
         path: of the file.
         kind: that it should be, as "a Touchstone file".
+        extra: of this package that brings the library; empty: it is always there.
 
     Raises:
-        BadInput: names the file and says what the library said.
+        BadInput: names the file, and the extra that is missing or what the library reports.
     """
     try:
         with warnings.catch_warnings():
@@ -73,10 +54,14 @@ def understood(path: Path, kind: str) -> Iterator[None]:
     except BadInput:
         raise
     except Exception as error:
-        said = " ".join(str(error).split())[:200]
+        if extra and isinstance(error, ImportError):
+            raise BadInput(
+                f"{path}: is {kind}; to read it: pip install 'fmu-fit[{extra}]' ({error})"
+            ) from error
+        words = " ".join(str(error).split())[:200]
         name = type(error).__name__
         raise BadInput(
-            f"{path}: cannot be read as {kind}: {name}{': ' if said else ''}{said}"
+            f"{path}: cannot be read as {kind}: {name}{': ' if words else ''}{words}"
         ) from error
 
 
@@ -89,16 +74,16 @@ _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 
 def _read_hdf5(path: Path, selection: Selection) -> Recording:
     """Datasets of one length; units of their attribute ``unit`` or ``units``, or in their names."""
-    with needed(path, HDF5, "hdf5"):
-        import h5py
     found: list[NamedArray] = []
+    with understood(path, HDF5, "hdf5"):
+        import h5py
 
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufcV" and item.size:
-            found.extend(columns_of(name, item[()], _unit_of_dataset(item)))
+        def visit(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufcV" and item.size:
+                found.extend(columns_of(name, item[()], _unit_of_dataset(item)))
 
-    with understood(path, HDF5), h5py.File(path, "r") as file:
-        file.visititems(visit)
+        with h5py.File(path, "r") as file:
+            file.visititems(visit)
     is_matlab = read_head(path, 10).startswith(b"MATLAB")
     return recording_of(path, found, "MATLAB 7.3" if is_matlab else "HDF5", selection)
 
@@ -144,37 +129,35 @@ def _read_matlab(path: Path, selection: Selection) -> Recording:
 def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
     """Results of a simulation as Dymola, OpenModelica and OMSimulator write them.
 
-    ``dataInfo`` tells for every name the table, 1 or 2, and with its sign the row that holds it;
+    ``dataInfo`` has for every name the table, 1 or 2, and with its sign the row that holds it;
     the first table has two times for what is constant. Units stand in the descriptions, as "[m/s]".
     """
     turned = "".join(values["Aclass"][-1]).strip().lower() == "bintrans"
-    tables = {k: _rows(values, f"data_{k}", turned=turned) for k in (1, 2)}
-    info = _rows(values, "dataInfo", turned=turned).T.astype(int)
-    names, about = (_texts(values, key, turned=turned) for key in ("name", "description"))
+
+    def rows(key: str) -> np.ndarray:
+        """A matrix with a row for each variable."""
+        table = np.atleast_2d(np.asarray(values[key], dtype=float))
+        return table if turned else table.T
+
+    def texts(key: str) -> list[str]:
+        letters = np.atleast_2d(values[key])
+        return ["".join(row).strip("\0 ") for row in (letters.T if turned else letters)]
+
+    def unit_in(words: str) -> str | None:
+        match = _IN_BRACKETS.search(words)
+        unit = match["unit"] if match is not None else None
+        return unit if unit is not None and same_kind(unit, unit) else None
+
+    tables = {k: rows(f"data_{k}") for k in (1, 2)}
+    info, names, about = rows("dataInfo").T.astype(int), texts("name"), texts("description")
     times = tables[2][0]
-    channels = [channel_of(names[0], _unit_in(about[0]) or "s", times)]
+    channels = [channel_of(names[0], unit_in(about[0]) or "s", times)]
     for name, words, (table, row, *_) in list(zip(names, about, info, strict=False))[1:]:
         column = np.sign(row) * tables[int(table) or 2][abs(row) - 1]
         held = column if column.size == times.size else np.full(times.size, column[0])
-        channels.append(channel_of(name, _unit_in(words), held))
+        channels.append(channel_of(name, unit_in(words), held))
     places = numbered_points(times.size)
     return Recording(path=path, channels=tuple(channels), places=places, words=RESULTS)
-
-
-def _rows(values: Mapping[str, np.ndarray], key: str, *, turned: bool) -> np.ndarray:
-    """A matrix with a row for each variable."""
-    table = np.atleast_2d(np.asarray(values[key], dtype=float))
-    return table if turned else table.T
-
-
-def _texts(values: Mapping[str, np.ndarray], key: str, *, turned: bool) -> list[str]:
-    letters = np.atleast_2d(values[key])
-    return ["".join(row).strip("\0 ") for row in (letters.T if turned else letters)]
-
-
-def _unit_in(words: str) -> str | None:
-    match = _IN_BRACKETS.search(words)
-    return match["unit"] if match is not None and same_kind(match["unit"], match["unit"]) else None
 
 
 def _of_matlab(head: Head) -> bool:
@@ -182,14 +165,13 @@ def _of_matlab(head: Head) -> bool:
         return True
     if len(head.data) < 20 or head.path.suffix.lower() != ".mat":
         return False
-    return any(_is_version_4(struct.unpack(f"{order}5i", head.data[:20])) for order in "<>")
-
-
-def _is_version_4(numbers: Sequence[int]) -> bool:
-    """Whether the first five numbers are those of a matrix in version 4, which has no signature."""
-    kind, rows, columns, imaginary, length = numbers
-    sizes = rows >= 0 and columns >= 0 and 0 < length < LONGEST_NAME
-    return kind % 10 in (0, 1) and 0 <= kind < MOST_TYPE and imaginary in (0, 1) and sizes
+    # version 4 has no signature: the first five numbers must be those of a matrix
+    for order in "<>":
+        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head.data[:20])
+        sizes = rows >= 0 and columns >= 0 and 0 < length < LONGEST_NAME
+        if kind % 10 in (0, 1) and 0 <= kind < MOST_TYPE and imaginary in (0, 1) and sizes:
+            return True
+    return False
 
 
 TDMS = "a TDMS file"
@@ -197,38 +179,27 @@ TDMS = "a TDMS file"
 
 def _read_tdms(path: Path, selection: Selection) -> Recording:
     """Channels of one length; a waveform brings its own axis, over time or over frequency."""
-    with needed(path, TDMS, "tdms"):
-        from nptdms import TdmsFile
     found: list[NamedArray] = []
-    with understood(path, TDMS):
+    with understood(path, TDMS, "tdms"):
+        from nptdms import TdmsFile
+
         for group in TdmsFile.read(path).groups():
-            channels = [
-                (f"{group.name}/{c.name.replace('/', ' per ')}", c) for c in group.channels()
-            ]
-            for name, channel in channels:
-                found += columns_of(name, np.asarray(channel[:]), _unit_of_channel(channel))
-            found += _axis_of_waveforms(group.name, [channel for _, channel in channels])
+            axes: list[NamedArray] = []
+            for channel in group.channels():
+                about, count = channel.properties, len(channel)
+                unit = about.get("unit_string") or about.get("NI_UnitDescription")
+                name = f"{group.name}/{channel.name.replace('/', ' per ')}"
+                found += columns_of(name, np.asarray(channel[:]), str(unit or "").strip() or None)
+                step = about.get("wf_increment")
+                if step and count and not axes:  # the axis of a group's waveforms
+                    start = float(about.get("wf_start_offset", 0.0))
+                    axis = start + float(step) * np.arange(float(count))
+                    over = about.get("wf_xunit_string") or about.get("wf_xunit") or "s"
+                    over = str(over).strip()
+                    kind = "Frequency" if over == "Hz" else "Time"
+                    axes = [NamedArray(f"{group.name}/{kind}", axis, over)]
+            found += axes
     return recording_of(path, found, "TDMS", selection)
-
-
-def _unit_of_channel(channel: Any) -> str | None:
-    told = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
-    return str(told).strip() or None if told else None
-
-
-def _axis_of_waveforms(group: str, channels: list[Any]) -> list[NamedArray]:
-    """The axis of a group's waveforms, by their start and step."""
-    for channel in channels:
-        about = channel.properties
-        step = about.get("wf_increment")
-        if not step or len(channel) == 0:
-            continue
-        axis = float(about.get("wf_start_offset", 0.0)) + float(step) * np.arange(
-            float(len(channel))
-        )
-        over = str(about.get("wf_xunit_string") or about.get("wf_xunit") or "s").strip()
-        return [NamedArray(f"{group}/{'Frequency' if over == 'Hz' else 'Time'}", axis, over)]
-    return []
 
 
 def _of_tdms(head: Head) -> bool:
@@ -244,11 +215,11 @@ MOST_PORTS = 9
 
 def _read_touchstone(path: Path, _: Selection) -> Recording:
     """Touchstone 1.1 and 2.0: S parameters as complex columns "S11", "S21", ... over Hz."""
-    with needed(path, TOUCHSTONE, "touchstone"):
+    with understood(path, TOUCHSTONE, "touchstone"):
         from skrf.io.touchstone import Touchstone
-    text = read_text(path)
-    file = io.StringIO(text)
-    with understood(path, TOUCHSTONE):
+
+        text = read_text(path)
+        file = io.StringIO(text)
         file.name = _touchstone_name(path, text)
         network = Touchstone(file)
         f, s = np.asarray(network.f, dtype=float), np.asarray(network.s, dtype=complex)
@@ -312,55 +283,43 @@ _UNTOLD = ("", "NONE", "NULL", "?")
 
 def _read_uff(path: Path, _: Selection) -> Recording:
     """Functions over one axis, a column each, named by their degrees of freedom, as "2z/1z"."""
-    with needed(path, UFF, "uff"):
+    with understood(path, UFF, "uff"):
         import pyuff
-    with understood(path, UFF):
+
         file = pyuff.UFF(str(path))
         types = [int(kind) for kind in file.get_set_types()]
         found = [file.read_sets(k) for k, kind in enumerate(types) if kind == 58]
     if not found:
         there = ", ".join(map(str, sorted(set(types)))) or "none"
         raise BadInput(f"{path}: is {UFF} with datasets {there}; wanted one of type 58, functions")
-    first = found[0]
+    first, others = found[0], len(found) - 1
     axis = np.asarray(first["x"], dtype=float)
-    over = _over(first, axis)
-    alike = [s for s in found if np.array_equal(np.asarray(s["x"]), axis)]
-    names, others = _names(alike), len(found) - 1
-    unit = _unit_of_axis(first, "abscissa") or ("s" if over == "Time" else "Hz")
+    # what the functions go over: by the file, else time responses over time
+    number, over = int(first.get("func_type") or 0), int(first.get("abscissa_spec_data_type") or 0)
+    is_time = over == _TIME or (over != _FREQUENCY and number == 1)
+    channels = [
+        channel_of(
+            "Time" if is_time else "Frequency",
+            _unit_of_axis(first, "abscissa") or ("s" if is_time else "Hz"),
+            axis,
+        )
+    ]
+    names: list[str] = []
+    for function in (s for s in found if np.array_equal(np.asarray(s["x"]), axis)):
+        name = f"{_freedom(function, 'rsp')}/{_freedom(function, 'ref')}"
+        names.append(name if name not in names else f"{name} {len(names) + 1}")
+        unit, under = (_unit_of_axis(function, each) for each in ("ordinate", "orddenom"))
+        if unit is not None and under is not None and "/" not in unit:
+            unit = f"{unit}/{under}"
+        channels.append(channel_of(names[-1], unit, np.asarray(function["data"])))
+    kind = _FUNCTIONS.get(number, f"function of type {number}")
     return Recording(
         path=path,
-        channels=(
-            channel_of(over, unit, axis),
-            *(
-                channel_of(name, _ordinate(s), np.asarray(s["data"]))
-                for name, s in zip(names, alike, strict=True)
-            ),
-        ),
+        channels=tuple(channels),
         places=numbered_points(axis.size),
-        words=f"UFF dataset 58, {_kind_of(first)}{f' and {others} more' if others else ''}",
+        words=f"UFF dataset 58, {kind}{f' and {others} more' if others else ''}",
         notes={"id1": str(first.get("id1", "")).strip()},
     )
-
-
-def _kind_of(function: dict[str, Any]) -> str:
-    number = int(function.get("func_type") or 0)
-    return _FUNCTIONS.get(number, f"function of type {number}")
-
-
-def _over(function: dict[str, Any], axis: np.ndarray) -> str:
-    """What the function goes over, by the file; function types 1 and 2 and up tell it as well."""
-    kind = int(function.get("abscissa_spec_data_type") or 0)
-    if kind in (_TIME, _FREQUENCY):
-        return "Time" if kind == _TIME else "Frequency"
-    return "Time" if int(function.get("func_type") or 0) == 1 else "Frequency"
-
-
-def _names(functions: list[dict[str, Any]]) -> list[str]:
-    made: list[str] = []
-    for function in functions:
-        name = f"{_freedom(function, 'rsp')}/{_freedom(function, 'ref')}"
-        made.append(name if name not in made else f"{name} {len(made) + 1}")
-    return made
 
 
 def _freedom(function: dict[str, Any], side: str) -> str:
@@ -372,13 +331,6 @@ def _freedom(function: dict[str, Any], side: str) -> str:
 def _unit_of_axis(function: dict[str, Any], axis: str) -> str | None:
     text = str(function.get(f"{axis}_axis_units_lab") or "").strip()
     return None if text.upper() in _UNTOLD else text
-
-
-def _ordinate(function: dict[str, Any]) -> str | None:
-    over, under = _unit_of_axis(function, "ordinate"), _unit_of_axis(function, "orddenom")
-    if over is None:
-        return None
-    return over if under is None or "/" in over else f"{over}/{under}"
 
 
 def _of_uff(head: Head) -> bool:
