@@ -22,7 +22,11 @@ def other_kind(path: Path) -> BadInput | None:
         path: of a folder, or of a file that is not TOML.
     """
     if path.is_dir():
-        return BadInput(f"{path}: is a folder; {_in_folder(path)}")
+        inside = sorted(each for each in path.glob(f"*{SUFFIX}") if each.is_file())
+        inside = [each for each in inside if each.name == USUAL] or inside
+        names = " or ".join(map(str, inside[:MOST_NAMED])) + ", ..." * (len(inside) > MOST_NAMED)
+        wanted = f" in it: {names}" if inside else f", and there is none in it; {_FROM_FILES}"
+        return BadInput(f"{path}: is a folder; wanted a campaign{wanted}")
     if path.suffix.lower() == SUFFIX:
         return None
     name = shlex.quote(str(path))
@@ -43,13 +47,3 @@ def other_kind(path: Path) -> BadInput | None:
         f"{path}: is a file of measurements, not a campaign; fmu-fit init {name} writes the "
         "campaign"
     )
-
-
-def _in_folder(folder: Path) -> str:
-    found = sorted(each for each in folder.glob(f"*{SUFFIX}") if each.is_file())
-    usual = [each for each in found if each.name == USUAL]
-    inside = usual or found
-    if inside:
-        names = " or ".join(map(str, inside[:MOST_NAMED])) + ", ..." * (len(inside) > MOST_NAMED)
-        return f"wanted a campaign in it: {names}"
-    return f"wanted a campaign, and there is none in it; {_FROM_FILES}"

@@ -154,11 +154,8 @@ def _axis(path: Path, arrays: Sequence[NamedArray], words: str) -> NamedArray:
     for folder in dict.fromkeys(a.folder for a in frequencies):
         here = [a for a in frequencies if a.folder == folder]
         usual = [a for a in here if a.is_of(FREQUENCY, ())]
-        distinct += usual[:1] or _not_alike(here)
-    times: dict[str, NamedArray] = {}
-    for array in arrays:
-        if array.is_of(TIME, ()):
-            times.setdefault(array.folder, array)
+        distinct += usual[:1] or _different(here)
+    times = {a.folder: a for a in reversed(arrays) if a.is_of(TIME, ())}
     tables: dict[str, list[NamedArray]] = {}
     for array in arrays:
         tables.setdefault(array.matrix or array.folder, []).append(array)
@@ -167,28 +164,25 @@ def _axis(path: Path, arrays: Sequence[NamedArray], words: str) -> NamedArray:
         for first, *rest in tables.values()
         if first.rises and any(a.values.size == first.values.size for a in rest)
     ]
-    for found, what, key in (
+    for axes, what, key in (
         (distinct, "sweeps", "frequency"),
-        (list(times.values()), "recordings over time", "time"),
+        ([a for a in arrays if a is times.get(a.folder)], "recordings over time", "time"),
         (unnamed, "tables without names of columns", "frequency"),
     ):
-        if len(found) > 1:
-            raise _several(path, words, found, what, key)
-        if found and found is not unnamed:
-            return found[0]
+        if len(axes) > 1:
+            names = "; ".join(
+                f"{a.name} ({how_many(a.values.size, 'point')})" for a in axes[:SHOWN]
+            )
+            more = f"; {len(axes) - SHOWN} more" if len(axes) > SHOWN else ""
+            raise BadInput(
+                f"{path}: is {words}; it holds {len(axes)} {what}: {names}{more}; wanted one of "
+                f'them, by --{key} "{axes[0].name}", or in the campaign, as columns = {{ {key} = '
+                f'"{axes[0].name}" }}'
+            )
+        if axes and axes is not unnamed:
+            return axes[0]
     size = Counter(a.values.size for a in arrays).most_common(1)[0][0]
     return next(a for a in arrays if a.values.size == size)
-
-
-def _several(path: Path, words: str, found: Sequence[NamedArray], what: str, key: str) -> BadInput:
-    """The complaint of a file that holds more than one axis, of which none is named."""
-    names = "; ".join(f"{a.name} ({how_many(a.values.size, 'point')})" for a in found[:SHOWN])
-    more = f"; {len(found) - SHOWN} more" if len(found) > SHOWN else ""
-    return BadInput(
-        f"{path}: is {words}; it holds {len(found)} {what}: {names}{more}; wanted one of them, by "
-        f'--{key} "{found[0].name}", or in the campaign, as columns = {{ {key} = '
-        f'"{found[0].name}" }}'
-    )
 
 
 def _named(
@@ -206,31 +200,30 @@ def _named(
         BadInput: there is none, or several.
     """
     wanted = {name.lower(), named_column(name, 0).name.lower()}
-    found = [a for a in arrays if {a.name.lower(), a.plain} & wanted]
-    if not found:  # without its folders: whole names of groups and array
+    there = [a for a in arrays if {a.name.lower(), a.plain} & wanted]
+    if not there:  # without its folders: whole names of groups and array
         ends = tuple(f"/{each}" for each in wanted)
-        found = [a for a in arrays if f"/{a.plain}".endswith(ends)]
-    if axis is not None and len(found) > 1:
-        found = [a for a in found if a.folder == axis.folder] or found
-    if len(found) == 1:
-        return found[0]
-    if found:
-        there = ", ".join(a.name for a in found[:SHOWN])
-        raise BadInput(f"{path}: '{name}' is in several groups: {there}; wanted one with its group")
-    there = ", ".join(a.name for a in arrays[:SHOWN])
-    raise BadInput(f"{path}: no array '{name}'; there is: {there}")
+        there = [a for a in arrays if f"/{a.plain}".endswith(ends)]
+    if axis is not None and len(there) > 1:
+        there = [a for a in there if a.folder == axis.folder] or there
+    if len(there) == 1:
+        return there[0]
+    names = ", ".join(a.name for a in (there or arrays)[:SHOWN])
+    if there:
+        raise BadInput(f"{path}: '{name}' is in several groups: {names}; wanted one with its group")
+    raise BadInput(f"{path}: no array '{name}'; there is: {names}")
 
 
-def _not_alike(axes: Sequence[NamedArray]) -> list[NamedArray]:
+def _different(axes: Sequence[NamedArray]) -> list[NamedArray]:
     """Axes of different sweeps: one in several units is one, a bandwidth or an offset none."""
-    kept: list[NamedArray] = []
+    different: list[NamedArray] = []
     for axis in axes:
-        same_size = (k for k in kept if k.values.size == axis.values.size)
-        ratios = (axis.values / k.values for k in same_size)
+        same_size = (d for d in different if d.values.size == axis.values.size)
+        ratios = (axis.values / d.values for d in same_size)
         known = any(np.allclose(ratio, ratio[0], rtol=1e-9) for ratio in ratios)
         if axis.rises and axis.values.real[0] > 0.0 and not known:
-            kept.append(axis)
-    return kept or list(axes[:1])
+            different.append(axis)
+    return different or list(axes[:1])
 
 
 def flattened(values: Mapping[str, object], prefix: str = "") -> list[tuple[str, np.ndarray]]:

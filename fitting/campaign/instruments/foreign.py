@@ -44,13 +44,13 @@ _ZIP = b"PK\x03\x04"
 
 
 def refuse_foreign(head: Head) -> None:
-    """Complain of a file of a known kind that holds no columns of numbers.
+    """Refuse a file of a known kind that holds no columns of numbers.
 
     Args:
         head: beginning of the file.
 
     Raises:
-        BadInput: says the kind, and what to do.
+        BadInput: names the kind, and what to do.
     """
     kind = _kind(head)
     if kind:
@@ -67,29 +67,14 @@ def foreign_kind(head: Head) -> str:
 
 
 def _kind(head: Head) -> str:
-    return _kind_of_bytes(head) or _kind_of_text(head)
-
-
-def _kind_of_text(head: Head) -> str:
-    if head.path.suffix.lower() == ".toml":
-        return "a campaign (TOML); wanted a file of measurements (fmu-fit reconstruct fits it)"
-    if _JSON.match(head.data):
-        return "JSON; write its lists as columns of text (CSV), with a head of names and units"
-    if any(line.upper().startswith("CITIFILE") for line in head.lines[:FIRST_LINES]):
-        return f"a CITIfile; {_AS_TOUCHSTONE}"
-    if any(_MDIF.fullmatch(line) for line in head.lines):
-        return f"an MDIF file; {_AS_TOUCHSTONE}"
-    return ""
-
-
-def _kind_of_bytes(head: Head) -> str:
-    data = head.data
+    """The kind, and what to do; empty for one that is not known, or may hold columns."""
+    data, suffix = head.data, head.path.suffix.lower()
     if data.startswith(_ZIP):
         if b"xl/" in data or b"[Content_Types].xml" in data:
             return "an Excel workbook (.xlsx); save the sheet as CSV"
         if b".npy" in data:
             return "arrays of NumPy (.npz); write them with numpy.savetxt, with a head of columns"
-        if b"modelDescription.xml" in data or head.path.suffix.lower() == ".fmu":
+        if b"modelDescription.xml" in data or suffix == ".fmu":
             return (
                 "an FMU; wanted a file of measurements (fmu-fit init FILE --fmu FMU drafts a "
                 "campaign of both, fmu-fit check FMU looks at the FMU)"
@@ -100,4 +85,12 @@ def _kind_of_bytes(head: Head) -> str:
         return known
     if data and not head.text and b"\0" in data:
         return f"not text and of no kind that is known here; {_AS_TEXT}"
+    if suffix == ".toml":
+        return "a campaign (TOML); wanted a file of measurements (fmu-fit reconstruct fits it)"
+    if _JSON.match(data):
+        return "JSON; write its lists as columns of text (CSV), with a head of names and units"
+    if any(line.upper().startswith("CITIFILE") for line in head.lines[:FIRST_LINES]):
+        return f"a CITIfile; {_AS_TOUCHSTONE}"
+    if any(_MDIF.fullmatch(line) for line in head.lines):
+        return f"an MDIF file; {_AS_TOUCHSTONE}"
     return ""

@@ -33,78 +33,63 @@ from fitting.text.tables import Table, parse_table, read_text
 
 
 def _read_csv(path: Path, selection: Selection) -> Recording:
-    text = read_text(path)
-    row = selection.header_row
+    text, row = read_text(path), selection.header_row
     wide = wide_table(path, text) if row is None else None
-    if wide is not None and not {selection.amplitude, selection.x} & set(wide.heads):
-        return of_table(wide.table, wide.words)
-    as_told = row is None and _is_as_told(text)
-    found = None if as_told else find_table(path, text, row)
-    if found is None and not as_told and (row is not None or len(_kept(text)) > 1):
-        raise _no_table(path, text, row)
-    if found is None:
-        lines = enumerate(text.splitlines(), start=1)
-        table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
-        delimiter = next((d for d in ";\t" if d in _kept(text)[0]), ",")
-        above = text.splitlines()[: table.lines[0] - 1]
-        told = with_declared_units(table.columns, declared_units(above, delimiter))
-        table = _with_suffixes(replace(table, columns=told))
-        return of_table(table, words_of(delimiter, table.lines[0] - 1))
-    return replace(of_table(_with_suffixes(found.table), found.words), headed=found.headed)
-
-
-def _no_table(path: Path, text: str, header_row: int | None) -> BadInput:
-    if header_row is not None:
-        return BadInput(
-            f"{path}: holds no table of numbers below row {header_row}, which is declared to "
-            f"hold the "
+    if wide is not None and not {selection.amplitude, selection.x} & set(wide[2]):
+        return of_table(wide[0], wide[1])
+    kept = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
+    delimiter = next((d for d in ";\t," if d in kept[0]), "") if kept else ""
+    as_written = row is None and (not kept or _has_head(text, kept[:3], delimiter))
+    found = None if as_written else find_table(path, text, row)
+    if found is not None:
+        return replace(of_table(_with_suffixes(found.table), found.words), headed=found.headed)
+    if not as_written and row is not None:
+        raise BadInput(
+            f"{path}: holds no table of numbers below row {row}, which is declared to hold the "
             "names of columns"
         )
-    first = _kept(text)[0].strip()
-    if is_number(first, decimal_comma=True):
-        return BadInput(f"{path}: holds one column of numbers; wanted a column of frequencies, too")
-    return BadInput(
-        f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line and "
-        "rows of numbers, a frequency in each"
-    )
+    if not as_written and len(kept) > 1:
+        first = kept[0].strip()
+        if is_number(first, decimal_comma=True):
+            raise BadInput(
+                f"{path}: holds one column of numbers; wanted a column of frequencies, too"
+            )
+        raise BadInput(
+            f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line "
+            "and rows of numbers, a frequency in each"
+        )
+    lines = enumerate(text.splitlines(), start=1)
+    table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
+    delimiter = next((d for d in ";\t" if d in kept[0]), ",")
+    head = table.lines[0] - 1
+    units = declared_units(text.splitlines()[:head], delimiter)
+    table = replace(table, columns=with_declared_units(table.columns, units))
+    return of_table(_with_suffixes(table), words_of(delimiter, head))
 
 
-def _kept(text: str) -> list[str]:
-    return [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
-
-
-def _is_as_told(text: str) -> bool:
+def _has_head(text: str, kept: Sequence[str], delimiter: str) -> bool:
     """Whether a head of names stands right above the first row: it is held to the letter then."""
-    kept = _kept(text)[:3]
-    if not kept:
-        return True
-    delimiter = next((d for d in ";\t," if d in kept[0]), "")
     if not delimiter:
         return False
+
+    def has_number(cells: Sequence[str]) -> bool:
+        return any(is_number(c, decimal_comma=delimiter != ",") for c in cells)
+
     head, *rows = (cells_of(line, delimiter) for line in kept)
-    if not _may_head(head, rows[0] if rows else (), delimiter):
+    if len(head) < 2 or head[0].startswith("%") or has_number(head):
         return False
-    if all(len(row) == len(head) and _has_number(row, delimiter) for row in rows):
+    if not any(mark in cell for cell in head for mark in "[("):
+        # network analysers give columns of values one name; a row of units may stand below names
+        row = rows[0] if rows else ()
+        units = bool(row) and all(c.lower() in UNITS or not c for c in row)
+        twice = len({c.lower() for c in head}) < len(head)
+        if twice or units or len(row) < len(head) or not has_number(row):
+            return False
+    if all(len(row) == len(head) and has_number(row) for row in rows):
         return True
-    if rows and len(rows[0]) != len(head) and not _has_number(rows[0], delimiter):
+    if rows and len(rows[0]) != len(head) and not has_number(rows[0]):
         return False
     return heads_at(text, delimiter) in (None, 0)  # else settings of an instrument look alike
-
-
-def _may_head(head: Sequence[str], row: Sequence[str], delimiter: str) -> bool:
-    """Whether a first line holds the names of columns, by itself and the line below it."""
-    if len(head) < 2 or head[0].startswith("%") or _has_number(head, delimiter):
-        return False
-    if any(mark in cell for cell in head for mark in "[("):
-        return True
-    if len({c.lower() for c in head}) < len(head):
-        return False  # as network analysers do: the values' columns have one name
-    units = bool(row) and all(c.lower() in UNITS or not c for c in row)
-    return not units and len(row) >= len(head) and _has_number(row, delimiter)
-
-
-def _has_number(cells: Sequence[str], delimiter: str) -> bool:
-    return any(is_number(c, decimal_comma=delimiter != ",") for c in cells)
 
 
 def _with_suffixes(table: Table) -> Table:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
@@ -291,14 +290,3 @@ def as_complex(text: str) -> complex | None:
         return complex(plain[:-1].replace("*", "") + "j")
     except ValueError:
         return None
-
-
-def not_usable(path: Path, kind: str, what: str) -> NoReturn:
-    """A complaint of a file whose kind is known and that cannot be used as it is.
-
-    Args:
-        path: of the file.
-        kind: of the file, as "a Touchstone file".
-        what: stands against it, and what to do.
-    """
-    raise BadInput(f"{path}: is {kind}; {what}")

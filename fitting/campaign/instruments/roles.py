@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.campaign.instruments.recording import Channel, Recording, unit_of
 from fitting.campaign.instruments.trace import RawTrace, Selection
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput
 from fitting.text.loose_tables import suffixed_unit
 from fitting.text.notation import how_many
@@ -179,15 +179,25 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
     recording, frequency, left_out = without_zero(recording, frequency)
     amplitude = amplitude_of(recording, selection.amplitude)
     x, y = asked(recording, selection.x, X), asked(recording, selection.y, Y)
+    values: ComplexArray | None = None
+    phase, phase_unit = None, ""
     if selection.x or (amplitude is None and x is not None and y is not None):
         recording.check(c for c in (frequency, x, y) if c is not None)
         values, unit = parts_of(recording, x, y)
-        sizes, phase, phase_unit = _polar(values)
     else:
         amplitude = amplitude or recording.column(AMPLITUDE[0])
         recording.check((frequency, amplitude))
-        sizes, phase, phase_unit = _sizes(recording, amplitude, selection.phase)
+        if amplitude.is_complex:
+            values = recording.values(amplitude)
+        else:
+            column = asked(recording, selection.phase, PHASE)
+            sizes = recording.numbers(amplitude)
+            if column is not None:
+                phase = recording.numbers(column)
+                phase_unit = unit_of(recording, column, "phase (deg)")
         unit = unit_of(recording, amplitude, "amplitude (uV)")
+    if values is not None:
+        sizes, phase, phase_unit = np.abs(values), np.angle(values), "rad"
     return RawTrace(
         path=recording.path,
         frequency=recording.numbers(frequency),
@@ -200,23 +210,6 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
         notes=recording.notes,
         left_out=left_out,
     )
-
-
-def _polar(values: ComplexArray) -> tuple[FloatArray, FloatArray | None, str]:
-    return np.abs(values), np.angle(values), "rad"
-
-
-def _sizes(
-    recording: Recording, amplitude: Channel, wanted_phase: str
-) -> tuple[FloatArray, FloatArray | None, str]:
-    if amplitude.is_complex:
-        values = recording.values(amplitude)
-        return _polar(values)
-    phase = asked(recording, wanted_phase, PHASE)
-    sizes = recording.numbers(amplitude)
-    if phase is None:
-        return sizes, None, ""
-    return sizes, recording.numbers(phase), unit_of(recording, phase, "phase (deg)")
 
 
 def parts_of(

@@ -190,29 +190,29 @@ def _read_keysight(path: Path, selection: Selection) -> Recording:
 
 
 def _joined(recording: Recording) -> list[Channel]:
-    """Columns with the unit that their name tells; real and imaginary part as one complex one."""
-    read = [(*_parted(c.name), c) for c in recording.channels]
+    """Columns with the unit that their name tells; real and imaginary part as one complex one.
+
+    Names are "S11(REAL)", "S21 Log Mag(dB)", "Freq(Hz)".
+    """
+    read: list[tuple[str, str | None, Channel]] = []
+    for channel in recording.channels:
+        match = _NAMED.fullmatch(channel.name.strip())
+        if match is None or not match["name"]:
+            read.append((channel.name.strip(), None, channel))
+            continue
+        kind = match["kind"].strip()
+        kind = UNITS.get(kind.lower(), kind) if kind.isupper() else kind  # FREQ(HZ)
+        read.append((match["name"], _KINDS.get(kind.lower(), kind), channel))
     imaginary = {name: c for name, kind, c in read if kind == "imag"}
     made: dict[str, Channel] = {}
-    for name, kind, channel in read:
-        if kind == "real" and name in imaginary:
+    for name, unit, channel in read:
+        if unit == "real" and name in imaginary:
             x, y = recording.numbers(channel), recording.numbers(imaginary[name])
             made.setdefault(name, channel_of(name, "1", x + 1j * y))
-        elif kind != "imag" or name not in made:
+        elif unit != "imag" or name not in made:
             own = channel.name if name in made else name
-            made.setdefault(own, Channel(name=own, unit=kind, read=channel.read))
+            made.setdefault(own, Channel(name=own, unit=unit, read=channel.read))
     return list(made.values())
-
-
-def _parted(head: str) -> tuple[str, str | None]:
-    """Name and unit of a column: "S11(REAL)", "S21 Log Mag(dB)", "Freq(Hz)"."""
-    match = _NAMED.fullmatch(head.strip())
-    if match is None or not match["name"]:
-        return head.strip(), None
-    kind = match["kind"].strip()
-    if kind.isupper():  # FREQ(HZ)
-        kind = UNITS.get(kind.lower(), kind)
-    return match["name"], _KINDS.get(kind.lower(), kind)
 
 
 #: What LabOne writes its quantities in; it does not say so in the file.
@@ -438,16 +438,6 @@ def _of_oscilloscope(head: Head) -> bool:
     return (named and len(split_line(first, ",")) >= 5) or _is_rigol(head.lines)
 
 
-def _of_siglent(head: Head) -> bool:
-    first = head.first_line.lower()
-    return first.startswith(("record length,", "source,ch")) and _siglent_head(head.lines) > 0
-
-
-def _of_lecroy(head: Head) -> bool:
-    second = head.lines[1] if len(head.lines) > 1 else ""
-    return head.first_line.startswith(_LECROY) and second.startswith("Segments")
-
-
 def _of_zurich(head: Head) -> bool:
     first = head.first_line.lower()
     return "chunk" in split_line(first, ";" if ";" in first else ",")
@@ -458,20 +448,32 @@ def _of_keysight(head: Head) -> bool:
     return begins and head.first_line.upper().startswith(("!", "BEGIN"))
 
 
-def _of_rohde_schwarz(head: Head) -> bool:
-    return any(line.lower().startswith(("values;", "values:;")) for line in head.lines)
-
-
-def _of_nanonis(head: Head) -> bool:
-    return any(line.strip() == "[DATA]" for line in head.lines)
-
-
+#: Name in a campaign, reader, and what the beginning of a file of this layout looks like.
 LAYOUTS = (
-    Layout("afm", _read_nanonis, _of_nanonis),
+    Layout("afm", _read_nanonis, lambda head: "[DATA]" in map(str.strip, head.lines)),
     Layout("keysight", _read_keysight, _of_keysight, keys=("trace",)),
-    Layout("lecroy", _read_lecroy, _of_lecroy, keys=("trace",)),
+    Layout(
+        "lecroy",
+        _read_lecroy,
+        lambda head: (
+            head.first_line.startswith(_LECROY) and "".join(head.lines[1:2]).startswith("Segments")
+        ),
+        keys=("trace",),
+    ),
     Layout("oscilloscope", _read_oscilloscope, _of_oscilloscope),
-    Layout("rohde-schwarz", _read_rohde_schwarz, _of_rohde_schwarz, keys=("trace",)),
-    Layout("siglent", _read_siglent, _of_siglent),
+    Layout(
+        "rohde-schwarz",
+        _read_rohde_schwarz,
+        lambda head: any(x.lower().startswith(("values;", "values:;")) for x in head.lines),
+        keys=("trace",),
+    ),
+    Layout(
+        "siglent",
+        _read_siglent,
+        lambda head: (
+            head.first_line.lower().startswith(("record length,", "source,ch"))
+            and _siglent_head(head.lines) > 0
+        ),
+    ),
     Layout("zurich", _read_zurich, _of_zurich, keys=("chunk",)),
 )

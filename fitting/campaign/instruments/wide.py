@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,17 +42,7 @@ _CORNER = re.compile(r"\s*[\\|]\s*")
 _EMPTY = ("", "0", "0.0", "nan")
 
 
-@dataclass(frozen=True, kw_only=True)
-class WideTable:
-    """The long table that a wide one means, what it is in words, and the names in its head."""
-
-    table: Table
-    words: str
-    heads: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Axis:
+class _Axis(NamedTuple):
     """Values of the head or of the first column, as they are written, and what they are."""
 
     name: str
@@ -76,25 +67,30 @@ def read_spectra_table(path: Path) -> Table:
     text = read_text(path)
     wide = wide_table(path, text)
     lines = enumerate(text.splitlines(), start=1)
-    return parse_table(path, lines) if wide is None else wide.table
+    return parse_table(path, lines) if wide is None else wide[0]
 
 
-def wide_table(path: Path, text: str) -> WideTable | None:
-    """The wide table that a text holds; None where it holds none.
+def wide_table(path: Path, text: str) -> tuple[Table, str, tuple[str, ...]] | None:
+    """The long table that a wide one means, what it is in words, and the names in its head.
 
     Args:
         path: of the file.
-        text: of the file.
+        text: of the file; None is the answer where it holds no such table.
 
     Raises:
-        BadInput: it does not tell where its frequencies stand, or a row has too few cells.
+        BadInput: it does not state which are its frequencies, or a row has too few cells.
     """
     numbered = [(n, t) for n, t in enumerate(text.splitlines(), start=1) if t.strip()]
     for k, (_, line) in enumerate(numbered[:HEAD_LINES]):
+        plain = line.strip("\r\n")
+        for mark in COMMENTS:
+            plain = plain.removeprefix(mark)
         for delimiter in (";", "\t", ",", " "):
-            cells, below = _cells_of_head(line, delimiter), numbered[k + 1 :]
+            cells, below = cells_of(plain, delimiter) or ("",), numbered[k + 1 :]
             head = _head(cells)
-            if head is not None and _is_row(below[:1], delimiter, len(cells)):
+            row = cells_of(below[0][1], delimiter) if head is not None and below else ()
+            numbers = all(is_number(cell, decimal_comma=delimiter != ",") for cell in row)
+            if head is not None and len(row) == len(cells) and numbers:
                 return _long(path, cells, head, delimiter, below)
     return None
 
@@ -105,7 +101,7 @@ def _long(
     head: _Axis,
     delimiter: str,
     below: Sequence[tuple[int, str]],
-) -> WideTable | None:
+) -> tuple[Table, str, tuple[str, ...]] | None:
     """The long table that rows below a head of values mean; None where they are too few."""
     rows, lines = [], []
     for n, text in below:
@@ -138,10 +134,13 @@ def _long(
     frequency, control = (side, head) if by_column else (head, side)
     if len(frequency.values) < LEAST_FREQUENCIES or len(control.values) < 2:
         return None
-    comma = delimiter != ","
+    comma, order = delimiter != ",", list(range(len(frequency.values)))
+    with suppress(BadInput):  # its reader refuses a cell that is no number, with the row
+        numbers = [parse_number(value, "", decimal_comma=comma) for value in frequency.values]
+        order = np.argsort(numbers, kind="stable").tolist()
     found, places = [], []
     for k, value in enumerate(control.values):
-        for i in _rising(frequency.values, comma=comma):
+        for i in order:
             at, column = (i, k) if by_column else (k, i)
             found.append((value, frequency.values[i], rows[at][column + 1]))
             places.append(lines[at])
@@ -160,30 +159,13 @@ def _long(
     place = "column" if by_column else "row"
     silent = "" if control.unit else ", whose unit is not stated"
     words = f"a table with a {place} of amplitudes for each of {len(control.values)} values of "
-    return WideTable(table=table, words=f"{words}'{name}'{silent}", heads=tuple(cells[1:]))
-
-
-def _rising(values: Sequence[str], *, comma: bool) -> list[int]:
-    """The order of rising frequencies; that of the file where a cell is no number."""
-    try:
-        numbers = [parse_number(value, "", decimal_comma=comma) for value in values]
-    except BadInput:  # its reader complains, with the row
-        return list(range(len(values)))
-    return [int(i) for i in np.argsort(numbers, kind="stable")]
+    return table, f"{words}'{name}'{silent}", tuple(cells[1:])
 
 
 def _axis_of(text: str, values: tuple[str, ...]) -> _Axis:
     column = named_column(text, 0)
     name, unit = (column.name, column.unit) if column.unit else suffixed_unit(column.name)
     return _Axis(name="" if name.lower() in _EMPTY else name, unit=unit, values=values)
-
-
-def _cells_of_head(line: str, delimiter: str) -> tuple[str, ...]:
-    text = line.strip("\r\n")
-    for mark in COMMENTS:
-        text = text.removeprefix(mark)
-    first, *others = cells_of(text, delimiter) or ("",)
-    return (first.strip(), *others)
 
 
 def _head(cells: Sequence[str]) -> _Axis | None:
@@ -198,24 +180,17 @@ def _head(cells: Sequence[str]) -> _Axis | None:
     names = ((m["name"] or "").strip() for m in found)
     kinds = {(name, UNITS.get(u.lower(), u) or None) for name, u in zip(names, units, strict=True)}
     values = tuple(m["value"] for m in found)
-    if len(kinds) > 1 or not _may_lead(first, values):
+    numbers = [float(value.replace(",", ".")) for value in values]
+    # a head of numbers alone may be the first row
+    if first in _EMPTY:
+        steps = np.diff(numbers)
+        leads = bool(np.all(steps > 0.0) or np.all(steps < 0.0))
+        leads &= len(values) >= LEAST_BARE or not is_number(first) or first == "nan"
+    else:
+        leads = len(set(numbers)) == len(values) and not is_number(first, decimal_comma=True)
+    if len(kinds) > 1 or not leads:
         return None
     [(name, unit)] = kinds
     if unit is not None and (unit in NO_UNITS or not same_kind(unit, unit)):
         return None
     return _Axis(name=name, unit=unit, values=values)
-
-
-def _may_lead(corner: str, values: Sequence[str]) -> bool:
-    """Whether a head of these values may begin so; one of numbers alone may be the first row."""
-    steps = np.diff([float(value.replace(",", ".")) for value in values])
-    rising = bool(np.all(steps > 0.0) or np.all(steps < 0.0))
-    if corner in _EMPTY:
-        return rising and (len(values) >= LEAST_BARE or not is_number(corner) or corner == "nan")
-    distinct = len({float(value.replace(",", ".")) for value in values}) == len(values)
-    return distinct and not is_number(corner, decimal_comma=True)
-
-
-def _is_row(below: Sequence[tuple[int, str]], delimiter: str, count: int) -> bool:
-    cells = [c for _, text in below for c in cells_of(text, delimiter)]
-    return len(cells) == count and all(is_number(c, decimal_comma=delimiter != ",") for c in cells)
