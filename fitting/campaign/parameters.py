@@ -361,22 +361,6 @@ def drift_square(parameters: Sequence[Parameter], x: FloatArray) -> float:
     return float(np.sum((inverse_priors(parameters, drift=True) * x) ** 2))
 
 
-def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:
-    """Widths in x of uniform priors of the parameters' variances, (n,).
-
-    That of the box; with a Gaussian prior of standard deviation s it is sqrt(12) s.
-
-    Args:
-        parameters: n of them.
-    """
-    lower, upper = search_bounds(parameters)
-    widths = upper - lower
-    for i, p in enumerate(parameters):
-        if p.prior is not None:
-            widths[i] = UNIFORM_WIDTH * p.prior / p.scale
-    return np.asarray(widths, dtype=float)
-
-
 def prior_sigmas(parameters: Sequence[Parameter], nu: float = 0.0) -> FloatArray:
     """Standard deviations in x of what is known without data, (n,).
 
@@ -387,17 +371,12 @@ def prior_sigmas(parameters: Sequence[Parameter], nu: float = 0.0) -> FloatArray
         parameters: n of them.
         nu: weight of the Tikhonov term, at least zero.
     """
-    precision = (UNIFORM_WIDTH / prior_widths(parameters)) ** 2
-    return np.asarray(1.0 / np.sqrt(precision + nu))
-
-
-def everywhere(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Parameters of the model that hold for the whole campaign.
-
-    Args:
-        parameters: the fitted parameters.
-    """
-    return tuple(p for p in parameters if not p.experiments and p.moves_model)
+    lower, upper = search_bounds(parameters)
+    widths = upper - lower
+    for i, p in enumerate(parameters):
+        if p.prior is not None:
+            widths[i] = UNIFORM_WIDTH * p.prior / p.scale
+    return np.asarray(1.0 / np.sqrt((UNIFORM_WIDTH / widths) ** 2 + nu))
 
 
 def own_count(parameters: Sequence[Parameter]) -> int:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, Setup
-from fitting.campaign.parameters import everywhere
+from fitting.campaign.joint import is_shared
 from fitting.fit.problem import problem_of
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import VariableLike
@@ -36,7 +36,7 @@ SETUP = Setup(
 
 def linear(bound: BoundCampaign) -> BoundCampaign:
     """The campaign without its offsets: a drift that is interpolated, as the paper has it."""
-    return replace(bound, parameters=everywhere(bound.parameters))
+    return replace(bound, parameters=tuple(filter(is_shared, bound.parameters)))
 
 
 def peaks_measurement(
