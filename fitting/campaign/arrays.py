@@ -8,7 +8,7 @@ have their own.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from fitting.campaign.file import offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, Experiment, Phases, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
-from fitting.campaign.parameters import SCOPES, ParameterTable
+from fitting.campaign.parameters import SCOPES
 from fitting.campaign.setup import Setup
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
@@ -46,8 +46,8 @@ from fitting.text.written import Written, as_written, written_values
 
 
 @checked
-@dataclass(frozen=True, init=False)
-class Parameter(ParameterTable[float | str]):
+@dataclass(frozen=True)
+class Parameter:
     """A coefficient that is looked for: a Real parameter of the FMU and the box it lies in.
 
     Args:
@@ -67,46 +67,37 @@ class Parameter(ParameterTable[float | str]):
         BadInput: bounds reversed, a start outside, numbers that are not finite or not positive.
     """
 
+    name: str
+    start: float | str
+    _: KW_ONLY
     bounds: tuple[float | str, float | str]
-    lower: float | str = field(init=False, repr=False)
-    upper: float | str = field(init=False, repr=False)
+    unit: str | None = None
+    reference: float | str | None = None
+    scale: float | str | None = None
+    period: float | str | None = None
+    prior: float | str | None = None
+    scope: str = SCOPES[0]
 
-    def __init__(  # noqa: PLR0913 - the fields of the record
-        self,
-        name: str,
-        start: float | str,
-        *,
-        bounds: tuple[float | str, float | str],
-        unit: str | None = None,
-        reference: float | str | None = None,
-        scale: float | str | None = None,
-        period: float | str | None = None,
-        prior: float | str | None = None,
-        scope: str = SCOPES[0],
-    ) -> None:
-        if scope not in SCOPES:
-            raise BadInput(
-                f"parameter '{name}': scope is {scope!r}, wanted one of {', '.join(SCOPES)}"
-            )
-        if np.shape(bounds) != (2,):
-            raise BadInput(f"parameter '{name}': bounds are {bounds!r}, wanted (lower, upper)")
-        object.__setattr__(self, "bounds", bounds)
-        super().__init__(
-            name=name,
-            unit=unit,
-            scope=scope,
-            lower=bounds[0],
-            upper=bounds[1],
-            start=start,
-            reference=reference,
-            scale=scale,
-            period=period,
-            prior=prior,
-        )
+    def __post_init__(self) -> None:
+        who = f"parameter '{self.name}'"
+        if self.scope not in SCOPES:
+            raise BadInput(f"{who}: scope is {self.scope!r}, wanted one of {', '.join(SCOPES)}")
+        if np.shape(self.bounds) != (2,):
+            raise BadInput(f"{who}: bounds are {self.bounds!r}, wanted (lower, upper)")
         numbers = written_numbers(self)
         # where some have a unit, plain numbers are in the FMU's, which is known beside it alone
         if len({written.unit is None for written in numbers.values()}) == 1:
-            parameter_of(name, unit, numbers)
+            parameter_of(self.name, self.unit, numbers)
+
+    @property
+    def lower(self) -> float | str:
+        """Lower end of the box."""
+        return self.bounds[0]
+
+    @property
+    def upper(self) -> float | str:
+        """Upper end of the box."""
+        return self.bounds[1]
 
 
 @checked
@@ -210,8 +201,8 @@ class Tones:
 
 
 @checked
-@dataclass(frozen=True, eq=False, init=False)
-class Sweep(SweepData):
+@dataclass(frozen=True, eq=False)
+class Sweep:
     """Amplitudes of a steady response to one tone after another: n points.
 
     Args:
@@ -238,57 +229,49 @@ class Sweep(SweepData):
     """
 
     setup: Setup
-    amplitude_unit: str
-    series: str
-    source: Path = field(init=False, repr=False)
-    unit: str = field(init=False, repr=False)
-    notes: Mapping[str, str] = field(init=False, repr=False)
-    label: str = field(init=False, repr=False)
-    left_out: str = field(init=False, repr=False)
+    frequency_hz: npt.ArrayLike
+    amplitude_v: npt.ArrayLike
+    _: KW_ONLY
+    phase_rad: npt.ArrayLike | None = None
+    settings: Mapping[str, Scalar] | None = None
+    setting_sigma: Mapping[str, float | str] | None = None
+    use: str = "fit"
+    scale: str = "fit"
+    background: str = "none"
+    amplitude_unit: str = "V"
+    series: str = ""
 
-    def __init__(  # noqa: PLR0913 - the fields of the record
-        self,
-        setup: Setup,
-        frequency_hz: npt.ArrayLike,
-        amplitude_v: npt.ArrayLike,
-        *,
-        phase_rad: npt.ArrayLike | None = None,
-        settings: Mapping[str, Scalar] | None = None,
-        setting_sigma: Mapping[str, float | str] | None = None,
-        use: str = "fit",
-        scale: str = "fit",
-        background: str = "none",
-        amplitude_unit: str = "V",
-        series: str = "",
-    ) -> None:
-        _check_setup("sweep", setup)
-        if np.iscomplexobj(amplitude_v):
+    def __post_init__(self) -> None:
+        _check_setup("sweep", self.setup)
+        if np.iscomplexobj(self.amplitude_v):
             raise BadInput("sweep: amplitude_v is complex, wanted peak amplitudes (numpy.abs)")
-        for key, word, known in (
-            ("use", use, ("fit", "scale")),
-            ("scale", scale, SCALES),
-            ("background", background, BACKGROUNDS),
+        for key, known in (
+            ("use", ("fit", "scale")),
+            ("scale", SCALES),
+            ("background", BACKGROUNDS),
         ):
+            word = getattr(self, key)
             if word not in known:
                 raise BadInput(f"sweep: {key} is {word!r}, wanted one of {', '.join(known)}")
-        if setting_sigma and use != "fit":
+        if self.setting_sigma and self.use != "fit":
             raise BadInput('sweep: setting_sigma has a meaning with use = "fit" only')
-        for trouble in offset_trouble(background, use, scale):
+        for trouble in offset_trouble(self.background, self.use, self.scale):
             raise BadInput(f"sweep: background: {trouble}")
-        object.__setattr__(self, "setup", setup)
-        object.__setattr__(self, "amplitude_unit", amplitude_unit)
-        object.__setattr__(self, "series", series)
-        super().__init__(
-            frequency_hz=frequency_hz,  # type: ignore[arg-type]  # made an array there
-            amplitude_v=amplitude_v,  # type: ignore[arg-type]
-            phase_rad=phase_rad,  # type: ignore[arg-type]
-            source=Path(f"{_top(series)}sweep"),
-            unit=amplitude_unit,
-            settings=settings or {},
-            setting_sigma=setting_sigma or {},  # type: ignore[arg-type]  # bound to the FMU later
-            use=use,
-            scale=scale,
-            background=background,
+        for name in ("frequency_hz", "amplitude_v", "phase_rad"):
+            object.__setattr__(self, name, getattr(self.data, name))
+
+    @cached_property
+    def data(self) -> SweepData:
+        """What was measured, as of a file."""
+        return SweepData(
+            frequency_hz=self.frequency_hz,  # type: ignore[arg-type]  # made an array there
+            amplitude_v=self.amplitude_v,  # type: ignore[arg-type]
+            phase_rad=self.phase_rad,  # type: ignore[arg-type]
+            source=Path(f"{_top(self.series)}sweep"),
+            unit=self.amplitude_unit,
+            use=self.use,
+            scale=self.scale,
+            background=self.background,
         )
 
 
@@ -439,19 +422,23 @@ def _bound_series(
         )
     for key in derived:
         binder.reported(key, "problem: derived", setup.laws.formulas)
-    sweep = None
-    for found in sweeps:
-        settings = written_values(found.settings, f"{top}sweep: settings")
-        sigmas = written_values(found.setting_sigma, f"{top}sweep: setting_sigma")
-        bound_to_fmu = {
-            "amplitude_v": factor * found.amplitude_v,
-            "settings": binder.settings(settings),
-            "setting_sigma": bind_sigmas(sigmas, binder),
-            "source": NO_FILE / name,
-            "unit": unit,
-        }
-        as_given = {of.name: getattr(found, of.name) for of in fields(SweepData)}
-        sweep = SweepData(**{**as_given, **bound_to_fmu})
+    sweep: SweepData | None = None
+    for given_sweep in sweeps:
+        settings, sigmas = (
+            written_values(values or {}, f"{top}sweep: {what}")
+            for what, values in (
+                ("settings", given_sweep.settings),
+                ("setting_sigma", given_sweep.setting_sigma),
+            )
+        )
+        sweep = replace(
+            given_sweep.data,
+            amplitude_v=factor * given_sweep.data.amplitude_v,
+            settings=binder.settings(settings),
+            setting_sigma=bind_sigmas(sigmas, binder),
+            source=NO_FILE / name,
+            unit=unit,
+        )
     bound = BoundCampaign(
         title="Data from arrays",
         path=NO_FILE / name,

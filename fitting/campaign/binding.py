@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from fitting.campaign.noise import (
     sweep_scale_sigma,
     sweep_sigmas,
 )
-from fitting.campaign.parameters import SCOPES, Parameter, ParameterTable
+from fitting.campaign.parameters import SCOPES, Parameter, ParameterTable, numbers_of
 from fitting.campaign.setup import USUAL_ACCURACY, Drive, Setup
 from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
@@ -37,8 +38,11 @@ from fitting.text.errors import BadInput, Complaints, gathered
 from fitting.text.units import base_unit, convert, dimension_of, parse_quantity, same_kind
 from fitting.text.written import Written, difference_in, in_unit
 
+if TYPE_CHECKING:  # it takes what is bound here
+    from fitting.campaign.arrays import Parameter as ProgramParameter
+
 #: A parameter as a file has it, or as a program gives it.
-WrittenParameter = ParameterTable[Written] | ParameterTable[float | str]
+WrittenParameter: TypeAlias = "ParameterTable[Written] | ProgramParameter"
 #: Each combination of alternatives is a fit of its own.
 MOST_ALTERNATIVES = 100
 #: Causalities of variables that hold a tone.
@@ -259,7 +263,7 @@ def written_numbers(parameter: WrittenParameter) -> dict[str, Written]:
         BadInput: what is neither a number nor a quantity with a unit.
     """
     made = {}
-    for key, value in parameter.numbers.items():
+    for key, value in numbers_of(parameter).items():
         where, unit = f"parameter '{parameter.name}': {key}", parameter.unit
         if isinstance(value, Written):
             bare = not isinstance(value.value, str) and value.unit is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -33,8 +33,8 @@ WIDEST = 1e12
 class ParameterTable(Keys, Generic[Number]):
     """A fitted FMU parameter; ``unit`` belongs to every bare number of the entry.
 
-    Its numbers are as written in a campaign file or given by a program, or, where the campaign
-    is bound to an FMU (`Parameter`), numbers in the FMU's unit.
+    Its numbers are as written in a campaign file, or, where the campaign is bound to an FMU
+    (`Parameter`), numbers in the FMU's unit.
     """
 
     name: Text
@@ -58,11 +58,15 @@ class ParameterTable(Keys, Generic[Number]):
     prior: Number | None = None
     """Standard deviation of a Gaussian prior about reference."""
 
-    @property
-    def numbers(self) -> dict[str, Number]:
-        """The numbers of the entry by their keys, as far as there are any."""
-        found = {key: getattr(self, key) for key in NUMBERS}
-        return {key: number for key, number in found.items() if number is not None}
+
+def numbers_of(parameter: Any) -> dict[str, Any]:
+    """The numbers of a parameter by their keys, as far as there are any.
+
+    Args:
+        parameter: bound to the FMU, or as a file or a program has it.
+    """
+    numbers = {key: getattr(parameter, key) for key in NUMBERS}
+    return {key: number for key, number in numbers.items() if number is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +104,7 @@ class Parameter(ParameterTable[float]):
 
     def __post_init__(self) -> None:
         who = f"parameter '{self.name}'"
-        for key, value in self.numbers.items():
+        for key, value in numbers_of(self).items():
             if not math.isfinite(value):
                 raise BadInput(f"{who}: {key} is {value!r}; wanted a finite number")
         if not self.lower < self.upper:
