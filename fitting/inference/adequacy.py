@@ -24,11 +24,14 @@ from scipy.special import gammaincc
 
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
+from fitting.fit.solution import Solution
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.dataset import Dataset, own_scale
+from fitting.measurements.measurement import Measurement
 from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size
+from fitting.signal.presence import SURELY, chance
 from fitting.signal.residual_tests import STRUCTURED, Structure, innovations
 from fitting.text.arrays import BoolArray, FloatArray
 
@@ -238,3 +241,34 @@ def is_redundant(optimum: Optimum) -> bool:
     priors = np.count_nonzero(likelihood.inverse_prior_sigma)
     rows = likelihood.data_rows - likelihood.objective.data.solved_inside
     return bool(rows + priors > len(likelihood.parameters))
+
+
+def unseen(solution: Solution) -> Adequacy | None:
+    """That nothing of the response stands out of the noise of the curves; None where it does.
+
+    Peaks of tones are a response: where any are fitted nothing is asked.
+
+    Args:
+        solution: the end of a fit.
+    """
+    data, residuals = solution.objective.data, solution.final.residuals
+    fitted = [m for m in data.measurements if m.rows]
+    flat = [m.rows_without_response for m in fitted]
+    if not fitted or not all(rows.size for rows in flat):
+        return None
+    free = sum(p.prior_sigma is None for p in solution.parameters)
+    if chance(np.concatenate(flat), residuals, data.sigma, free + data.solved_inside) <= SURELY:
+        return None
+    return Adequacy(
+        chi_square=math.nan,
+        freedom=0.0,
+        p_value=math.nan,
+        describes=False,
+        absent=_words(fitted),
+    )
+
+
+def _words(fitted: list[Measurement]) -> str:
+    """What shows nothing."""
+    named = [m.series for m in fitted if m.series]
+    return f"the curves of {', '.join(dict.fromkeys(named))}" if named else "the curves"

@@ -1,6 +1,8 @@
-"""How much an inference may cost where nobody says; known before any library is loaded."""
+"""Stages of an inference and what it may cost by default; known before any library is loaded."""
 
 from __future__ import annotations
+
+from enum import StrEnum
 
 #: Simulation runs at most; runs that points of a batch share count once.
 BUDGET = 500_000
@@ -15,3 +17,13 @@ def usual_budget(runs_each: float) -> int:
         runs_each: of an evaluation.
     """
     return max(BUDGET, round(EVALUATIONS * runs_each))
+
+
+class Stage(StrEnum):
+    """What is being looked for; the words say so."""
+
+    MINIMA = "other minima"
+    WALKS = "scans"
+    BEYOND = "beyond the bounds"
+    DIRECTIONS = "what has no effect"
+    REFITS = "refits of the bootstrap"

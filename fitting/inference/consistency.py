@@ -14,6 +14,7 @@ Source: the parameter goodness of fit of M. Maltoni and T. Schwetz, Phys. Rev. D
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -40,6 +41,7 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.rendering import phrase
 
 #: A direction counts as determined from this many times the precision of the box.
 BETTER_THAN_BOX = 3.0
@@ -257,3 +259,37 @@ def _pair_test(
     return PairTest(
         one=first, other=second, chi_square=value, freedom=freedom, p_value=p, sigmas=sigmas
     )
+
+
+#: Standard deviations from which the values of two campaigns that contradict each other differ.
+APART = 3.0
+
+
+def contradicted(joint: JointResult | None, units: Mapping[str, str]) -> dict[str, str]:
+    """Why values have no verdict, by name, where campaigns contradict each other; mostly empty.
+
+    Args:
+        joint: the tests of their agreement; None: nothing was tested.
+        units: of the values, by name.
+    """
+    found = contradictions(joint)
+    if joint is None or not found:
+        return {}
+    sides = {side for test in found for side in (test.one, test.other)}
+    every = {part.name for part in joint.series}
+    # a side of several campaigns is the rest of them all
+    parts = [part for part in joint.series if part.name in sides or not sides <= every]
+    reasons = {}
+    for name, unit in units.items():
+        known = {p.name: p.alone[name] for p in parts if name in p.alone}
+        known = {series: each for series, each in known.items() if math.isfinite(each.std)}
+        differ = any(_apart(one, other) for one, other in itertools.combinations(known.values(), 2))
+        if not differ and len(known) == len(parts):
+            continue
+        names = [part.name for part in parts]
+        reasons[name] = phrase("status", "contradicted", known, unit, names, differ)
+    return reasons
+
+
+def _apart(one: ValueAlone, other: ValueAlone) -> bool:
+    return abs(one.value - other.value) > APART * math.hypot(one.std, other.std)

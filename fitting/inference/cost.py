@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
-from fitting.inference.stages import Stage
+from fitting.inference.budget import Stage
 
 #: Least and most: a count of evaluations, runs, seconds.
 Range = tuple[float, float]

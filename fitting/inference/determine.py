@@ -29,8 +29,9 @@ from fitting.fit.search.minima import DESCENTS, SCREENED, screened
 from fitting.fit.search.twins import Twin, find_twins, twins_but_for_priors
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.adequacy import adequacy_of, is_redundant
-from fitting.inference.budget import usual_budget
+from fitting.inference.budget import Stage, usual_budget
 from fitting.inference.ending import ending_of
+from fitting.inference.equivalent_fits import sampling_findings
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
@@ -42,6 +43,7 @@ from fitting.inference.likelihood.exploration import (
     extended,
     other_minima,
 )
+from fitting.inference.likelihood.identifiability import with_values_nearby
 from fitting.inference.likelihood.knowledge import (
     Adequacy,
     Determined,
@@ -49,20 +51,18 @@ from fitting.inference.likelihood.knowledge import (
     Equivalent,
     Knowledge,
 )
-from fitting.inference.likelihood.mirrored import Model, mirrored
 from fitting.inference.likelihood.outside import (
+    Model,
     Surroundings,
     beyond,
     beyond_findings,
     held_findings,
+    mirrored,
     taken_in,
     with_boxes,
 )
 from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
-from fitting.inference.likelihood.twins import with_values_nearby
-from fitting.inference.sampled_twins import sampling_findings
-from fitting.inference.stages import Stage
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
@@ -88,7 +88,7 @@ class Limits:
     """How much is spent on what data determine, and who is told.
 
     `budget` is of simulation runs, None the usual one; `bootstrap` synthetic data sets are fitted
-    anew; `progress` is told how far it is, the stages those of `fitting.inference.stages`.
+    anew; `progress` is told how far it is, the stages those of `fitting.inference.budget`.
     """
 
     budget: int | None = None

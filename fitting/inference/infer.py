@@ -17,18 +17,16 @@ from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
-from fitting.inference.adequacy import adequacy_of
-from fitting.inference.alternatives import equal_fit
+from fitting.inference.adequacy import adequacy_of, unseen
 from fitting.inference.assumptions import assumption_findings
 from fitting.inference.causes import causes_of, without_outliers
 from fitting.inference.closer_form import closer_form
 from fitting.inference.combinations import combination_findings
 from fitting.inference.conditions import condition_findings
-from fitting.inference.consistency import consistency, contradictions, without_values
-from fitting.inference.contradictions import contradicted
+from fitting.inference.consistency import consistency, contradicted, contradictions, without_values
 from fitting.inference.determine import InferenceOptions, Limits, determine
 from fitting.inference.ending import CONTRADICTED, ending_of, extent_of
-from fitting.inference.equivalent_fits import equivalent_findings
+from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.estimates import (
     Estimates,
     derived_results,
@@ -46,11 +44,10 @@ from fitting.inference.findings import (
 )
 from fitting.inference.inferred import Inferred, judged
 from fitting.inference.likelihood.knowledge import Adequacy, Determined, Ending, Equivalent
-from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
+from fitting.inference.likelihood.outside import Model
 from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
-from fitting.inference.presence import unseen
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure

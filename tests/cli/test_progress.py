@@ -18,7 +18,7 @@ from fitting.api.cost import Expected
 from fitting.api.fitted import Progress, Spent
 from fitting.cli.running.progress import hidden, status_line
 from fitting.cli.running.remaining import Remaining
-from fitting.inference.stages import Stage
+from fitting.inference.budget import Stage
 from tests.support.small_campaign import of_pairs, small_campaign
 
 ROOT = Path(__file__).parents[2]

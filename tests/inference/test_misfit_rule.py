@@ -10,7 +10,7 @@ import pytest
 
 from fitting.campaign import Experiment
 from fitting.fit.fit import Fit, Status
-from fitting.inference.contradictions import contradicted
+from fitting.inference.consistency import contradicted
 from fitting.inference.findings import pair_findings
 from fitting.inference.infer import Inference
 from fitting.inference.joint_result import JointResult, PairTest, SeriesPart, ValueAlone

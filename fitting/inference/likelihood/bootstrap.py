@@ -19,8 +19,8 @@ from fitting.campaign.parameters import to_model
 from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, Spent
 from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
+from fitting.inference.budget import Stage
 from fitting.inference.likelihood.knowledge import Bootstrap
-from fitting.inference.stages import Stage
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Estimate, FittedEstimate
 

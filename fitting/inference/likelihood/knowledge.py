@@ -63,7 +63,7 @@ class Adequacy:
     would describe them so: a key of the campaign, or an output; empty where nobody knows one.
     `scale_off` is the factor by which the scale that peaks take from a sweep may be off, where its
     top is so wrong that no value is trusted (`fitting.inference.mistakes`); else NaN. `absent`
-    names the curves out of whose noise no line stands (`fitting.inference.presence`).
+    names the curves out of whose noise no line stands (`fitting.inference.adequacy`).
     """
 
     chi_square: float

@@ -13,10 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, canonical, to_model, to_search
+from fitting.campaign.parameters import Parameter, canonical, outside_box, to_model, to_search
 from fitting.fit.likelihood.descent import AT_LIMIT, Optimum
+from fitting.fit.likelihood.few_places import of_few_places
 from fitting.fit.likelihood.likelihood import QUARTER_TURN, Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
+from fitting.fit.objective import Objective
+from fitting.fit.outputs import output_means_beyond
+from fitting.fit.search.twins import find_twins
+from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.likelihood.exploration import (
     Exploration,
     cut_sides,
@@ -25,6 +30,7 @@ from fitting.inference.likelihood.exploration import (
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import turned, value_at, walked_to_ends
+from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, note
@@ -347,3 +353,53 @@ def _against(value: float, known: FittedEstimate) -> bool:
     below = known.closed_by[0] == "data" and value < low - margin
     above = known.closed_by[1] == "data" and value > high + margin
     return below or above
+
+
+@dataclass(frozen=True)
+class Model:
+    """An alternative of the model: its objective, and what leads to it in words."""
+
+    objective: Objective
+    where: str
+
+
+def mirrored(optimum: Optimum, others: Sequence[Model], seed: int) -> tuple[Outside, ...]:
+    """The exact twins of the most likely point that lie beyond the box, in a much wider one.
+
+    Left out are those at which an output is missing that exists at the optimum. Of data at many
+    places a few tell what is a twin, of this model alone.
+
+    Args:
+        optimum: the most likely point and its likelihood.
+        others: alternatives of the model.
+        seed: of the points of the box at which twins are tried.
+    """
+    likelihood, here = optimum.likelihood, optimum.expansion
+    few = of_few_places(likelihood)
+    own = likelihood.objective if few is None else few.likelihood.objective
+    exists = np.isfinite(here.sample.outputs)
+    found = []
+    for model in (Model(own, ""), *(others if few is None else ())):
+        images = _images(own, model.objective, here.x, seed)
+        means = output_means_beyond(
+            model.objective.response, likelihood.parameters, images, likelihood.names
+        )
+        for k, x in enumerate(images):
+            outputs = np.array([float(means[name][k]) for name in likelihood.names])
+            if np.all(np.isfinite(outputs[exists])):
+                point = ProfilePoint(value=float("nan"), delta=0.0, x=x, outputs=outputs)
+                found.append(Outside(point, model.where))
+    return tuple(found)
+
+
+def _images(own: Objective, other: Objective, x: FloatArray, seed: int) -> list[FloatArray]:
+    """Search vectors beyond the box at which another objective says what this one says at x.
+
+    An angle half turns on is the same angle.
+    """
+    wide = widened(own.parameters)
+    target = None if other is own else replace(other, parameters=wide)
+    twins = find_twins(Evaluator(replace(own, parameters=wide)), seed, target)
+    twins = [twin for twin in twins if not twin.is_turn]
+    images = [twin.of(wide, x) for twin in twins]
+    return [image for image in images if image is not None and outside_box(own.parameters, image)]
