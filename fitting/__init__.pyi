@@ -53,8 +53,8 @@ from fitting.ensembles.api import Laboratories as Laboratories
 from fitting.ensembles.api import ensemble as ensemble
 from fitting.ensembles.api import write_ensemble as write_ensemble
 from fitting.fmu.isolation import Isolation as Isolation
-from fitting.lab.api import synthesize as synthesize
-from fitting.lab.api import synthesize_curves as synthesize_curves
+from fitting.lab.synthesis import synthesize as synthesize
+from fitting.lab.synthesis import synthesize_curves as synthesize_curves
 from fitting.lab.tradeoff.api import StudyOptions as StudyOptions
 from fitting.lab.tradeoff.api import tradeoff as tradeoff
 from fitting.lab.tradeoff.api import write_tradeoff as write_tradeoff

@@ -8,12 +8,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from fitting import Problem
 from fitting.api.choices import CRITERIA
 from fitting.design import FILES, WAYS_FILES
 from fitting.design.campaign import CAMPAIGN_NAME, campaign_files
 from fitting.design.candidates import MOST_NUMBER, Limits
-from fitting.design.goal import goal_of, start_of, variable_of
 from fitting.design.limits import (
     check_names,
     limits_of,
@@ -371,15 +372,47 @@ def _wanted(
     asked: Goal,
     at: Valued | Result | str | Path | None,
 ) -> DesignGoal:
-    wanted = replace(goal_of(bound, table.keys, asked.target, asked.criterion), seed=asked.seed)
-    return _set_out(wanted, bound, at)
+    """Target and criterion: as requested, else as the campaign has them, else the first value.
+
+    Raises:
+        BadInput: a fit of another campaign or of other data.
+    """
+    names = [*bound.derived, *(parameter.name for parameter in bound.parameters)]
+    goal = DesignGoal(
+        target=asked.target or table.keys.target or names[0],
+        criterion=asked.criterion or table.keys.criterion or CRITERIA[0],
+        seed=asked.seed,
+    )
+    if at is None:
+        return goal
+    where = str(at) if isinstance(at, str | Path) else "at"
+    fitted = read_result(Path(at)) if isinstance(at, str | Path) else at
+    result = fitted.result if isinstance(fitted, Valued) else fitted
+    require_same_data(result, [bound])
+    values = {name: e.value for name, e in result.parameters.items()}
+    start = []
+    for parameter in bound.parameters:
+        if parameter.name not in values and not parameter.experiments:
+            raise BadInput(
+                f"{where}: has no parameter '{parameter.name}'; wanted a result of {bound.path}"
+            )
+        start.append(values.get(parameter.name, parameter.reference))
+    for alternative in bound.alternatives:
+        if dict(alternative) == dict(result.alternative):
+            return replace(goal, start=(alternative, np.array(start)))
+    raise BadInput(
+        f"{where}: alternative {dict(result.alternative)} is none of those of {bound.path}; wanted "
+        "a result of that campaign"
+    )
 
 
 def _unit(problem: Problem, bound: BoundCampaign, target: str) -> str:
-    # a coefficient of laws is no variable of the FMU
-    variable = problem.fmu.description.variables.get(variable_of(bound, target))
-    own = {p.name: p.unit for p in bound.parameters}
-    return own.get(target, "") if variable is None else variable.unit or ""
+    own = {p.name: p for p in bound.parameters}.get(target)
+    name = target if own is None or own.adds_to else own.target
+    variable = problem.fmu.description.variables.get(name)
+    if variable is not None:
+        return variable.unit or ""
+    return "" if own is None else own.unit  # a coefficient of laws is no variable of the FMU
 
 
 def _provenance(problem: Problem, asked: Goal, verb: str) -> dict[str, str]:
@@ -418,15 +451,3 @@ def _kept(
         return given, own
     table = own if given is None else own.with_keys_of(read_candidates(Path(given)))
     return limits(problem, given), table
-
-
-def _set_out(
-    goal: DesignGoal, bound: BoundCampaign, at: Valued | Result | str | Path | None
-) -> DesignGoal:
-    if at is None:
-        return goal
-    where = str(at) if isinstance(at, str | Path) else "at"
-    fitted = read_result(Path(at)) if isinstance(at, str | Path) else at
-    result = fitted.result if isinstance(fitted, Valued) else fitted
-    require_same_data(result, [bound])
-    return replace(goal, start=start_of(result, bound, where))

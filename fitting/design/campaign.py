@@ -17,7 +17,7 @@ from fitting.design.continued import continued_of
 from fitting.design.recordings import traces_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, fill_in, sweeps_csv
-from fitting.design.times import written_times
+from fitting.design.table import written_times
 from fitting.design.trace_campaign import edit_for_traces, recording_files
 from fitting.extension.records import BoundCampaign
 from fitting.fmu.variables import VariableLike

@@ -17,8 +17,7 @@ from fitting import Drive
 from fitting.campaign.binder import Binder
 from fitting.design.candidates import MOST_NUMBER, Limits
 from fitting.design.sweep_limits import HEADROOM, asked_of, sweep_limits, with_unit
-from fitting.design.table import DesignTable
-from fitting.design.times import most_of, timed
+from fitting.design.table import DesignTable, most_of, timed
 from fitting.design.trace_limits import trace_limits, traces_asked_of
 from fitting.extension.records import BoundCampaign, WrittenCampaign, WrittenDesign
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike

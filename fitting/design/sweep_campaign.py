@@ -9,7 +9,7 @@ from fitting.design.candidates import Limits
 from fitting.design.continued import continued_of
 from fitting.design.result import Design, Proposal
 from fitting.design.sweeps import frequencies_hz
-from fitting.design.times import written_times
+from fitting.design.table import written_times
 from fitting.extension.records import BoundCampaign
 from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_line

@@ -11,8 +11,7 @@ from fitting.campaign.binder import Binder
 from fitting.design.candidates import Limits, SweepLimits
 from fitting.design.continued import Continued, continued_of
 from fitting.design.sweeps import check_controls
-from fitting.design.table import DesignTable
-from fitting.design.times import most_of
+from fitting.design.table import DesignTable, most_of
 from fitting.extension.records import BoundCampaign, WrittenDesign, WrittenSweeps
 from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar

@@ -10,7 +10,7 @@ from fitting.design.candidates import Limits
 from fitting.design.recordings import TracesSoFar, traces_of
 from fitting.design.result import Design, Proposal, Recording
 from fitting.design.sweep_campaign import MEASURED_BEFORE
-from fitting.design.times import written_times
+from fitting.design.table import written_times
 from fitting.extension.records import BoundCampaign, Recorded, TraceRecord
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.traces.time_record import FOUND

@@ -10,8 +10,7 @@ import numpy as np
 from fitting.design.candidates import MOST_SAMPLES, Limits, TraceLimits
 from fitting.design.recordings import TracesSoFar, longest_s, repeated, traces_of
 from fitting.design.sweep_limits import HEADROOM, OF_TONES
-from fitting.design.table import DesignTable
-from fitting.design.times import most_of
+from fitting.design.table import DesignTable, most_of
 from fitting.extension.records import BoundCampaign, WrittenDesign, WrittenTraces
 from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.text.errors import BadInput

@@ -13,7 +13,8 @@ from fitting.extension.command import bounded_number, seed, writes
 from fitting.lab.names import CROSSING, CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
 
 if TYPE_CHECKING:
-    from fitting.lab.api import LockIns, PhaseDetectors
+    from fitting.lab.instruments.lock_in import LockIns
+    from fitting.lab.instruments.phase_detector import PhaseDetectors
 
 NAME = "synthesize"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
@@ -173,7 +174,8 @@ def _print(args: argparse.Namespace, path: Path, what: str) -> int:
 
 
 def _measured(measured: Any) -> str:
-    from fitting.lab.api import Curve, PumpedSweeps, kind_of
+    from fitting.lab.curves import Curve, kind_of
+    from fitting.lab.pumped import PumpedSweeps
 
     if isinstance(measured, Curve):
         return kind_of(measured)
@@ -204,7 +206,8 @@ def _curve(args: argparse.Namespace) -> int:
 
 
 def _lock_ins(args: argparse.Namespace) -> LockIns | PhaseDetectors | None:
-    from fitting.lab.api import LockIns, PhaseDetectors
+    from fitting.lab.instruments.lock_in import LockIns
+    from fitting.lab.instruments.phase_detector import PhaseDetectors
 
     if args.phases:
         restarts = tuple(sorted({n - 1 for n in args.restart}))

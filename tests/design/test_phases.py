@@ -27,7 +27,7 @@ from fitting.design.information import (
 from fitting.design.limits import limits_of, refuse_wider
 from fitting.design.table import DesignTable
 from fitting.fmu import FmuWorkers
-from fitting.lab.api import PhaseDetectors
+from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput

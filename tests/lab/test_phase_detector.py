@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.lab.api import PhaseDetectors
+from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.errors import BadInput
 from tests.support.modes_mpmath import log_responses
