@@ -49,7 +49,7 @@ class Files(WorkerPlugin):
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No traceback of a scheduler that is lost: who waits for its results is told that."""
+    """No traceback of a scheduler that is lost: who waits for its results gets an error."""
     logger = logging.getLogger("distributed.client")
     level = logger.level
     logger.setLevel(logging.CRITICAL)
@@ -64,7 +64,7 @@ def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
     """The workers of a scheduler, each with its copy of some files.
 
     The scheduler does the items of a lost worker again by itself: as often as its
-    ``distributed.scheduler.allowed-failures`` says.
+    ``distributed.scheduler.allowed-failures`` allows.
 
     Args:
         scheduler: its address, as "tcp://10.0.0.1:8786".

@@ -51,7 +51,7 @@ def start(
         module: whose ``serve`` is called with the child's end of the pipe.
         folder: current folder of the process.
         more: variables that it has besides the caller's.
-        alone: whether it has none of the caller's but those that say where programs are: neither
+        alone: whether it has none of the caller's but those of the places of programs: neither
             passwords nor keys.
 
     Raises:

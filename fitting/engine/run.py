@@ -29,7 +29,7 @@ AHEAD = 256
 class Place:
     """Where items run.
 
-    ``losses`` are the exceptions that say that a worker was lost, ``repeats`` how often its item
+    ``losses`` are the exceptions of a worker that was lost, ``repeats`` how often its item
     is then done again: none where the executor does that itself. ``ahead`` items are handed over
     before the first has ended.
     """
@@ -50,14 +50,14 @@ class Ended(Generic[Item, Result]):
 
     @property
     def how_lost(self) -> str:
-        """What is said of an item whose worker was lost."""
+        """The message of an item whose worker was lost."""
         return f"its worker was lost, again when it was repeated: {self.lost}"
 
 
 def run(
     work: Callable[[Item], Result], items: Iterable[Item], place: Place
 ) -> Iterator[Ended[Item, Result]]:
-    """Results of independent items, as they end; what has not started is left when nobody asks on.
+    """Results of independent items, as they end; what has not started is left at the end.
 
     Args:
         work: a function of a module, called in the executor with each item.

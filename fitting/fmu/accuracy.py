@@ -110,7 +110,7 @@ class AccuracyAnnotation(AccuracyNames):
                     raise BadInput(f"{key}: no reduction '{name}', wanted one of: {known}")
 
     def over(self, own: AccuracyAnnotation) -> AccuracyAnnotation:
-        """What is said here, and by an FMU's `own` annotation where nothing is.
+        """The annotation, completed by an FMU's `own` one.
 
         Raises:
             BadInput: `force` or `forbid` name none of the reductions.

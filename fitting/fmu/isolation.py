@@ -32,7 +32,7 @@ class Isolation:
     """Limits of an FMU that runs isolated; its worker processes keep to them, each by itself.
 
     Beside them it writes into a folder of its own alone, and has no network, where the system can
-    hold that (Linux); what the system cannot is told as a warning.
+    hold that (Linux); what the system cannot is a warning.
 
     Attributes:
         memory_mb: Memory beyond that of the worker itself, MB.

@@ -40,10 +40,10 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     """Path of the campaign's FMU: the file it names, or the model it names, built into `cache`.
 
     The build is reproducible and takes a second, so it is made anew every time: what is driven is
-    what the sources say.
+    what the sources are.
 
     Args:
-        source: what the campaign says of its FMU.
+        source: the FMU of the campaign.
         cache: folder for FMUs that are built.
 
     Raises:

@@ -94,9 +94,9 @@ class FmuWorkers:
     opened anew, from the same file, where it is unpickled.
 
     They are started when the first runs come, and end with `close`, at the end of a ``with`` block,
-    when nobody refers to this object any more, or with the caller, however that ends.
+    when nothing refers to this object any more, or with the caller, however that ends.
 
-    ``fmu`` is its path, or its description, which also tells the interface by which it is run;
+    ``fmu`` is its path, or its description, which also has the interface by which it is run;
     ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
     reset and reused where a repeated run is the same bit for bit, "never": a new one for each run;
     ``timeout_name`` what the user calls the time limit, for the message when it is over;
@@ -104,8 +104,8 @@ class FmuWorkers:
 
     ``warnings`` collects the different warnings that the FMU logged, ``latest_warnings`` those of
     the last call of ``run``; ``memory_bytes`` is the memory of the process that answered last, 0
-    where the system does not tell. After an FmuFailure the object can be used on. Raises BadInput
-    if the FMU cannot be read.
+    where the system does not report it. After an FmuFailure the object can be used on. Raises
+    BadInput if the FMU cannot be read.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class FmuWorkers:
         self._begin_anew(int(workers))
 
     def _begin_anew(self, workers: int) -> None:
-        """No processes yet, nobody's turn."""
+        """No processes yet, no thread at work."""
         self._turn = RLock()
         self._requests = RunRequests(self.description)
         self._open = _Open(workers)
@@ -238,7 +238,7 @@ class FmuWorkers:
                 self._spare(job)
                 failure.answers = job.results
                 raise
-            finally:  # no answer to a batch that nobody waits for comes into the next one
+            finally:  # no answer to an abandoned batch comes into the next one
                 for number in job.todo:
                     self._kill(number)
             return [job.results[i] for i in range(n)]

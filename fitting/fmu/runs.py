@@ -154,7 +154,7 @@ class Run:
     keeps its phase and the state its branch; their samples follow in the result.
 
     Raises BadInput for times that are not finite or not positive, for a step that does not divide
-    them, and for segments beside a signal or without a start value of what they move.
+    them, and for segments together with a signal or without a start value of what they move.
     """
 
     start_values: Mapping[str, Scalar]

@@ -1,4 +1,4 @@
-"""Which parameters of an FMU hold tones beside those that are named."""
+"""Which parameters of an FMU hold tones besides those that are named."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AMPLITUDE_STEM = "A"
 
 @dataclass(frozen=True)
 class OtherTone:
-    """A tone that nobody named: the parameters of its frequency and of its amplitude."""
+    """A tone that is not named: the parameters of its frequency and of its amplitude."""
 
     frequency: str
     amplitude: str

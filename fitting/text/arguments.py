@@ -1,4 +1,4 @@
-"""Arguments of what people call: one that cannot be what its type hint says is told in a sentence.
+"""Arguments of what people call: what a type hint does not allow is an error of one line.
 
 Only what a hint surely excludes is refused, as text for a number. Whether arrays hold numbers, and
 what lies between them, is for whoever takes them.

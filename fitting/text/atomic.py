@@ -21,7 +21,7 @@ NO_SYNC = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ER
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name beside it, then rename: never half a file.
+    """Write a file under a temporary name next to it, then rename: never half a file.
 
     Folders are made as needed.
 
@@ -52,7 +52,7 @@ def replace_file(path: Path, data: bytes) -> None:
 
 
 def remove_parts(path: Path) -> None:
-    """Remove what processes left that were killed while they wrote a file, which nobody writes now.
+    """Remove what processes left that were killed while they wrote a file, which none writes now.
 
     Args:
         path: of the file.

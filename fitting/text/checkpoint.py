@@ -34,7 +34,7 @@ class Checkpoint(Generic[Part]):
         path: The file; one that is there stays until the first part is recorded.
         job: Fingerprint of everything that a part depends on.
         kind: The record that a part is.
-        key: What tells a part from the others.
+        key: What distinguishes a part from the others.
         every_s: Least time between two writings in s; 0 writes after every part.
     """
 

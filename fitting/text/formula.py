@@ -125,10 +125,10 @@ class Formula:
         return _worked(self._tree)
 
     def written_out(self, formulas: Mapping[str, Formula]) -> Formula:
-        """The formula in which some names stand for formulas, each in brackets.
+        """The formula in which formulas replace some names, each in brackets.
 
         Args:
-            formulas: by the names that stand for them; names in these are kept.
+            formulas: by the names that they replace; names in these are kept.
         """
 
         class Inserted(ast.NodeTransformer):

@@ -15,7 +15,7 @@ def hertz_of(values: Iterable[float], unit: str, *, where: str) -> FloatArray:
     """Frequencies in Hz of a column, each rounded once: 6.94016 MHz is the tone 6940160 Hz exactly.
 
     Equal frequencies are then equal, whichever unit each file writes them in. Angular frequencies
-    omega are omega/(2 pi): a column that says rad/s means these.
+    omega are omega/(2 pi): a column in rad/s means these.
 
     Args:
         values: of the column, shape (n,).

@@ -1,6 +1,6 @@
 """Finished parts of a long job as lines of JSON that are added to a file, however many there are.
 
-The first line says which job they are of. kill -9 at any moment loses the parts that were running,
+The first line identifies their job. kill -9 at any moment loses the parts that were running,
 and nothing else: a last line that was cut is left out.
 """
 

@@ -1,6 +1,6 @@
 """What a key of a table can be: a text, a quantity, one of a few words, a value as written.
 
-Each is an annotated type of a record's field (see `fitting.text.schema`) that says at once what
+Each is an annotated type of a record's field (see `fitting.text.schema`) that defines at once what
 is accepted, the words of the complaint about anything else, and the JSON Schema for editors.
 """
 

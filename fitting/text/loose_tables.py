@@ -1,6 +1,6 @@
 """Tables of numbers as programs write them: delimiter, comments, head and unit row are found.
 
-`fitting.text.tables` reads what the documentation tells people to write; this reads the rest:
+`fitting.text.tables` reads what the documentation describes; this reads the rest:
 blanks between cells, no head at all, lines that begin with # or %, a preamble of settings, a row of
 units below the names.
 """
@@ -233,7 +233,7 @@ def cells_of(text: str, delimiter: str) -> tuple[str, ...]:
 
     Args:
         text: the line.
-        delimiter: between cells; a blank stands for any number of blanks.
+        delimiter: between cells; a blank means any number of blanks.
     """
     cells = tuple(text.split()) if delimiter == BLANKS else split_line(text, delimiter)
     while cells and not cells[-1]:
@@ -383,7 +383,7 @@ def _cells_of_names(text: str, delimiter: str, count: int) -> tuple[str, ...] | 
 
 
 def _heads(cell: str) -> bool:
-    """Whether a cell heads a column: it tells a unit, or is the name of an axis."""
+    """Whether a cell heads a column: it has a unit, or is the name of an axis."""
     column = named_column(cell, 0)
     unit = column.unit or suffixed_unit(column.name)[1] or named_unit(column.name)
     return unit is not None or column.name.strip(" .").lower() in AXES
@@ -403,7 +403,7 @@ def declared_units(above: Sequence[str], delimiter: str) -> tuple[str | None, tu
 
 
 def _axis_units(text: str, delimiter: str) -> tuple[str, tuple[str, ...]] | None:
-    """The axis, "x" or "y", whose units a line of settings tells, and these."""
+    """The axis, "x" or "y", whose units a line of settings declares, and these."""
     if "unit" not in text.lower() and "dimension" not in text.lower():
         return None
     plain = text.strip().lstrip("".join(COMMENTS)).strip()
@@ -422,7 +422,7 @@ def _axis_units(text: str, delimiter: str) -> tuple[str, tuple[str, ...]] | None
 def with_declared_units(
     columns: Sequence[Column], declared: tuple[str | None, tuple[str, ...]]
 ) -> tuple[Column, ...]:
-    """Columns without a unit of their own in those that settings above them tell.
+    """Columns without a unit of their own in those that settings above them declare.
 
     Args:
         columns: of a table.

@@ -127,7 +127,7 @@ def sign(name: str) -> str:
 
 
 def signs_words(names: Iterable[str]) -> str:
-    """What the signs in figures stand for: "In figures η₊ is eta_plus."; empty where all are plain.
+    """What the signs in figures mean: "In figures η₊ is eta_plus."; empty where all are plain.
 
     Args:
         names: of the quantities.
@@ -360,7 +360,7 @@ def _tail(unit: str) -> str:
 
 
 def rounded_alike(value: float, *others: float, error: float) -> tuple[str, ...]:
-    """A value and what stands beside it, all rounded where the second digit of an error stands.
+    """A value and its errors, all rounded where the second digit of an error stands.
 
     Args:
         value: the number.
@@ -470,7 +470,7 @@ def _outwards(value: float, place: int, *, up: bool) -> Decimal:
 
 
 def _digits_to(place: int, value: float) -> int:
-    """Significant digits of a value down to a power of ten, as many as a float tells."""
+    """Significant digits of a value down to a power of ten, as many as a float has."""
     return min(math.floor(math.log10(abs(value))) - place + 1, _DIGITS)
 
 
@@ -479,7 +479,7 @@ def as_known(value: float, error: float, unit: str = "") -> str:
 
     Args:
         value: the number.
-        error: standard deviation, in the same unit; NaN: nobody knows it.
+        error: standard deviation, in the same unit; NaN: unknown.
         unit: of the values.
     """
     shown = number(value, _LEAST)
@@ -503,7 +503,7 @@ def span(low: float, high: float, unit: str = "", error: float = math.nan) -> st
         low: lower end.
         high: upper end.
         unit: of the values.
-        error: standard deviation of either end, in the same unit; NaN: the width tells the digits.
+        error: standard deviation of either end, in the same unit; NaN: the width decides.
     """
     tail = _tail(unit)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):

@@ -1,4 +1,4 @@
-"""Arrays of measured numbers, as people hand them over: what is none is told in a sentence."""
+"""Arrays of measured numbers, as people hand them over: what is none is an error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def as_numbers(values: npt.ArrayLike, where: str) -> FloatArray:
     """An array of doubles.
 
     Args:
-        values: what is said to be one.
+        values: what is meant as one.
         where: file, row or key, for complaints.
 
     Raises:
@@ -32,7 +32,7 @@ def as_values(values: npt.ArrayLike, where: str) -> FloatArray | ComplexArray:
     """An array of doubles, or of complex numbers where these are handed over.
 
     Args:
-        values: what is said to be one.
+        values: what is meant as one.
         where: file, row or key, for complaints.
 
     Raises:

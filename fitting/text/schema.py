@@ -9,11 +9,11 @@ A table of a file is described once, as a frozen dataclass whose fields are the 
         line_width: Annotated[float | None, Quantity("Hz")] = None
         "Rough width, sets the settling time."
 
-        def __post_init__(self) -> None:  # what no key can tell by itself
+        def __post_init__(self) -> None:  # what no key can decide by itself
             if ...: raise Refused("wanted ...", "line_width")
 
 `read_record` makes the record of plain tables, or complains of everything that is wrong with them,
-one line each with file, table and key; `json_schema` tells editors the same.
+one line each with file, table and key; `json_schema` describes the same for editors.
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ def _complaints(
 
 
 def _fields(kind: Any, loc: Place) -> dict[str, tuple[Any, ...]]:
-    """Keys of the record at a place inside another, with what their annotations say of each.
+    """Keys of the record at a place inside another, with the annotations of each.
 
     Keys of free tables and indices of lists are passed over.
     """

@@ -87,7 +87,7 @@ def _remove(folder: Path, owner: int) -> None:
 
 
 def _locked(folder: Path) -> FileLock:
-    """A lock in the folder that has its name only once it is held: nobody meets it unlocked."""
+    """A lock in the folder that has its name only once it is locked: it is never met unlocked."""
     draft = folder / f"{OWNER_NAME}.draft"
     draft.write_text(platform.node(), "utf-8")
     lock = FileLock(draft, blocking=False, thread_local=False)  # a finaliser may free it
@@ -107,6 +107,6 @@ def _remove_abandoned(place: Path) -> None:
             if hasattr(os, "getuid") and status.st_uid != os.getuid():
                 continue
             if owner.read_text("utf-8") != platform.node():
-                continue  # a lock may say nothing to other machines that share the folder
+                continue  # a lock may mean nothing to other machines that share the folder
             with FileLock(owner, blocking=False):
                 shutil.rmtree(owner.parent, ignore_errors=True)

@@ -12,10 +12,10 @@ from fitting.text.controls import spelled_out
 
 
 class Outlet:
-    """A text stream that goes on taking text when nobody takes it any more.
+    """A text stream that goes on taking text when its reader is gone.
 
     Whoever closes a pipe (``| head``) has seen enough: the command still ends its work and writes
-    its files. ``failure`` says why text was lost, None while none was.
+    its files. ``failure`` is why text was lost, None while none was.
 
     What steers a terminal is spelled out, but for ``steering``: words of FMUs and of files come
     this way.

@@ -72,7 +72,7 @@ def parse_quantity(text: str, *, where: str, wanted: str | None = None) -> tuple
     Args:
         text: as it was written.
         where: file, row or key, for complaints.
-        wanted: unit that is wanted, for complaints; None where nobody knows.
+        wanted: unit that is wanted, for complaints; None: unknown.
 
     Raises BadInput, beginning with ``where``, if it is not a finite number followed by a unit that
     exists.
@@ -193,7 +193,7 @@ def _pair(unit: str, wanted: str | None) -> tuple[pint.Unit | None, pint.Unit | 
 
 @made_once
 def _fit(source: pint.Unit, target: pint.Unit) -> bool:
-    """Whether two units are of one kind, angles and plain numbers told apart."""
+    """Whether two units are of one kind, angles and plain numbers distinguished."""
     return source.dimensionality == target.dimensionality and _angles(source) == _angles(target)
 
 

@@ -1,4 +1,4 @@
-"""A value as a user wrote it, with its place: what it has to be is known later, beside the FMU."""
+"""A value as a user wrote it, with its place: what it has to be depends on the FMU."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from fitting.text.units import convert, convert_difference, parse_quantity
 
 @dataclass(frozen=True)
 class Written:
-    """A value as the user wrote it: number, Boolean or text, ``unit`` if one stands beside it.
+    """A value as the user wrote it: number, Boolean or text, ``unit`` if it has one of its own.
 
     Text may still be a quantity ("6.94 MHz") or the value of a String variable; which, is known
-    only beside the FMU. ``where`` opens every complaint about it.
+    only with the FMU. ``where`` opens every complaint about it.
     """
 
     value: Scalar
@@ -58,7 +58,7 @@ def written_values(values: Mapping[str, Scalar], where: str) -> dict[str, Writte
 def in_unit(written: Written, unit: str | None) -> float:
     """The number of a written value in ``unit``; a bare number is in ``unit`` already.
 
-    With ``unit`` None (nobody knows the unit wanted) a written unit is taken to SI base units.
+    With ``unit`` None (the unit wanted is unknown) a written unit is taken to SI base units.
 
     Args:
         written: number or quantity as the file has it.

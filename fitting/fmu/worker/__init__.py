@@ -1,1 +1,1 @@
-"""The worker processes: one FMU each, held open, and what caller and worker say to each other."""
+"""The worker processes: one FMU each, held open, and what caller and worker exchange."""

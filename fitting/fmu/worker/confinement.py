@@ -108,7 +108,7 @@ def allow_processor_time(isolation: Isolation) -> None:
 def most_memory() -> int:
     """The most resident memory that the system counts for this process so far, bytes.
 
-    Under Linux that begins with the memory of the process that started it; 0 where it is not told.
+    Under Linux that begins with the memory of the process that started it; 0 where it is not known.
     """
     try:
         import resource

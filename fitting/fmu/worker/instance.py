@@ -259,7 +259,7 @@ class FmuInstance2(FmuInstance):
         self.call("EnterInitializationMode")
 
     def step(self, at: float, step: float) -> None:
-        """DoStep; the FMU tells by 'discard' that it stopped early."""
+        """DoStep; the FMU reports by 'discard' that it stopped early."""
         self._at.value, self._step.value = at, step
         status = self._do_step(self.instance, self._at, self._step, self._keeps_no_state)
         if status <= WARNING:
@@ -300,7 +300,7 @@ class FmuInstance3(FmuInstance):
         self.call("EnterInitializationMode", False, 0.0, start_time, False, 0.0)
 
     def step(self, at: float, step: float) -> None:
-        """DoStep; the FMU tells by flags and the time reached that it stopped early."""
+        """DoStep; the FMU reports by flags and the time reached that it stopped early."""
         self._terminated.value = self._early.value = False
         self._reached.value = wanted = at + step  # for FMUs that do not write it
         self._at.value, self._step.value = at, step

@@ -1,8 +1,8 @@
 """Equations of motion that are linear, x' = A x + b u + c: found by asking, solved exactly.
 
-An FMU of model exchange tells x' at any x. Where that is linear in x and in its driven input, the
+An FMU of model exchange gives x' at any x. Where that is linear in x and in its driven input, the
 motion over a step follows from a matrix exponential, to rounding and at a tenth of the work of an
-integration. Nothing tells that equations are linear everywhere: what is found is held against the
+integration. That equations are linear everywhere is not known: they are compared with the
 FMU at states of all sizes beforehand, and wherever the motion comes by.
 """
 

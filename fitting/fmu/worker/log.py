@@ -8,18 +8,18 @@ from collections.abc import Iterable
 
 from fitting.text.controls import spelled_out
 
-KEPT = 50  # sentences of one run; the last ones tell why it failed
+KEPT = 50  # sentences of one run; the last ones explain why it failed
 WRITTEN = 200  # sentences of one run that go to the file
 SEVERE = 1  # fmi2Warning, fmi3Warning; below it is only chatter
 LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
 class CallFailed(Exception):
-    """An FMI call did not succeed; the text says which, when, and what the FMU logged."""
+    """An FMI call did not succeed; the text names the call, the time, and what the FMU logged."""
 
 
 class Log:
-    """Receives what the FMU says; warnings and worse also go to file descriptor ``file`` at once.
+    """Receives what the FMU logs; warnings and worse also go to file descriptor ``file`` at once.
 
     The file survives a crash of the process, the memory does not.
     """
@@ -44,7 +44,7 @@ class Log:
         if status >= SEVERE and self._written < WRITTEN:
             self._written += 1
             os.write(self._file, f"[{label(status)}] {text}\n".encode())
-        if status == SEVERE and len(self._warned) <= KEPT:  # one more tells that there are more
+        if status == SEVERE and len(self._warned) <= KEPT:  # one more: there are more
             self._warned[text] = None
 
     def warn(self, sentences: Iterable[str]) -> None:
@@ -56,13 +56,13 @@ class Log:
         self._warned.update(dict.fromkeys(sentences))
 
     def new_run(self) -> None:
-        """Forget what was said before."""
+        """Forget what was logged before."""
         if self._kept:
             self._kept.clear()
             self._written = 0
 
     def sentences(self) -> str:
-        """What was said during this run: warnings and worse, or else its last words."""
+        """What was logged during this run: warnings and worse, or else its last words."""
         severe = [text for status, text in self._kept if status >= SEVERE]
         chosen = list(dict.fromkeys(severe)) or [text for _, text in list(self._kept)[-3:]]
         # the first ones tell the cause, the last ones what came of it

@@ -14,7 +14,7 @@ ENDING_S = 1.0  # longest wait for what a process that has ended left in its pip
 
 
 class Printed:
-    """Reads what a process prints until nobody can print any more.
+    """Reads what a process prints until no process can print any more.
 
     A pipe and not a file: an FMU may print for a whole night. And read by a thread, so that nothing
     waits for a reader that is busy otherwise.

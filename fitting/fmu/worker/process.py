@@ -46,7 +46,7 @@ class WorkerProcess:
 
     It heads a group of its own, which the processes that an FMU starts belong to and end with.
 
-    ``task``: what it is there for, its files beside each other in the folder ``home``.
+    ``task``: what it is there for, its files in one folder.
 
     Raises OSError if no process can be started.
     """

@@ -1,7 +1,7 @@
 """The pulse of a worker process: numbers in memory that it shares with its caller.
 
 They can be read while the worker is inside the FMU and answers nothing. Under Linux the memory is
-sealed: no FMU can take it away from under its caller. Elsewhere it is a mapped file beside the
+sealed: no FMU can take it away from under its caller. Elsewhere it is a mapped file next to the
 unpacked FMU, which goes when that folder goes.
 """
 

@@ -8,7 +8,7 @@ instance, for good. The first run alone is no measure: with its input at rest it
 all. A value that changes nothing in its run is compared in further runs, too, before it counts as
 tried. What goes wrong with the values of a run goes wrong before any reset, and is not laid to one.
 
-Where a process bears one instance alone, or a signal in time varies, the first run stands for the
+Where a process bears one instance alone, or a signal in time varies, the first run is taken for the
 second one; one that stood still gives way to the next.
 """
 
