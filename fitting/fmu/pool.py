@@ -287,31 +287,30 @@ class FmuWorkers:
         worker.send(self._requests.layouts, requests)
 
     def _wait(self, job: _Job) -> None:
-        """Take what has arrived, and look after who is late."""
+        """Take what has arrived, and look after who has ended or is late."""
         busy = {n: w for n in job.todo if (w := self._open.processes[n]) is not None}
         arrived = connection.wait([worker.pipe for worker in busy.values()], timeout=POLL_S)
         for number, worker in busy.items():
+            reply, ended, how = None, False, ""
             if worker.pipe in arrived:
                 try:
                     reply = worker.receive()
                 except EOFError:
-                    self._replace_ended(number, worker, job)
+                    ended = True
                 except NotAnAnswer as error:
-                    self._blame(number, worker, job, f"{MEDDLED} ({error})", NoAnswer)
-                else:
-                    if reply is not None:  # else it has begun to arrive
-                        self._take(number, reply, job)
-                        continue
-            if self._open.processes[number] is not worker:
-                continue
-            if worker.has_ended:
+                    how = f"{MEDDLED} ({error})"
+            if reply is not None:
+                self._take(number, reply, job)
+            elif ended or (not how and worker.has_ended):
                 self._replace_ended(number, worker, job)
-            elif text := worker.written_too_much():
-                self._blame(number, worker, job, text, FmuFailure)
+            elif how:
+                self._blame(number, worker, job, how, NoAnswer)
+            elif how := worker.written_too_much():
+                self._blame(number, worker, job, how, FmuFailure)
             elif worker.is_late(self._timeout_s):
-                text = f"gave no answer within {self._timeout_s:g} s and was stopped"
-                text += f"; {self._timeout_name} sets that limit"
-                self._blame(number, worker, job, text, NoAnswer)
+                how = f"gave no answer within {self._timeout_s:g} s and was stopped"
+                how += f"; {self._timeout_name} sets that limit"
+                self._blame(number, worker, job, how, NoAnswer)
 
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
         """Results of a reply, and its failure."""

@@ -107,10 +107,6 @@ class FmuInstance:
             instance, self.instance = self.instance, None
             getattr(self.fmu.dll, f"{self.prefix}FreeInstance")(instance)
 
-    def reset(self) -> None:
-        """Back to the state after instantiation."""
-        self.call("Reset")
-
     def terminate(self) -> None:
         """End the simulation; results can still be read, and the instance reset."""
         self.call("Terminate")
@@ -152,14 +148,6 @@ class FmuInstance:
         status = function(self.instance, references, n, buffer, *tail)
         if status > WARNING:
             self.check(status, name)
-
-    def configure(self, *, start: bool) -> None:
-        """Enter configuration mode, in which structural parameters are set, or leave it.
-
-        Args:
-            start: which of the two.
-        """
-        self.call("EnterConfigurationMode" if start else "ExitConfigurationMode")
 
     def follow(self, access: VariableAccess, tones: tuple[Tone, ...]) -> bool:
         """Whether the input follows tones by itself from now on: what is held over steps does not.

@@ -108,7 +108,7 @@ class _Instances:
         self._pulse[STARTED] += 1
         self._log.new_run()
         clocks = time.perf_counter(), time.process_time()
-        fmu.reset()
+        fmu.call("Reset")
         return self._simulate(fmu, request, clocks)
 
     @contextlib.contextmanager

@@ -67,10 +67,10 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     for group, access, values in zip(layout.sets, binding.sets, request.values, strict=True):
         if group.structural != configuring:
             configuring = group.structural
-            fmu.configure(start=configuring)
+            fmu.call("EnterConfigurationMode" if configuring else "ExitConfigurationMode")
         fmu.set(access, values)
     if configuring:
-        fmu.configure(start=False)
+        fmu.call("ExitConfigurationMode")
     read = _reader(fmu, binding, result)
     fmu.enter_initialisation(request.start_time_s)
     if request.held is not None:
