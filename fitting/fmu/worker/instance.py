@@ -75,6 +75,7 @@ class FmuInstance:
         self.fmu = fmu
         self.log = log
         self.instance: Any = None
+        self._functions: dict[str, Callable[..., int]] = {}
         # an FMU of model exchange has none
         has_steps = hasattr(fmu.dll, f"{self.prefix}DoStep")
         self._do_step: Any = self._undeclared("DoStep") if has_steps else None
@@ -88,8 +89,10 @@ class FmuInstance:
             name: of the FMI function, without its prefix.
             *arguments: behind the instance.
         """
-        status = getattr(self.fmu.dll, self.prefix + name)(self.instance, *arguments)
-        if status > WARNING:
+        function = self._functions.get(name)
+        if function is None:
+            function = self._functions[name] = getattr(self.fmu.dll, self.prefix + name)
+        if (status := function(self.instance, *arguments)) > WARNING:
             self.check(status, name)
 
     def instantiate(self) -> None:
