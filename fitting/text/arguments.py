@@ -21,17 +21,27 @@ from fitting.text.errors import BadInput, shown
 from fitting.text.numbers import is_real, is_whole
 
 Called = TypeVar("Called")
+#: Whether a value fits a hint, and what the hint is called in a sentence.
+Rule = tuple[Callable[[Any], bool], str]
 UNIONS = (typing.Union, types.UnionType)
 #: Values that are repeated in a complaint as they are; of others it names the class.
-PLAIN = (str, bytes, int, float, list, tuple, dict, types.NoneType)
-#: What a hint is called in a sentence.
-WORDS: Mapping[Any, str] = {
-    float: "a number",
-    int: "a whole number",
-    bool: "True or False",
-    str: "text",
-    Path: "a path",
-    types.NoneType: "None",
+SHOWN = (str, bytes, int, float, list, tuple, dict, types.NoneType)
+
+
+def _is_number(value: Any) -> bool:
+    try:
+        return is_real(value) and isinstance(float(value), float)
+    except OverflowError:
+        return False
+
+
+PLAIN: Mapping[Any, Rule] = {
+    float: (_is_number, "a number"),
+    int: (is_whole, "a whole number"),
+    bool: (lambda value: isinstance(value, bool | np.bool_), "True or False"),
+    str: (lambda value: isinstance(value, str), "text"),
+    Path: (lambda value: isinstance(value, str | PathLike), "a path"),
+    types.NoneType: (lambda value: value is None, "None"),
 }
 
 
@@ -56,9 +66,9 @@ def _checking(function: Callable[..., Any], hinted: Callable[..., Any]) -> Calla
         given = signature.bind(*args, **kwargs).arguments  # TypeError: missing, unknown, too many
         hints = _hints(hinted)
         for key, value in given.items():
-            if key in hints and not _can_be(value, hints[key]):
-                wanted = _words(hints[key])
-                what = shown(value) if isinstance(value, PLAIN) else f"a {type(value).__name__}"
+            fits, wanted = _rule(hints[key]) if key in hints else (None, "")
+            if fits is not None and not fits(value):
+                what = shown(value) if isinstance(value, SHOWN) else f"a {type(value).__name__}"
                 raise BadInput(f"{hinted.__name__}: {key} is {what}, wanted {wanted}")
         return function(*args, **kwargs)
 
@@ -80,61 +90,47 @@ def _hints(called: Callable[..., Any]) -> dict[str, Any]:
     return {key: hint for key, hint in every.items() if key not in (*many, "return", "self")}
 
 
-def _can_be(value: Any, hint: Any) -> bool:
-    """Whether a value may be of a type; also where nothing is known of it."""
+@cache
+def _rule(hint: Any) -> Rule:
+    """What fits a type hint; whatever nothing is known of fits."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
+    kind = origin if isinstance(origin, type) else object
+    if hint in PLAIN:
+        return PLAIN[hint]
     if origin in UNIONS:
-        return any(_can_be(value, one) for one in inner)
-    if hint in (None, types.NoneType):
-        return value is None
-    if hint is int:
-        return is_whole(value)
-    if hint is float:
-        try:
-            return is_real(value) and isinstance(float(value), float)
-        except OverflowError:
-            return False
-    if hint in (bool, str, Path):
-        plain: dict[Any, Any] = {bool: bool | np.bool_, str: str, Path: str | PathLike}
-        return isinstance(value, plain[hint])
+        rules = [_rule(one) for one in inner]
+        names = dict.fromkeys(name for _, name in rules)
+        return lambda value: any(fits(value) for fits, _ in rules), " or ".join(names)
     if origin is typing.Literal:
-        return isinstance(value, str | int) and value in inner
+        words = " or ".join(map(repr, inner))
+        return lambda value: isinstance(value, str | int) and value in inner, words
     if origin is Callable:
-        return callable(value)
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        return isinstance(value, Mapping)
-    if isinstance(origin, type) and issubclass(origin, tuple | Sequence | Iterable):
-        return _can_be_sequence(value, origin, inner)
-    is_class = isinstance(hint, type) and not getattr(hint, "_is_protocol", False)
-    return isinstance(value, hint) if is_class and origin is None else True
+        return callable, "something else"
+    if issubclass(kind, Mapping):
+        return lambda value: isinstance(value, Mapping), "a mapping"
+    if issubclass(kind, tuple | Sequence | Iterable):
+        return _sequence_rule(kind, inner)
+    if isinstance(hint, type) and origin is None and hint is not Any:
+        known = object if getattr(hint, "_is_protocol", False) else hint
+        return lambda value: isinstance(value, known), f"a {hint.__name__}"
+    return lambda value: True, "something else"
 
 
-def _can_be_sequence(value: Any, origin: type, inner: tuple[Any, ...]) -> bool:
+def _sequence_rule(kind: type, inner: tuple[Any, ...]) -> Rule:
     """Lists, tuples and arrays pass for each other; text is none of them."""
-    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
-        return False
-    if isinstance(value, np.ndarray) and inner[:1] == (str,):
-        return False
-    if not isinstance(value, list | tuple):
-        return True  # what is taken once, or an array, whose numbers are checked as such
-    if issubclass(origin, tuple) and Ellipsis not in inner and inner:
-        return len(value) == len(inner) and all(map(_can_be, value, inner))
-    return all(_can_be(one, inner[0]) for one in value) if inner else True
+    rules = [_rule(one) for one in inner if one is not Ellipsis]
+    is_record = issubclass(kind, tuple) and bool(inner) and Ellipsis not in inner
 
+    def fits(value: Any) -> bool:
+        if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+            return False
+        if isinstance(value, np.ndarray) and inner[:1] == (str,):
+            return False
+        if not isinstance(value, list | tuple):
+            return True  # what is taken once, or an array, whose numbers are checked as such
+        if is_record:
+            each = zip(value, rules, strict=False)
+            return len(value) == len(rules) and all(rule(one) for one, (rule, _) in each)
+        return all(rules[0][0](one) for one in value) if rules else True
 
-def _words(hint: Any) -> str:
-    """What is wanted, in words."""
-    origin, inner = typing.get_origin(hint), typing.get_args(hint)
-    if hint in WORDS:
-        return WORDS[hint]
-    if origin in UNIONS:
-        return " or ".join(dict.fromkeys(map(_words, inner)))
-    if origin is typing.Literal:
-        return " or ".join(map(repr, inner))
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        return "a mapping"
-    if isinstance(origin, type) and issubclass(origin, tuple | Sequence | Iterable):
-        return f"a sequence, of {_words(inner[0])} each" if inner else "a sequence"
-    if isinstance(hint, type):
-        return f"a {hint.__name__}"
-    return "something else"
+    return fits, f"a sequence, of {rules[0][1]} each" if rules else "a sequence"
