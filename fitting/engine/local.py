@@ -14,6 +14,7 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar, cast
 
+from fitting.engine.printed import Printed
 from fitting.engine.process import ONE_THREAD, end, start
 from fitting.text.scratch import Scratch
 
@@ -128,7 +129,7 @@ class _Slot:
                 self.process, self._pipe = start(
                     "fitting.engine.loop", self.folder, {**ONE_THREAD, **place}
                 )
-                threading.Thread(target=_drain, args=(self.process,), daemon=True).start()
+                Printed(cast("IO[bytes]", self.process.stdout))  # it is never held up by that
                 _log.debug("process %d started", self.process.pid)
             process, pipe = self.process, self._pipe
         try:
@@ -169,10 +170,3 @@ class _Slot:
             if process is not None and pipe is not None:
                 end(process, within_s)
                 pipe.close()
-
-
-def _drain(process: subprocess.Popen[bytes]) -> None:
-    """Take what the process prints, so that it is never held up by it."""
-    with contextlib.suppress(OSError, ValueError), cast("IO[bytes]", process.stdout) as lines:
-        for line in lines:
-            _log.debug("process %d: %s", process.pid, line.decode("utf-8", "replace").rstrip())

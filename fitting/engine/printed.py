@@ -1,4 +1,4 @@
-"""What a worker process prints: its last lines are kept, however much goes before them."""
+"""What a process prints: its last lines are kept, however much goes before them."""
 
 from __future__ import annotations
 
