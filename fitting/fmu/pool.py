@@ -291,7 +291,8 @@ class FmuWorkers:
         busy = {n: w for n in job.todo if (w := self._open.processes[n]) is not None}
         arrived = connection.wait([worker.pipe for worker in busy.values()], timeout=POLL_S)
         for number, worker in busy.items():
-            reply, ended, how = None, False, ""
+            reply: Reply | None = None
+            ended, how = False, ""
             if worker.pipe in arrived:
                 try:
                     reply = worker.receive()
