@@ -10,7 +10,7 @@ from fitting.api.fitted import Valued
 from fitting.api.printed import HtmlText
 from fitting.api.written import CALIBRATED_FILES
 from fitting.fmu import read_description
-from fitting.fmu.models import Rebuilding, rebuilt
+from fitting.fmu.models import rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
 from fitting.result.calibration import Calibration, calibration, calibration_csv
 from fitting.result.result import Result, read_result
@@ -90,8 +90,7 @@ def calibrate(
         f"{description.guid}."
     )
     with results_folder(out, "calibrate", CALIBRATED_FILES):
-        wanted = Rebuilding(name=name, history=history, start_values=handed.start_values)
-        built = rebuilt(description.file, wanted, out)
+        built = rebuilt(description.file, out, name, history, handed.start_values)
         values = parameter_set(name, handed.set_values(), description)
         packed = description if built is None else read_description(built)
         write_whole(ssv, values)

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -84,24 +83,19 @@ def built_ahead(campaigns: Sequence[Path]) -> Iterator[None]:
             _ahead.clear()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rebuilding:
-    """A shipped model with other start values: its new name, and their history in a sentence."""
-
-    name: str
-    history: str
-    start_values: Mapping[str, Scalar]
-
-
-def rebuilt(fmu: Path, wanted: Rebuilding, out: Path) -> Path | None:
+def rebuilt(
+    fmu: Path, out: Path, name: str, history: str, start_values: Mapping[str, Scalar]
+) -> Path | None:
     """Build the model of an FMU again with other start values; None if it is none of this project.
 
     An FMU is one of this project only if its builder makes the very same bytes of it.
 
     Args:
         fmu: path of an FMU.
-        wanted: name and start values of the new one.
-        out: folder for it.
+        out: folder for the new one.
+        name: of the new one.
+        history: of its start values, a sentence.
+        start_values: of the new one, by variable.
 
     Raises:
         BadInput: a start value that the model refuses, in the builder's words.
@@ -114,12 +108,12 @@ def rebuilt(fmu: Path, wanted: Rebuilding, out: Path) -> Path | None:
             return None
         if same.read_bytes() != fmu.read_bytes():
             return None
-        words = [*like, "--name", wanted.name, "--history", wanted.history]
-        if wanted.start_values:
+        words = [*like, "--name", name, "--history", history]
+        if start_values:
             words.append("--set")
-        for name, value in wanted.start_values.items():
+        for variable, value in start_values.items():
             text = str(value).lower() if isinstance(value, bool) else repr(value)
-            words.append(f"{name}={text}")
+            words.append(f"{variable}={text}")
         built = thread.submit(_builder, words, folder).result()
         write_whole(out / built.name, built.read_bytes())
         return out / built.name
