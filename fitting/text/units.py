@@ -236,7 +236,12 @@ def base_unit(unit: str) -> str:
     """
     parsed = _unit(unit)
     with alone():
-        return unit if parsed is None else f"{_registry().get_base_units(parsed)[1]:~P}"
+        return unit if parsed is None else _words(_registry().get_base_units(parsed)[1])
+
+
+def _words(unit: Any) -> str:
+    """A unit in symbols, with one sign of multiplication for all versions of pint."""
+    return f"{unit:~P}".replace("⋅", "·")
 
 
 def dimension_of(unit: str, *, where: str) -> Dimension:
@@ -270,7 +275,7 @@ def product_words(powers: Mapping[str, float]) -> str:
         # degrees Celsius and decibels have no products with others: printed as they are
         with contextlib.suppress(Exception):
             made = _registry().Quantity(Decimal(1), made).to_reduced_units().units
-        return f"{made:~P}" or "a plain number"
+        return _words(made) or "a plain number"
 
 
 def same_kind(unit: str, other: str) -> bool:
