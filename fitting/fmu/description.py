@@ -53,20 +53,14 @@ class OwnSteps(NamedTuple):
         return self.usual_s if self.internal_s is None else self.internal_s
 
 
-class Element(NamedTuple):
-    """Which element of an array a variable is, from 0 in the order of the file; of how many."""
-
-    place: int
-    size: int
-
-
 @dataclass(frozen=True, kw_only=True)
 class FmuVariable:
     """A variable of an FMU; ``start``, ``min`` and ``max`` are in ``unit`` (None: none declared).
 
     ``fmi_type`` is the type as the FMU declares it, ``kind`` what it is to us. Of an array every
-    element is a variable, called as "A[1,2]", with the reference of the array; ``is_size``: it is
-    a structural parameter that arrays have their size of.
+    element is a variable, called as "A[1,2]", with the reference of the array: ``place`` is its own
+    in it, from 0 in the order of the file, ``size`` that of the array, 0 of no array. ``is_size``:
+    it is a structural parameter that arrays have their size of.
     """
 
     name: str
@@ -81,7 +75,8 @@ class FmuVariable:
     description: str
     value_reference: int
     fmi_type: str
-    element: Element | None = None
+    size: int = 0
+    place: int = 0
     is_size: bool = False
 
     @property
@@ -308,8 +303,8 @@ def _variables(path: Path, version: str, variable: Any, is_size: bool) -> list[F
     where = f"{path}: variable {variable.name!r}"
     kind = _KINDS.get(variable.type, "other")
     shape = tuple(int(n) for n in variable.shape or ())
-    size = math.prod(shape)
-    elements: list[tuple[str, str | None, Element | None]] = [(variable.name, variable.start, None)]
+    size, array_size = math.prod(shape), 0
+    elements: list[tuple[str, str | None]] = [(variable.name, variable.start)]
     if variable.shape or variable.dimensions:
         if not 0 < size <= MOST_ELEMENTS or kind in ("String", "other"):
             kind = "other"
@@ -322,9 +317,10 @@ def _variables(path: Path, version: str, variable: Any, is_size: bool) -> list[F
                 )
             places = product(*(range(1, n + 1) for n in shape))
             elements = [
-                (f"{variable.name}[{','.join(map(str, place))}]", start, Element(k, size))
-                for k, (place, start) in enumerate(zip(places, starts, strict=True))
+                (f"{variable.name}[{','.join(map(str, place))}]", start)
+                for place, start in zip(places, starts, strict=True)
             ]
+            array_size = size
     declared = variable.declaredType
 
     def attribute(name: str) -> Any:
@@ -346,10 +342,11 @@ def _variables(path: Path, version: str, variable: Any, is_size: bool) -> list[F
             description=variable.description or "",
             value_reference=int(variable.valueReference),
             fmi_type=variable.type if variable.type != "Enumeration" else enumeration,
-            element=element,
+            size=array_size,
+            place=place,
             is_size=is_size,
         )
-        for name, start, element in elements
+        for place, (name, start) in enumerate(elements)
     ]
 
 

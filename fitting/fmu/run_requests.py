@@ -222,15 +222,15 @@ class RunRequests:
     def _whole_arrays(self, names: Iterable[str]) -> list[FmuVariable]:
         """Variables, each once, with all elements of an array that one of them is in."""
         given = [self._known[name] for name in dict.fromkeys(names)]
-        arrays = {v.value_reference for v in given if v.element is not None}
-        elements = [v for v in self._known.values() if v.element and v.value_reference in arrays]
+        arrays = {v.value_reference for v in given if v.size}
+        elements = [v for v in self._known.values() if v.size and v.value_reference in arrays]
         for element in elements:
             if element.start is not None:
                 self._elements[element.name] = element.start
             elif element not in given:
                 what = f"{element.name!r} has no start value, wanted one"
                 raise self._bad(f"{what}: an array is set as a whole")
-        return [*(v for v in given if v.element is None), *elements]
+        return [*(v for v in given if not v.size), *elements]
 
     def _inputs(self, names: Sequence[str]) -> Group:
         variables = [self._description.variable(name) for name in names]
@@ -262,7 +262,7 @@ class RunRequests:
                 f"{name!r} is a {variable.variability} {variable.kind} {variable.causality}, "
                 "wanted a tunable Real parameter to move during a run"
             )
-        if variable.element is not None and variable.element.size > 1:
+        if variable.size > 1:
             raise self._bad(
                 f"{name!r} is an element of an array, which is set as a whole; wanted a single "
                 "variable to move during a run"
@@ -277,7 +277,7 @@ def _grouped(variables: Sequence[FmuVariable]) -> tuple[Group, ...]:
     """Single variables by their types, structural ones first, then each array by itself."""
     alike: dict[tuple[bool, int, str], list[FmuVariable]] = {}
     for v in variables:
-        if v.element is None:
+        if not v.size:
             key = v.causality != STRUCTURAL, -1, v.fmi_type
         else:
             key = True, v.value_reference, ""
@@ -286,10 +286,10 @@ def _grouped(variables: Sequence[FmuVariable]) -> tuple[Group, ...]:
         Group(
             fmi_type=group[0].fmi_type,
             names=tuple(v.name for v in group),
-            references=tuple(v.value_reference for v in group[:1] if v.element)
+            references=tuple(v.value_reference for v in group[:1] if v.size)
             or tuple(v.value_reference for v in group),
-            size=group[0].element.size if group[0].element else 0,
-            places=tuple(v.element.place for v in group if v.element),
+            size=group[0].size,
+            places=tuple(v.place for v in group if v.size),
             structural=not later,
         )
         for (later, reference, _), group in sorted(
