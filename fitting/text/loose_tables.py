@@ -162,46 +162,31 @@ def words_of(delimiter: str, head: int) -> str:
     return f"columns of text, {between} between them, {named}"
 
 
-@dataclass(frozen=True)
-class _Run:
-    """Rows of numbers one below the other: the first, how many, cells of each and between them."""
-
-    first: int
-    rows: int
-    count: int
-    delimiter: str
-
-
 def _start(kept: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-    """Where the longest run of rows of numbers begins, and what stands between their cells.
+    """Where the longest run of rows of numbers begins, and what is between their cells.
 
     A run that something interrupts is one: it begins where the first rows like it do.
     """
-    runs: list[_Run] = []
+    starts: dict[tuple[int, str], int] = {}  # of the first rows with so many cells, by delimiter
+    longest, kind = 0, (0, "")
     i = 0
     while i < len(kept):
-        run = _run_at(kept, i)
-        if run is not None:
-            runs.append(run)
-        i += 1 if run is None else run.rows
-    if not runs:
-        return None
-    longest = max(runs, key=lambda run: run.rows)
-    kind = longest.count, longest.delimiter
-    first = next(run for run in runs if (run.count, run.delimiter) == kind)
-    return first.first, first.delimiter
-
-
-def _run_at(kept: Sequence[tuple[int, str]], i: int) -> _Run | None:
-    sample = [text for _, text in kept[i : i + SURE_ROWS] if text.strip().lower() not in ENDS]
-    for delimiter in (";", "\t", ",", BLANKS):
-        rows = [cells_of(text, delimiter) for text in sample]
-        if rows and len({len(r) for r in rows}) == 1 and all(_numeric(r, delimiter) for r in rows):
-            end = i + len(rows)
-            while end < len(kept) and _goes_on(kept[end][1], delimiter, len(rows[0])):
-                end += 1
-            return _Run(i, end - i, len(rows[0]), delimiter)
-    return None
+        sample = [text for _, text in kept[i : i + SURE_ROWS] if text.strip().lower() not in ENDS]
+        end = i
+        for delimiter in (";", "\t", ",", BLANKS):
+            rows = [cells_of(text, delimiter) for text in sample]
+            counts = {len(row) for row in rows}
+            if len(counts) == 1 and all(_numeric(row, delimiter) for row in rows):
+                [count] = counts
+                end = i + len(rows)
+                while end < len(kept) and _goes_on(kept[end][1], delimiter, count):
+                    end += 1
+                starts.setdefault((count, delimiter), i)
+                if end - i > longest:
+                    longest, kind = end - i, (count, delimiter)
+                break
+        i = max(end, i + 1)
+    return (starts[kind], kind[1]) if longest else None
 
 
 def _goes_on(text: str, delimiter: str, count: int) -> bool:
