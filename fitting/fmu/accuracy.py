@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from fitting.fmu.description import INTEGRATOR_TOLERANCE, FmuDescription
+from fitting.fmu.description import INTEGRATOR_TOLERANCE, READERS, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.keys import Keys, Text, Texts
@@ -151,12 +151,9 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
             name, text = each.get("name", ""), each.get("value", "")
             kind = description.variable(name).kind
             try:
-                if kind == "Boolean":
-                    values[name] = {"true": True, "false": False}[text]
-                elif kind == "Integer":
-                    values[name] = int(text)
-                else:
-                    values[name] = text if kind == "String" else float(text)
+                if kind == "Boolean" and text not in ("true", "false"):
+                    raise ValueError
+                values[name] = READERS[kind](text)
             except (ValueError, KeyError):
                 raise BadInput(f"{where} sets {name} = {text!r}, wanted a {kind}") from None
         return values

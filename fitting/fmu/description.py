@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -29,6 +29,14 @@ _KINDS: dict[str, Kind] = {
     "Boolean": "Boolean",
     "String": "String",
     **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
+}
+
+#: How a value of each kind is read from the text of an XML file; ValueError: it is none.
+READERS: Mapping[str, Callable[[str], Scalar]] = {
+    "Real": float,
+    "Integer": int,
+    "Boolean": lambda text: text.strip() in ("true", "1"),
+    "String": str,
 }
 
 #: Elements of an array (FMI 3.0) up to which each is a variable here.
@@ -362,13 +370,9 @@ def _number(text: str | None, where: str) -> float | None:
 def _value(kind: Kind, text: str | None, where: str) -> Scalar | None:
     if text is None or kind == "other":
         return None
-    if kind == "String":
-        return text
-    if kind == "Boolean":
-        return text.strip() in ("true", "1")
-    if kind == "Real":
-        return _number(text, where)
     try:
-        return int(text)
+        return READERS[kind](text)
     except ValueError as error:
-        raise BadInput(f"{where}: found start {shown(text)}, wanted a whole number") from error
+        wanted = "a number" if kind == "Real" else "a whole number"
+        what = shown(text) if kind == "Real" else f"start {shown(text)}"
+        raise BadInput(f"{where}: found {what}, wanted {wanted}") from error

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
-from fitting.fmu.description import FmuDescription
+from fitting.fmu.description import READERS, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import read_whole
@@ -130,19 +130,13 @@ def read_parameter_set(path: Path) -> list[SetValue]:
     except Exception as error:  # of fmpy, without a class of its own
         why = " ".join(str(error).replace("SystemStructure.ssd", "the file").split())
         raise BadInput(f"{path}: is no parameter set (.ssv): {why}") from error
-    readers: dict[str, Callable[[str], Scalar]] = {
-        "Real": float,
-        "Integer": int,
-        "Boolean": lambda text: text in ("true", "1"),
-        "String": str,
-    }
     for p in parameters:
-        if p.type not in readers:
+        if p.type not in READERS:
             raise BadInput(
                 f"{path}: {p.name}: found a value of type {p.type}, wanted a number, a Boolean or "
                 "a text"
             )
-    return [SetValue(name=p.name, value=readers[p.type](p.value), unit=p.unit) for p in parameters]
+    return [SetValue(name=p.name, value=READERS[p.type](p.value), unit=p.unit) for p in parameters]
 
 
 def _element(
