@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from fitting.api.choices import CRITERIA
 from fitting.design import FILES, WAYS_FILES
 from fitting.extension.command import (
     add_at,
+    command_line,
     fit_at,
     fmu_for,
     folder_name,
@@ -142,15 +142,8 @@ def _at(args: argparse.Namespace) -> Result | Path | None:
 
 
 def _command(args: argparse.Namespace) -> str:
-    words = ["fmu-fit", NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
-    for name in ("out", "at", "target", "criterion", "number"):
-        value = getattr(args, name)
-        if value is not None:
-            words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
-    for path in args.candidates:
-        words += ["--candidates", path.as_posix()]
-    words += ["--changed-data"] if args.changed_data else []
-    words += [] if args.time is None else ["--time", f"{args.time!r}s"]
-    if args.seed != 1:
-        words += ["--seed", str(args.seed)]
-    return shlex.join(words)
+    words = [NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
+    options = ("out", "at", "target", "criterion", "number")
+    made = command_line(args, words, options, ("candidates",), ("changed_data",))
+    made += "" if args.time is None else f" --time {args.time!r}s"
+    return made if args.seed == 1 else f"{made} --seed {args.seed}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from fitting.ensembles import FILES, ITEMS_FILE
 from fitting.extension.command import (
     bounded_number,
     command_again,
+    command_line,
     complaints_of_options,
     default_workers,
     hand_over,
@@ -245,15 +245,6 @@ def _options(args: argparse.Namespace) -> ff.EnsembleOptions:
 
 def _command(args: argparse.Namespace) -> str:
     """The command without where it runs: the same fits made elsewhere are the same bytes."""
-    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaigns)]
-    for name in ("series", "like", "laboratories", "seed", "fmu", "starts"):
-        value = getattr(args, name)
-        if value is not None:
-            words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
-    for change in args.change:
-        words += ["--change", change]
-    for name in args.value:
-        words += ["--value", name]
-    words += ["--quick"] if args.quick else []
-    words += ["--no-profiles"] if args.no_profiles else []
-    return shlex.join(words)
+    words = [NAME, *(path.as_posix() for path in args.campaigns)]
+    options = ("series", "like", "laboratories", "seed", "fmu", "starts")
+    return command_line(args, words, options, ("change", "value"), ("quick", "no_profiles"))

@@ -6,7 +6,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import reading, status_line
 from fitting.cli.running.results import writes
-from fitting.cli.words.again import command_again
+from fitting.cli.words.again import command_again, command_line
 from fitting.cli.words.columns import add_columns, columns_of
 from fitting.cli.words.drive import (
     add_fmu,
@@ -14,7 +14,6 @@ from fitting.cli.words.drive import (
     add_isolate,
     add_timeout,
     complaints_of_options,
-    flag,
     fmu_of,
 )
 from fitting.cli.words.earlier_fit import add_at, fit_at
@@ -40,11 +39,11 @@ __all__ = [
     "bounded_number",
     "columns_of",
     "command_again",
+    "command_line",
     "complaints_of_options",
     "default_workers",
     "even_number",
     "fit_at",
-    "flag",
     "fmu_for",
     "fmu_of",
     "folder_name",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +11,9 @@ from fitting.extension.command import (
     add_at,
     add_isolate,
     command_again,
+    command_line,
     even_number,
     fit_at,
-    flag,
     fmu_for,
     hand_over,
     joint_name,
@@ -149,11 +148,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _command(args: argparse.Namespace) -> str:
-    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
-    for name in ("at", "out", "walkers"):
-        value = getattr(args, name)
-        if value is not None:
-            words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
-    words += ["--steps", str(args.steps), "--seed", str(args.seed)]
-    flags = [name for name in ("isolate", "changed_data", "resume") if getattr(args, name)]
-    return shlex.join([*words, *(flag(name, getattr(args, name)) for name in flags)])
+    words = [NAME, *(path.as_posix() for path in args.campaign)]
+    options = ("at", "out", "walkers", "steps", "seed")
+    return command_line(args, words, options, flags=("isolate", "changed_data", "resume"))

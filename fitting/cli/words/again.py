@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 #: Fewer letters name no option.
 SHORTEST = len("--x")
@@ -26,12 +27,12 @@ def command_line(
         repeated: names of options that may be repeated.
         flags: names of options without a value, or with one word.
     """
+    given = [(name, getattr(args, name)) for name in options]
+    given += [(name, value) for name in repeated for value in getattr(args, name)]
     made = ["fmu-fit", *words]
-    for name in options:
-        value = getattr(args, name)
-        made += [] if value is None else [f"--{name}", str(value)]
-    for name in repeated:
-        made += [text for each in getattr(args, name) for text in (f"--{name}", each)]
+    for name, value in given:
+        if value is not None:
+            made += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
     for name in flags:
         value = getattr(args, name)
         written = f"--{name.replace('_', '-')}"

@@ -95,17 +95,6 @@ def add_isolate(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def flag(name: str, value: bool | str) -> str:
-    """An option without a value as it is written on a command line.
-
-    Args:
-        name: of the argument.
-        value: true, or the one word that it takes.
-    """
-    written = f"--{name.replace('_', '-')}"
-    return written if value is True else f"{written}={value}"
-
-
 def fmu_of(args: argparse.Namespace) -> ff.Fmu:
     """The FMU that a command is given, with one worker.
 
