@@ -175,29 +175,24 @@ class TraceFormat:
     selection: Selection
 
 
-def layout_keys(layout: str | None) -> tuple[str, ...]:
-    """Keys that have a meaning with a layout; every one, where the file's content tells it.
+def check_layout_keys(table: Any, found: str = "", keys: Sequence[str] | None = None) -> None:
+    """Refuse a key that has no meaning with what is read.
 
     Args:
-        layout: its name; None: told by the content.
-    """
-    return ("trace", "chunk", "header_row") if layout is None else LAYOUTS[layout].keys
-
-
-def check_layout_keys(told: Mapping[str, object], keys: Sequence[str], found: str) -> None:
-    """Complain of a key that has no meaning with what is read.
-
-    Args:
-        told: keys and their values, None where one is not there.
-        keys: that have a meaning.
-        found: words for what is read.
+        table: with the keys layout, trace, chunk and header_row, None where one is not there.
+        found: words for what is read; empty: the layout.
+        keys: that have a meaning; None: those of the layout, all where the content decides.
 
     Raises:
         Refused: names the key, and the layouts with which it has a meaning.
     """
-    for key, value in told.items():
-        if value is not None and key not in keys:
+    part = ("trace", "chunk", "header_row")
+    if keys is None:
+        keys = part if table.layout is None else LAYOUTS[table.layout].keys
+    for key in part:
+        if getattr(table, key) is not None and key not in keys:
             known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
+            found = found or f'layout = "{table.layout}"'
             raise Refused(
                 f"has no meaning with {found}, only with layout = {' or '.join(known)}", key
             )
@@ -234,16 +229,10 @@ class WrittenTrace(Keys):
     def __post_init__(self) -> None:
         with refusing("amplitude"):
             declared_amplitude(self.amplitude, self.impedance, "")
-        told = {"trace": self.trace, "chunk": self.chunk, "header_row": self.header_row}
-        check_layout_keys(told, self._layout_keys(), self._found())
+        self._check_layout()
 
-    def _found(self) -> str:
-        """Words for what is read."""
-        return f'layout = "{self.layout}"'
-
-    def _layout_keys(self) -> tuple[str, ...]:
-        """Keys that have a meaning with what is read."""
-        return layout_keys(self.layout)
+    def _check_layout(self) -> None:
+        check_layout_keys(self)
 
     @property
     def format(self) -> TraceFormat:
@@ -346,11 +335,11 @@ class WrittenExperiments(WrittenTrace):
         """Columns that hold what was measured."""
         return (*self.peaks, *self.phases, *self.x, *self.y, *self.peak_sigmas)
 
-    def _found(self) -> str:
-        return super()._found() if self.spectra is not None else "ready peaks"
-
-    def _layout_keys(self) -> tuple[str, ...]:
-        return super()._layout_keys() if self.spectra is not None else ()
+    def _check_layout(self) -> None:
+        if self.spectra is not None:
+            check_layout_keys(self)
+        else:
+            check_layout_keys(self, "ready peaks", ())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,7 +29,6 @@ from fitting.text.errors import BadInput
 from fitting.text.loose_tables import UNITS, cells_of, is_number
 from fitting.text.notation import how_many
 from fitting.text.tables import (
-    Table,
     parse_number,
     parse_numbers,
     parse_table,
@@ -245,11 +244,10 @@ def _read_zurich(path: Path, selection: Selection) -> Recording:
             chunks = table.texts(column)
             wanted = _one_chunk(path, chunks, selection.chunk)
             rows = [i for i, chunk in enumerate(chunks) if chunk == wanted]
-        units = (c.unit or _LABONE.get(c.name.lower()) for c in table.columns)
-        part = Table(
-            path=path,
+        part = replace(
+            table,
             columns=tuple(
-                replace(c, unit=unit) for c, unit in zip(table.columns, units, strict=True)
+                replace(c, unit=c.unit or _LABONE.get(c.name.lower())) for c in table.columns
             ),
             cells=tuple(table.cells[i] for i in rows),
             lines=tuple(table.lines[i] for i in rows),

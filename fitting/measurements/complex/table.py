@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from fitting.campaign.complex_trace import read_complex
-from fitting.campaign.file import check_layout_keys, layout_keys
+from fitting.campaign.file import check_layout_keys
 from fitting.campaign.instruments import LAYOUTS
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.keys import ComplexKeys
@@ -39,8 +39,7 @@ class ComplexSweepTable(StatedTable, ComplexKeys):
 
     def __post_init__(self) -> None:
         self.check()
-        told = {"trace": self.trace, "chunk": self.chunk, "header_row": self.header_row}
-        check_layout_keys(told, layout_keys(self.layout), f'layout = "{self.layout}"')
+        check_layout_keys(self)
 
     def record(self, label: str) -> ComplexCurve:
         """The sweep of the file.
