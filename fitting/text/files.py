@@ -61,6 +61,8 @@ def _read(path: Path, wanted: str, most: float, size: int) -> bytes:
             )
         with path.open("rb") as file:
             return file.read(size)
+    except BadInput:  # a ValueError itself
+        raise
     except (FileNotFoundError, NotADirectoryError) as error:
         raise MissingFile(f"{name}: no such file, wanted {wanted}") from error
     except OSError as error:
