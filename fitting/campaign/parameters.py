@@ -33,8 +33,8 @@ WIDEST = 1e12
 class ParameterTable(Keys, Generic[Number]):
     """A fitted FMU parameter; ``unit`` belongs to every bare number of the entry.
 
-    Its numbers are as written in a campaign file, or, where the campaign is bound to an FMU
-    (`Parameter`), numbers in the FMU's unit.
+    Its numbers are as written in a campaign file or given by a program, or, where the campaign
+    is bound to an FMU (`Parameter`), numbers in the FMU's unit.
     """
 
     name: Text
