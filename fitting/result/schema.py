@@ -13,7 +13,7 @@ SCHEMA = 2
 #: Keys of what the data determine in schema 1 whose numbers are those of values now.
 PROFILES = ("parameters", "derived", "findings")
 #: Keys under which texts were stored, and where.
-TEXTS, WITH_TEXTS = ("sentence", "sentences"), ("knowledge", "joint", "external")
+TEXTS, WITH_TEXTS = ("sentence", "sentences"), ("knowledge", "joint", "external", "quadratures")
 #: Numbers of a line in schema 1, by their names now; the key of the amplitude's unit is `unit`.
 OF_A_LINE = {
     "frequency": ("frequency_hz", "frequency_std_hz", "Hz"),

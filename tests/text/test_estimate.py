@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from fitting.result.schema import upgraded
@@ -26,7 +28,7 @@ def test_files_with_old_words_are_read_without_one() -> None:
     assert Verdict("not determined") is Verdict.UNCONSTRAINED
     old = {"status": "not determined", "closed_by": ["round", "cost"]}
     kept = {"status": "determined", "closed_by": ["crossed", "held"]}
-    data = {
+    data: dict[str, Any] = {
         "schema": 2,
         "parameters": {"theta": old, "w": kept},
         "knowledge": {"scans": {"theta": {"held": []}, "w": {"held": ["d"]}}},
@@ -45,3 +47,18 @@ def test_only_numbers_of_a_line_are_numbers() -> None:
     plain = Estimate(name="q", value=1161.0, unit="1")
     with pytest.raises(TypeError):
         2.0 * plain  # type: ignore[operator]
+
+
+def test_percentiles_and_qualities_that_were_written_before_are_values_now() -> None:
+    old = {"median": 8.0, "std": 0.5, "interval95": [7.0, 9.0]}
+    data: dict[str, Any] = {
+        "schema": 2,
+        "parameters": {"w": {"unit": "Hz"}},
+        "knowledge": {"scans": {}, "sentences": ["A text."], "bootstrap": {"values": {"w": old}}},
+        "quadratures": {"qualities": [{"name": "Q", "value": 10.0, "std": 1.0, "ci95": [8, 12]}]},
+    }
+    read = upgraded(data)
+    now = {"name": "w", "value": 8.0, "unit": "Hz", "std": 0.5, "ci95": [7.0, 9.0]}
+    assert read["knowledge"] == {"scans": {}, "bootstrap": {"values": {"w": now}}}
+    assert read["quadratures"]["qualities"][0]["unit"] == ""
+    assert data["quadratures"]["qualities"][0].get("unit") is None
