@@ -36,6 +36,7 @@ from fitting.campaign.measured import check_count, check_rising
 from fitting.signal.complex_line import complex_line
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import prefixed
 from fitting.text.numbers import as_numbers, as_values, require_size
@@ -67,7 +68,7 @@ class MeasuredComplex:
     values: npt.ArrayLike
     unit: str = field(default="V", kw_only=True)
     source: str = field(default="arrays", kw_only=True)
-    left_out: str = field(default="", kw_only=True)
+    left_out: tuple[Finding, ...] = field(default=(), kw_only=True)
     u_hz: FloatArray = field(init=False)
     y: ComplexArray = field(init=False)
 

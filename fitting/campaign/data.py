@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -32,8 +31,9 @@ from fitting.signal.clipped_top import clipped_top
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered
+from fitting.text.finding import left_out
 from fitting.text.frequency import hertz_of
-from fitting.text.notation import hertz, quantity
+from fitting.text.notation import hertz
 from fitting.text.tables import Column, Table, parse_number, read_table, read_text
 from fitting.text.toml import read_toml
 from fitting.text.units import convert
@@ -177,16 +177,13 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
     phase_rad = None
     if raw.phase is not None:
         phase_rad = raw.phase * convert(1.0, raw.phase_unit, "rad", where=f"{raw.path}: phase")
-    cut, left_out = clipped_top(amplitude_v), ""
+    cut, omitted = clipped_top(amplitude_v), raw.left_out
     # a ratio of maxima has none without them: there the scale is told to be in doubt
     if np.any(cut) and written.use == "fit" and written.scale != "maximum":
         at = np.flatnonzero(cut)
-        limit = quantity(float(np.max(amplitude_v)), math.nan, how.amplitude.unit)
-        left_out = (
-            f"{raw.path}: {raw.places[at[0]]} to {raw.places[at[-1]]} are left out, {at.size} "
-            f"points of the sweep: the largest of them are equal, {limit}, as an instrument makes "
-            "them at its limit."
-        )
+        limit, places = float(np.max(amplitude_v)), (raw.places[at[0]], raw.places[at[-1]])
+        found = left_out(str(raw.path), at.size, *places, limit=limit)
+        omitted += (replace(found, names={**found.names, "unit": (how.amplitude.unit,)}),)
         frequency_hz, amplitude_v = frequency_hz[~cut], amplitude_v[~cut]
         phase_rad = None if phase_rad is None else phase_rad[~cut]
     return SweepData(
@@ -196,7 +193,7 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
         source=written.file,
         unit=how.amplitude.unit,
         notes=dict(raw.notes),
-        left_out=" ".join(filter(None, (raw.left_out, left_out))),
+        left_out=omitted,
         use=written.use,
         scale=written.scale,
         background=written.background,

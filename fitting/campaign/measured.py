@@ -19,6 +19,7 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.signal.single_points import single_points
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 from fitting.text.notation import hertz, how_many
 from fitting.text.numbers import as_numbers, require_size
 from fitting.text.written import Written
@@ -172,7 +173,7 @@ class SweepData:
     source: Path = NO_FILE
     unit: str = "V"
     notes: Mapping[str, str] = field(default_factory=dict)
-    left_out: str = ""
+    left_out: tuple[Finding, ...] = ()
     settings: Mapping[str, Scalar] = field(default_factory=dict)
     use: str = "scale"
     scale: str = "maximum"

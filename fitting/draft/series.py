@@ -292,7 +292,7 @@ def _joined(
         words=f"{how_many(len(paths), 'sweep')}, a file for each value of '{name}'",
     )
     known = replace(roles[0].recognised, path=table, words=recording.words)
-    made: dict[str, Any] = {"recording": recording, "recognised": known, "left_out": "", **joined}
+    made: dict[str, Any] = {"recording": recording, "recognised": known, "left_out": (), **joined}
     rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
     found = ControlMap(
         path=table, controls=(quantity,), settings=settings[:, None], rows=tuple(rows)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -101,15 +101,15 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         # a sweep that is no line contradicts the peaks for that reason
         agreement=() if faults else sweep_agreement(solution),
         left_out=(
-            *(_left_out(n, s.left_out) for n, s in sweeps.items() if s is not None and s.left_out),
-            *(_left_out(m.series, text) for m in problem.measurements for text in m.left_out),
+            *(
+                replace(f, subject=n)
+                for n, s in sweeps.items()
+                if s is not None
+                for f in s.left_out
+            ),
+            *(replace(f, subject=m.series) for m in problem.measurements for f in m.left_out),
         ),
     )
-
-
-def _left_out(subject: str, text: str) -> Finding:
-    names = {"text": (text,)}
-    return Finding(kind=Kind.points_left_out, severity="warning", subject=subject, names=names)
 
 
 def _explained(problem: Problem, solution: Solution) -> dict[str, float]:

@@ -36,6 +36,7 @@ from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 
 #: Unknowns of a response beside what is solved inside: those of one mode, and of another one.
 SHAPE = 8
@@ -133,8 +134,8 @@ class Measurement:
         return False
 
     @property
-    def left_out(self) -> tuple[str, ...]:
-        """Sentences on points of its files that are not fitted."""
+    def left_out(self) -> tuple[Finding, ...]:
+        """Points of its files that are not fitted, as findings."""
         return ()
 
     @property

@@ -12,6 +12,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.measurements.measurement import Values
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.finding import Finding
 
 
 class Measured:
@@ -26,7 +27,7 @@ class Measured:
     #: The FMU's output that is observed; empty: the setup's.
     output: str = ""
     #: Which points of the file are not here, and why.
-    left_out: str = ""
+    left_out: tuple[Finding, ...] = ()
     #: Standard deviations of settings, in the FMU's units; None: errors cannot be declared.
     setting_sigma: Mapping[str, float] | None = None
 

@@ -30,6 +30,7 @@ from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 
 R = TypeVar("R", bound=Measured)
 C = TypeVar("C", bound=Curve)
@@ -87,9 +88,9 @@ class Together(Measurement, Generic[R]):
         return True
 
     @property
-    def left_out(self) -> tuple[str, ...]:
+    def left_out(self) -> tuple[Finding, ...]:
         """Points that an instrument cut off."""
-        return tuple(record.left_out for record in self.records if record.left_out)
+        return tuple(found for record in self.records for found in record.left_out)
 
     @property
     def rows(self) -> int:

@@ -119,7 +119,7 @@ class ValueRoles:
     phase: Channel | None = None
     real: Channel | None = None
     imaginary: Channel | None = None
-    left_out: str = ""
+    left_out: tuple[Finding, ...] = ()
     part: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -405,8 +405,7 @@ def lead(roles: Roles, sizes: str = AMPLITUDE) -> tuple[Finding, ...]:
         sizes: role of the column of sizes.
     """
     names = {"frequency": roles.frequency, **value_names(roles, sizes)}
-    left_out = (note(Kind.file_remark, names={"text": (roles.left_out,)}),)
-    return read_note(roles, names), *(left_out if roles.left_out else ())
+    return read_note(roles, names), *(replace(f, severity="note") for f in roles.left_out)
 
 
 def read_note(roles: ValueRoles, names: Mapping[str, Channel | None]) -> Finding:

@@ -151,6 +151,24 @@ def note(
     )
 
 
+def left_out(file: str, count: int, *places: str, **numbers: float) -> Finding:
+    """Points of a file that are not fitted: at zero frequency, or of a top that is cut off.
+
+    Args:
+        file: that they are in.
+        count: how many there are.
+        *places: of the first, and of the last one.
+        **numbers: the ``limit`` that cut them off, ``low_hz`` and ``high_hz`` where they are.
+    """
+    return Finding(
+        kind=Kind.points_left_out,
+        severity="warning",
+        subject="",
+        numbers={"count": float(count), **numbers},
+        names={"file": (file,), "places": places},
+    )
+
+
 def of_kind(findings: tuple[Finding, ...], *kinds: Kind) -> tuple[Finding, ...]:
     """The findings of some kinds, in their order.
 

@@ -16,8 +16,8 @@ from fitting.campaign.instruments.recording import Channel, Recording, unit_of
 from fitting.campaign.instruments.trace import RawTrace, Selection
 from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding, left_out
 from fitting.text.loose_tables import suffixed_unit
-from fitting.text.notation import how_many
 from fitting.text.units import convert, same_kind
 
 #: Usual names of columns, small letters; the first that is there is taken.
@@ -114,8 +114,10 @@ def frequency_of(recording: Recording, wanted: str) -> Channel:
     return recording.column(FREQUENCY[0])
 
 
-def without_zero(recording: Recording, frequency: Channel) -> tuple[Recording, Channel, str]:
-    """A recording without its rows at 0 Hz, its column of frequencies, and words about what is out.
+def without_zero(
+    recording: Recording, frequency: Channel
+) -> tuple[Recording, Channel, tuple[Finding, ...]]:
+    """A recording without its rows at 0 Hz, its column of frequencies, and what is out.
 
     A Fourier transform begins with the mean of the record, which is no response; other frequencies
     that are not above zero are left for complaints.
@@ -125,20 +127,19 @@ def without_zero(recording: Recording, frequency: Channel) -> tuple[Recording, C
         frequency: the column of frequencies.
     """
     if frequency.is_complex:
-        return recording, frequency, ""
+        return recording, frequency, ()
     try:
         at_zero = recording.numbers(frequency) == 0.0
     except BadInput:  # told with the other columns, where all are read
-        return recording, frequency, ""
+        return recording, frequency, ()
     count = int(np.sum(at_zero))
     if count in (0, at_zero.size):
-        return recording, frequency, ""
+        return recording, frequency, ()
     part = recording.part(np.flatnonzero(~at_zero))
     kept = next(c for c in part.channels if c.name == frequency.name)
     first = recording.places[int(np.argmax(at_zero))]
-    more = f" and {how_many(count - 1, 'more row')}" if count > 1 else ""
-    words = f"{recording.path}: {first}{more}, at a frequency of zero, left out: not a response."
-    return part, replace(kept, unit=frequency.unit), words
+    found = left_out(str(recording.path), count, first)
+    return part, replace(kept, unit=frequency.unit), (found,)
 
 
 def amplitude_of(recording: Recording, wanted: str) -> Channel | None:
@@ -176,7 +177,7 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
         BadInput: a column or a unit is missing, a value is no finite number.
     """
     frequency = frequency_of(recording, selection.frequency)
-    recording, frequency, left_out = without_zero(recording, frequency)
+    recording, frequency, omitted = without_zero(recording, frequency)
     amplitude = amplitude_of(recording, selection.amplitude)
     x, y = asked(recording, selection.x, X), asked(recording, selection.y, Y)
     values: ComplexArray | None = None
@@ -208,7 +209,7 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
         phase_unit=phase_unit,
         places=recording.places,
         notes=recording.notes,
-        left_out=left_out,
+        left_out=omitted,
     )
 
 

@@ -13,6 +13,7 @@ from fitting.campaign.instruments.recording import Recording
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.files import read_head
+from fitting.text.finding import Finding
 from fitting.text.keys import Keys, Text
 from fitting.text.notation import how_many
 from fitting.text.tables import decoded, naming_neighbours
@@ -44,7 +45,7 @@ class RawTrace:
     phase: FloatArray | None = None
     phase_unit: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
-    left_out: str = ""
+    left_out: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -116,5 +116,5 @@ class ComplexKeys(Keys):
             restarted=self.restarted,
             unit=measured.unit,
             source=where,
-            left_out=" ".join(filter(None, (measured.left_out, left_out))),
+            left_out=(*measured.left_out, *left_out),
         )

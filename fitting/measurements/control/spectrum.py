@@ -16,6 +16,7 @@ from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 from fitting.text.numbers import as_numbers, require_size
 
 
@@ -45,7 +46,7 @@ class ControlSpectrum(Curve):
     label: str = ""
     sigma: npt.ArrayLike = 0.0
     drive: npt.ArrayLike = 1.0
-    left_out: str = ""
+    left_out: tuple[Finding, ...] = ()
     u_hz: FloatArray = field(init=False)
     y: FloatArray = field(init=False)
     sigmas: FloatArray = field(init=False)
