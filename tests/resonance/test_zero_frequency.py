@@ -88,4 +88,4 @@ def test_campaigns_leave_it_out_as_well(tmp_path: Path) -> None:
     found = ff.read_campaign(path).sweep
     assert found is not None
     assert found.frequency_hz[0] == 700.0
-    assert "row 2" in found.left_out
+    assert "row 2" in found.left_out[0].names["places"]
