@@ -23,6 +23,8 @@ from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.streams import outlets
 
 BAD_INPUT, FMU_FAILED, FAULT = 2, 3, 70
+#: What libraries report of a thread for which there is no memory, or no number.
+NO_THREAD = (os.strerror(errno.EAGAIN), "can't start new thread")
 #: Name of the file that keeps a traceback: what it begins and ends with.
 FAULT_FILE = ("fmu-fit-fault-", ".txt")
 #: Bytes of address space.
@@ -141,7 +143,10 @@ def _require_memory() -> None:
 
 def _surroundings(error: Exception) -> str:
     """What the machine refuses, as a sentence; empty where the error is none of the machine's."""
-    if isinstance(error, MemoryError):
+    # compiled libraries report a thread that cannot start by the system's word for it
+    if isinstance(error, MemoryError) or (
+        isinstance(error, RuntimeError) and str(error) in NO_THREAD
+    ):
         return "not enough memory: wanted more (ulimit -v), smaller data or fewer --workers"
     if isinstance(error, ImportError):  # of a library that is there: loading it takes both, too
         lacking = [os.strerror(n) for n in (errno.EMFILE, errno.ENOMEM)]

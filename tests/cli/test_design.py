@@ -253,7 +253,7 @@ def test_further_settings_are_tried_and_written(
     for experiment, p in zip(
         read_campaign(lab / "campaign.toml").experiments, design.proposals, strict=True
     ):
-        assert experiment.settings["g2"].value == p.settings["g2"]
+        assert experiment.written["g2"].value == p.settings["g2"]
 
 
 def test_noise_of_planned_peaks() -> None:

@@ -258,6 +258,7 @@ def test_a_fault_of_the_program_is_a_line_and_a_file(
     ("error", "words"),
     [
         (MemoryError(), "not enough memory"),
+        (RuntimeError(os.strerror(errno.EAGAIN)), "not enough memory"),
         (OSError(errno.ENOSPC, "No space left on device", "/tmp/x"), "/tmp/x: No space left"),
         (OSError(errno.EMFILE, "Too many open files"), "ulimit -n"),
         (ImportError("x.so: failed to map segment from shared object"), "x.so: failed to map"),

@@ -115,7 +115,7 @@ def test_a_string_driven_hard_keeps_its_truth_too(tmp_path: Path) -> None:
     experiments = [read_campaign(tmp_path / n / "campaign.toml").experiments[0] for n in "ab"]
     assert len(experiments[0].peaks_v) == 4
     assert experiments[0].peaks_v[0] != experiments[1].peaks_v[0]
-    assert experiments[0].settings["A1"].value == pytest.approx(0.3 * 0.25 / 0.35)
+    assert experiments[0].written["A1"].value == pytest.approx(0.3 * 0.25 / 0.35)
 
 
 def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
