@@ -55,7 +55,7 @@ def test_a_map_is_called_one_with_the_table_that_fits_it(tmp_path: Path) -> None
     path = a_map(tmp_path)
     for look in (ff.line, lambda file: init(file, "CoupledModes1", out=tmp_path / "o")):
         with pytest.raises(
-            ff.BadInput, match=rf"{SEEN}.*\[control_sweep\].*control-sweep\.md"
+            ff.BadInput, match=rf"{SEEN}.*\[control_sweep\].*control-sweep"
         ) as caught:
             look(path)
         assert "--fmu CoupledModes2" in str(caught.value)
