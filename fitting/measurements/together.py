@@ -160,7 +160,7 @@ class Together(Measurement, Generic[R]):
 
         Those with so much noise that it is most of their variance may be.
         """
-        level = [np.asarray(x.y - np.mean(x.y), dtype=x.y.dtype) for x in self.records]
+        level: list[Any] = [x.y - np.mean(x.y) for x in self.records]  # real or complex
         pairs = zip(self.records, level, strict=True)
         flat = np.concatenate([record.rows_of(values) for record, values in pairs])
         if not self._leaves_most(flat, residuals):
