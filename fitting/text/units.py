@@ -56,9 +56,10 @@ def _unit(text: str) -> pint.Unit | None:
         return None
     spelled = re.sub(r"(?<=[A-Za-z)])(-?\d+)", r"**\1", name).replace("·", "*")
     spelled = re.sub(r"(?<=[\w)])\.(?=[A-Za-z(])", "*", spelled)
+    registry = _registry()  # outside of what nonsense raises: a library that fails is no wrong unit
     for candidate in (name, spelled):
         try:
-            parsed = _registry().parse_units(candidate)
+            parsed = registry.parse_units(candidate)
             _ = parsed.dimensionality  # a level over a unit, as dBm/Hz, has none
             return parsed
         except Exception:  # noqa: S112 - pint raises half a dozen types on nonsense
