@@ -35,7 +35,7 @@ from fitting.measurements.noise.spectra import NoiseSpectrum
 from fitting.measurements.traces.traces import Trace
 from fitting.result.provenance import sha256_of
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy
 
 __all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
@@ -77,6 +77,8 @@ class Problem:
         alternatives: Mapping[str, Sequence[Scalar]] | None = None,
         noise: Noise | None = None,
     ) -> None:
+        if noise is not None and not isinstance(noise, Noise):
+            raise BadInput(f"problem: noise is {shown(noise)}, wanted a Noise")
         fmu = held_fmu(fmu)
         bound = bind_arrays(
             [parameters] if isinstance(parameters, Parameter) else parameters,

@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
         listed[full if path.stem in listed else path.stem] = path
     topic = args.topic
     if topic is None:
+        print("fmu-fit help TOPIC prints one of these pages, or the options of a command:\n")
         width = max(map(len, listed))
         for name, path in listed.items():
             title = path.read_text("utf-8").partition("\n")[0].removeprefix("# ")

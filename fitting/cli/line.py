@@ -14,7 +14,7 @@ from fitting.cli.words.columns import add_columns, columns_of
 from fitting.cli.words.values import positive_quantity
 
 NAME = "line"
-EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"
+EXAMPLE = "fmu-fit line string_q1/sweep.csv --out out/line"
 DOCUMENT = "the line"
 FILES = ("line.json", "line.csv", "line.png", "line.svg")
 #: Prefixes that a number without a unit may have been meant with: of frequencies, and of times.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from fitting.draft.api import Question
 
 NAME = "init"
-EXAMPLE = "fmu-fit init afm_sensor/afm_sensor_sweep.dat --out afm --yes"
+EXAMPLE = "fmu-fit init string_q1/sweep.csv --out mine --yes"
 CAMPAIGN = "campaign.toml"
 LIST = "spectra.csv"
 

@@ -162,7 +162,7 @@ def complain_of_ends(trace: Trace) -> None:
     f, top = trace.frequency_hz, int(np.argmax(trace.amplitude))
     if trace.is_complex or AT_END <= top < f.size - AT_END:
         return
-    end, where = ("first", f[0]) if top < AT_END else ("last", f[-1])
+    end, where = ("first", f[0]) if 2 * top < f.size - 1 else ("last", f[-1])
     raise BadInput(
         f"{trace.source}: is largest at its {end} point, {hertz(where, digits=8)}, which cuts off "
         "a line; wanted half a width on both sides at least"

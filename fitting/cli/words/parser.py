@@ -126,7 +126,8 @@ def overview() -> str:
         with contextlib.suppress(ModuleNotFoundError):  # an optional package may be deleted
             lines.append(f"{'':{width}}    {command_of(name).EXAMPLE}")
     options = f"options of a command: {PROGRAM} COMMAND --help; documentation: {PROGRAM} help"
-    return "\n".join([*lines, "", options])
+    copied = f"string_q1/ of the examples: {PROGRAM} example string_q1"
+    return "\n".join([*lines, "", copied, options])
 
 
 def parser_of(names: Sequence[str]) -> Parser:
