@@ -9,6 +9,8 @@ import re
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +18,7 @@ import pytest
 
 from fitting.api.cost import Expected
 from fitting.api.fitted import Progress, Spent
+from fitting.cli.main import main
 from fitting.cli.running.progress import hidden, status_line
 from fitting.cli.running.remaining import Remaining
 from fitting.inference.budget import Stage
@@ -306,3 +309,21 @@ def test_a_terminal_gets_no_colours(swift_fmu: Path, tmp_path: Path) -> None:
     assert b"fit: converged: " in said
     assert re.findall(rb"\x1b\[[0-9;]*m", said) == []
     assert b"nan" not in said
+
+
+def test_the_progress_of_a_fit_counts_its_runs(
+    tmp_path: Path, swift_fmu: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[str] = []
+
+    @contextmanager
+    def at_the_end(label: str, counted: Callable[[], str]) -> Iterator[Callable[[str], None]]:
+        yield lambda text: None
+        shown.append(counted())
+
+    monkeypatch.setattr("fitting.cli.running.reconstruction.status_line", at_the_end)
+    campaign = of_pairs(small_campaign(tmp_path / "small", swift_fmu), 1)
+    words = ["reconstruct", str(campaign), "--quick", "--no-profiles", "--no-report"]
+    assert main([*words, "--workers", "1", "--out", str(tmp_path / "out")]) == 0
+    [runs] = [int(n) for text in shown for n in re.findall(r"(\d+) runs", text)]
+    assert runs > 100

@@ -81,8 +81,8 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
         with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
             job = _job(args, campaigns, fmu, out, drawing, laps)
             try:
-                counts = fmu.workers.counts
-                with status_line(NAME, lambda: counted(job.remaining, counts.runs)) as show:
+                workers = fmu.workers
+                with status_line(NAME, lambda: counted(job.remaining, workers.counts.runs)) as show:
                     found, result, is_complete = _fit(job, show)
             except KeyboardInterrupt:
                 way_on = _way_on(job)
