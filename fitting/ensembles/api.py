@@ -286,6 +286,8 @@ class _Job:
                 failed += kept.row.failed
                 progress(Progress(len(self.rows), total, failed, resumed, seconds))
         except KeyboardInterrupt:
+            if self._journal is not None:  # it may fall between an item's line there and its row
+                self.rows.update(self.unchanged(self._journal.recorded()))
             if not self.rows:
                 raise
             self._status = INTERRUPTED

@@ -79,6 +79,11 @@ class Journal(Generic[Part]):
                     raise BadInput(f"{self.path}: {OTHER_JOB}")
                 self._whole += len(line)
 
+    def recorded(self) -> Iterator[Part]:
+        """The parts in the file since this run, or the one it goes on with, began to write."""
+        if self._started:
+            yield from self.read()
+
     def record(self, part: Part) -> None:
         """Add a finished part.
 

@@ -18,6 +18,7 @@ import fitting as ff
 from fitting.ensembles import ITEMS_FILE
 from fitting.ensembles.api import Progress
 from fitting.ensembles.report import csv_of, document, markdown
+from fitting.text.journal import Journal
 from fitting.text.records import json_text
 from fitting.text.results_folder import open_folder_of, results_folder
 from tests.support.clusters import cluster_of_two
@@ -110,6 +111,22 @@ def test_one_that_is_interrupted_goes_on_and_can_be_made_larger(
     assert tables(found) == wanted
     labels = [json.loads(line)["row"]["label"] for line in journal.read_text().splitlines()[1:]]
     assert sorted(labels) == [f"seed {k}" for k in range(3, 3 + COUNT)]
+
+
+def test_an_interrupt_between_an_items_line_and_its_row_loses_no_row(
+    swift_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add = Journal.record
+
+    def added(self: Journal[Any], part: Any) -> None:
+        add(self, part)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "record", added)
+    with ThreadPoolExecutor(1) as pool:
+        part = ff.ensemble(laboratories(2), swift_fmu, OPTIONS, executor=pool, out=tmp_path)
+    assert (part.status, len(part.rows)) == ("interrupted", 1)
+    assert len((tmp_path / ITEMS_FILE).read_text().splitlines()) == 2
 
 
 def test_finished_items_of_another_ensemble_are_refused(swift_fmu: Path, tmp_path: Path) -> None:
