@@ -101,15 +101,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _written_to(args: argparse.Namespace) -> Path | None:
-    return None if args.dry_run else _out(args)
-
-
 def _out(args: argparse.Namespace) -> Path:
     return args.out or Path("out") / joint_name(args.campaign)
 
 
-@writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_written_to)
+@writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Reconstruct and write; 0 if converged, 4 if the data are not described, else 1.
 

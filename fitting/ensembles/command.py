@@ -115,12 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _written_to(args: argparse.Namespace) -> Path | None:
-    out: Path = args.out
-    return None if args.dry_run else out
-
-
-@writes(NAME, *FILES, ITEMS_FILE, to=_written_to)
+@writes(NAME, *FILES, ITEMS_FILE)
 def run(args: argparse.Namespace) -> int:
     """Fit all and write; 0 if every item has a fit, 1 if not, or if interrupted.
 

@@ -81,15 +81,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _written_to(args: argparse.Namespace) -> Path | None:
-    return None if args.dry_run else _out(args)
-
-
 def _out(args: argparse.Namespace) -> Path:
     return args.out or Path("out") / f"posterior_{joint_name(args.campaign)}"
 
 
-@writes(NAME, *FILES, CHAIN_FILE, to=_written_to)
+@writes(NAME, *FILES, CHAIN_FILE, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Draw and write; 0 if there are enough draws, else 1. With ``--dry-run`` only the cost.
 

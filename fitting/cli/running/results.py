@@ -29,14 +29,14 @@ def writes(
     Args:
         command: its name.
         *names: relative names and patterns of the files that it writes.
-        to: tells the folder from the arguments, None where nothing is written; without it
-            ``--out``.
+        to: the folder by the arguments, None where nothing is written; without it ``--out``. With
+            ``--dry-run`` nothing is written by any command.
     """
 
     def opened(run: Run) -> Run:
         @wraps(run)
         def alone(args: argparse.Namespace) -> int:
-            folder = to(args)
+            folder = None if getattr(args, "dry_run", False) else to(args)
             if folder is None:
                 return run(args)
             with results_folder(folder, command, names):
