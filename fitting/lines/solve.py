@@ -1,0 +1,286 @@
+"""Least squares of a curve of which some unknowns enter linearly: variable projection.
+
+    curve = sum_k c_k B_k(x)        residual = W (y - curve)
+
+The linear c are solved at every x by an orthogonal basis Q of W B. The residual (1 - Q Q^H) W y is a
+function of x alone, and its derivatives are those of Kaufman,
+
+    d residual/dx = -(1 - Q Q^H) W (dB/dx) c
+
+so that one call of MINPACK's Levenberg-Marquardt fits any model with analytic derivatives. Values
+are real, or complex with complex c; rows of complex residuals are all real parts, then all
+imaginary ones. A likelihood other than the normal one has all unknowns in one call instead.
+
+Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; L. Kaufman, BIT 15 (1975) 49.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy.optimize import leastsq
+
+from fitting.lines.likelihood import Likelihood
+from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.text.arrays import ComplexArray, FloatArray
+
+#: Steps and gains, relative, below which the solver ends; evaluations at most.
+TOLERANCE, EVALUATIONS = 1e-12, 400
+#: Share of a column that other columns lack, below which it is one of them.
+COLLINEAR = 1e-11
+#: Condition of the scaled derivatives from which a direction is not determined.
+UNDETERMINED = 1e-13
+
+Array = FloatArray | ComplexArray
+
+
+class Columns(NamedTuple):
+    """Curves (n, k) that enter linearly, and their derivatives by x (q, n, k)."""
+
+    values: Array
+    slopes: Array
+
+
+class Model(Protocol):
+    """What can be fitted: columns as a function of the unknowns that do not enter linearly."""
+
+    def columns(self, x: FloatArray) -> Columns:
+        """Columns at x (q,), each unknown counted in units in which it is of order one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """A model at its least sum of squares, or its largest likelihood.
+
+    Attributes:
+        x: unknowns that do not enter linearly, (q,).
+        coefficients: those that do, (k,), real or complex.
+        curve: fitted values, (n,).
+        residuals: (rows,), over the noise as far as the likelihood states it.
+        jacobian: their derivatives by x, then by the coefficients, of complex ones by real and
+            imaginary part of each in turn, (rows, unknowns).
+        converged: whether the solver ended by itself.
+        message: how it ended.
+    """
+
+    x: FloatArray
+    coefficients: Array
+    curve: Array
+    residuals: FloatArray
+    jacobian: FloatArray
+    converged: bool
+    message: str
+
+    @property
+    def squares(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of real unknowns."""
+        return int(self.jacobian.shape[1])
+
+    @property
+    def dof(self) -> int:
+        """Rows less unknowns, one at least."""
+        return max(1, self.residuals.size - self.unknowns)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What the order of the residuals shows of the noise."""
+        return residual_structure(self.residuals, self.jacobian)
+
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """(J^T J)^-1 (unknowns, unknowns); infinite where the data do not determine a direction."""
+        sizes = np.linalg.norm(self.jacobian, axis=0)
+        count = sizes.size
+        if not (np.all(np.isfinite(sizes)) and np.all(sizes > 0.0)):
+            return np.full((count, count), np.inf)
+        _, singular, rows = np.linalg.svd(self.jacobian / sizes, full_matrices=False)
+        if singular.size < count or singular[-1] <= UNDETERMINED * singular[0]:
+            return np.full((count, count), np.inf)
+        weighted = rows / singular[:, None]
+        return np.asarray(weighted.T @ weighted / np.outer(sizes, sizes))
+
+
+def fit_model(
+    model: Model,
+    values: Array,
+    starts: Sequence[FloatArray],
+    *,
+    weights: FloatArray | None = None,
+    likelihood: Likelihood | None = None,
+) -> Fit:
+    """Fit a model to values, from the best of several starts.
+
+    Args:
+        model: the curve.
+        values: measured, shape (n,), real or complex, of order one.
+        starts: where x may begin, one at least, shape (q,) each; the one with the least sum of
+            squares is taken.
+        weights: one over the standard deviation of every value, shape (n,); None: all are alike.
+        likelihood: of the values; None: normal noise of one size.
+
+    Raises:
+        ValueError: fewer rows than unknowns, or a curve that is not finite.
+    """
+    problem = _Problem(model, values, weights)
+    ranked = sorted(starts, key=lambda x: problem.at(x).squares)
+    x, converged, message = _minimum(problem, ranked[0])
+    point = problem.at(x)
+    if likelihood is None:
+        return problem.fit(point, converged=converged, message=message)
+    return _likeliest(problem, point, likelihood)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """The model at one x: coefficients that are best there, and what they leave."""
+
+    x: FloatArray
+    columns: Columns
+    basis: Array
+    coefficients: Array
+    residuals: Array
+
+    @property
+    def squares(self) -> float:
+        squares = float(np.sum(self.residuals.real**2 + self.residuals.imag**2))
+        return squares if np.isfinite(squares) else np.inf
+
+
+class _Problem:
+    """Values and a model; the last point is stored, as a solver takes residuals, then slopes."""
+
+    def __init__(self, model: Model, values: Array, weights: FloatArray | None) -> None:
+        self.model, self.weights = model, weights
+        self.values = values if weights is None else np.asarray(values * weights)
+        self.is_complex = np.iscomplexobj(values)
+        self._last: _Point | None = None
+
+    def at(self, x: FloatArray) -> _Point:
+        if self._last is not None and np.array_equal(self._last.x, x):
+            return self._last
+        columns = self.model.columns(x)
+        if self.weights is not None:
+            columns = Columns(
+                columns.values * self.weights[:, None], columns.slopes * self.weights[:, None]
+            )
+        basis, upper = np.linalg.qr(columns.values)
+        diagonal = np.abs(np.diag(upper))
+        # a column that others hold has no coefficient of its own
+        upper[diagonal <= COLLINEAR * np.max(diagonal, initial=0.0), :] = 0.0
+        known = np.diag(upper) != 0.0
+        basis = basis * known
+        upper = upper + np.diag(~known)
+        along = basis.conj().T @ self.values
+        point = _Point(
+            x=np.array(x),
+            columns=columns,
+            basis=basis,
+            coefficients=np.linalg.solve(upper, along),
+            residuals=self.values - basis @ along,
+        )
+        self._last = point
+        return point
+
+    def rows(self, values: Array) -> FloatArray:
+        """Real rows (m, ...) of values (n, ...)."""
+        if not self.is_complex:
+            return np.asarray(values.real)
+        return np.concatenate([values.real, values.imag])
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        return self.rows(self.at(x).residuals)
+
+    def slopes(self, x: FloatArray) -> FloatArray:
+        point = self.at(x)
+        moved = point.columns.slopes @ point.coefficients  # (q, n)
+        apart = moved.T - point.basis @ (point.basis.conj().T @ moved.T)
+        return -self.rows(apart)
+
+    def jacobian(self, point: _Point) -> FloatArray:
+        """Derivatives of the residuals by all unknowns."""
+        moved = (point.columns.slopes @ point.coefficients).T
+        linear = point.columns.values
+        if self.is_complex:
+            linear = np.stack([linear, 1j * linear], axis=2).reshape(linear.shape[0], -1)
+        return -self.rows(np.concatenate([moved, linear], axis=1))
+
+    def fit(self, point: _Point, *, converged: bool, message: str) -> Fit:
+        curve = point.columns.values @ point.coefficients
+        return Fit(
+            x=point.x,
+            coefficients=point.coefficients,
+            curve=curve if self.weights is None else curve / self.weights,
+            residuals=self.rows(point.residuals),
+            jacobian=self.jacobian(point),
+            converged=converged and bool(np.all(np.isfinite(point.residuals))),
+            message=message,
+        )
+
+
+def _minimum(problem: _Problem, start: FloatArray) -> tuple[FloatArray, bool, str]:
+    """The x of least squares near a start, whether the solver ended there by itself, and how."""
+    if start.size == 0:
+        return start, True, "nothing but linear unknowns"
+    if problem.residuals(start).size < start.size:
+        raise ValueError("fewer values than unknowns")
+    with np.errstate(all="ignore"):
+        x, _, _, message, status = leastsq(
+            problem.residuals,
+            start,
+            Dfun=problem.slopes,
+            full_output=True,
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=0.0,
+            maxfev=EVALUATIONS,
+        )
+    converged = status in (1, 2, 3, 4, 6, 7, 8) and np.all(np.isfinite(x))
+    return np.asarray(x, dtype=float), bool(converged), " ".join(str(message).split())
+
+
+def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
+    """The fit of largest likelihood, begun at that of least squares: all unknowns in one call."""
+    count = point.x.size
+
+    def curve(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        columns = problem.model.columns(unknowns[:count])
+        moved = (columns.slopes @ unknowns[count:]).T
+        slopes = np.concatenate([moved, columns.values], axis=1)
+        return np.asarray(columns.values @ unknowns[count:]), np.asarray(slopes)
+
+    def residuals(unknowns: FloatArray) -> FloatArray:
+        return likelihood.residuals(problem.values, curve(unknowns)[0])[0]
+
+    def jacobian(unknowns: FloatArray) -> FloatArray:
+        there, slopes = curve(unknowns)
+        return likelihood.residuals(problem.values, there)[1][:, None] * slopes
+
+    with np.errstate(all="ignore"):
+        unknowns, _, _, message, status = leastsq(
+            residuals,
+            np.concatenate([point.x, point.coefficients]),
+            Dfun=jacobian,
+            full_output=True,
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=0.0,
+            maxfev=EVALUATIONS,
+        )
+    return Fit(
+        x=unknowns[:count],
+        coefficients=unknowns[count:],
+        curve=curve(unknowns)[0],
+        residuals=residuals(unknowns),
+        jacobian=jacobian(unknowns),
+        converged=status in (1, 2, 3, 4, 6, 7, 8) and bool(np.all(np.isfinite(unknowns))),
+        message=" ".join(str(message).split()),
+    )
