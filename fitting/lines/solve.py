@@ -2,7 +2,7 @@
 
     curve = sum_k c_k B_k(x)        residual = W (y - curve)
 
-The linear c are solved at every x by an orthogonal basis Q of W B. The residual (1 - Q Q^H) W y is a
+The linear c are solved at every x, Q an orthogonal basis of W B. The residual (1 - Q Q^H) W y is a
 function of x alone, and its derivatives are those of Kaufman,
 
     d residual/dx = -(1 - Q Q^H) W (dB/dx) c
