@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from fitting.api.choices import INTERACTIVE, PAPER, STYLES
-from fitting.api.fitted import Fit, Valued
+from fitting.api.choices import FORMATS, INTERACTIVE, PAPER, STYLES
+from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
-from fitting.engine.local import LocalProcesses
 from fitting.engine.threads import one_thread
 from fitting.fit.likelihood.likelihood import Spent
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Determined, Identification, PartAlone
-from fitting.report.artists import Artists, Begun
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
@@ -30,19 +25,13 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
-from fitting.text.scratch import Scratch
 
 __all__ = [
-    "DrawnBeside",
     "check_style",
     "draw_report",
-    "drawn_beside",
     "identify",
     "report",
 ]
-
-#: Processes that draw: ten figures are soon drawn.
-MOST_ARTISTS = 2
 
 
 @checked
@@ -143,7 +132,12 @@ def check_problem(verb: str, problem: object) -> None:
 
 
 def report(
-    found: Valued, out: str | Path, *, external: Sequence[str] = (), style: str = "report"
+    found: Valued,
+    out: str | Path,
+    *,
+    external: Sequence[str] = (),
+    style: str = "report",
+    formats: Sequence[str] = (),
 ) -> Path:
     """Write what the command line writes: result.json, history.csv, values, figures, report.html.
 
@@ -153,21 +147,25 @@ def report(
         external: Values from elsewhere to test, as "lambda=0.8604 MHz +- 1 kHz".
         style: "paper" writes the figures as PDF for print, too: no title, one column or two wide;
             "interactive": figures of the page can be zoomed and read off, which needs Bokeh.
+        formats: Of further files of each figure beside SVG and CSV: "png", "pdf".
 
     Returns:
         The path of report.html.
 
     Raises:
-        BadInput: the folder cannot be written, another style, one whose library is not installed,
-            or a value that the result has not.
+        BadInput: the folder cannot be written, another style or format, one whose library is not
+            installed, or a value that the result has not.
     """
     check_style("report", style)
+    for name in formats:
+        if name not in FORMATS:
+            raise BadInput(f"report: formats has {name!r}, wanted some of {', '.join(FORMATS)}")
     if not isinstance(found, Valued):
         raise BadInput(f"report: found a {type(found).__name__}, wanted a Fit or an Inference")
     result = with_external(found.result, external)
     with results_folder(Path(out), "reconstruct", RESULT_FILES):
         write_result(result, Path(out))
-        page = draw_report(found, result, Path(out), style)
+        page = draw_report(found, result, Path(out), style, formats=formats)
         remove_earlier(Path(out), RESULT_FILES)
         return page
 
@@ -196,7 +194,7 @@ def draw_report(
     out: Path,
     style: str = "report",
     progress: Callable[[int, int], None] = lambda done, of: None,
-    drawing: DrawnBeside | None = None,
+    formats: Sequence[str] = (),
 ) -> Path:
     """Figures and report.html of a result; the path of the page.
 
@@ -206,58 +204,20 @@ def draw_report(
         out: Folder.
         style: One of STYLES.
         progress: Is told how many figures are drawn, of how many.
-        drawing: Processes that draw beside this one; None: this one draws.
+        formats: Of further files of each figure, some of FORMATS.
     """
     shown = shown_fit(found.source.record)
-    if drawing is not None and style == STYLES[0]:
-        with suppress(BrokenExecutor):  # somebody ended them: this one draws
-            return drawing.artists.report(result, shown, out, drawing.begun)
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
     if style != PAPER:
         live = style == INTERACTIVE
-        return Path(page.write_report(result, shown, out, progress, interactive=live))
+        made = page.write_report(result, shown, out, progress, formats=formats, interactive=live)
+        return Path(made)
     # for print every figure is drawn in two widths, then for the page
     importlib.import_module("fitting.report.figures.reconstruction").write_paper_figures(
         result, shown, out, lambda done, of: progress(done, of + of // 2)
     )
-    last = page.write_report(result, shown, out, lambda done, of: progress(2 * of + done, 3 * of))
+    last = page.write_report(
+        result, shown, out, lambda done, of: progress(2 * of + done, 3 * of), formats=formats
+    )
     return Path(last)
-
-
-@dataclass
-class DrawnBeside:
-    """Processes that draw a report while this one works, and what they have begun."""
-
-    artists: Artists
-    begun: Begun | None = None
-
-    def begin(self, fit: Fit) -> None:
-        """Draw what is settled of a fit, while its values are inferred.
-
-        Args:
-            fit: A solved problem.
-        """
-        with suppress(BrokenExecutor):  # who draws the report sees that
-            self.begun = self.artists.begin(fit.result, shown_fit(fit.record))
-
-
-@contextmanager
-def drawn_beside(wanted: bool) -> Iterator[DrawnBeside | None]:
-    """Processes that draw a report, loading while others work; None on one processor.
-
-    Args:
-        wanted: Whether there will be a report.
-    """
-    count = min(MOST_ARTISTS, os.cpu_count() or 1)
-    if not wanted or count < 2:
-        yield None
-        return
-    with Scratch() as folder:
-        executor = LocalProcesses(count)
-        try:
-            artists = Artists(executor, count, folder)
-            artists.get_ready()
-            yield DrawnBeside(artists)
-        finally:
-            executor.shutdown(wait=False, cancel_futures=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitting.api.choices import BUDGET, ESTIMATORS, EVALUATIONS, MISFITS, STYLES
+from fitting.api.choices import BUDGET, ESTIMATORS, EVALUATIONS, FORMATS, MISFITS, STYLES
 from fitting.api.written import LEVELS_FILE, RESULT_FILES
 from fitting.cli.running.laps import Laps
 from fitting.cli.running.results import writes
@@ -93,6 +93,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=STYLES,
         help="paper: figures as PDF for print, too, 3.4 and 7 in wide; interactive: figures of the "
         "report can be zoomed and read off, which needs fmu-fit[interactive]",
+    )
+    parser.add_argument(
+        "--formats",
+        nargs="+",
+        choices=FORMATS,
+        default=[],
+        help="further files of each figure (SVG and CSV alone)",
     )
     parser.add_argument(
         "--dry-run",

@@ -191,7 +191,7 @@ def write_ensemble(found: Ensemble, out: str | Path, *, drawn: bool = True) -> l
             # matplotlib takes a second to import: only where something is drawn
             drawing = importlib.import_module("fitting.ensembles.figure")
             figures = drawing.save_figures(found, folder / "figures")
-            paths += [figure.file(kind) for figure in figures for kind in ("png", "svg")]
+            paths += [path for figure in figures for path in figure.files]
             paths.append(write_report(found, figures, folder))
         remove_earlier(folder, FILES)
     return paths

@@ -254,7 +254,7 @@ def write_posterior(found: Posterior, out: str | Path, *, drawn: bool = True) ->
             flat = found.draws.reshape(-1, len(found.names))
             figure = drawing.save_figure(found.summary, flat, folder / "figures")
             page = write_report(found.summary, figure, folder)
-            paths += [figure.file("png"), figure.file("svg"), page]
+            paths += [*figure.files, page]
         remove_earlier(folder, FILES)
     return paths
 

@@ -42,7 +42,7 @@ def save_figure(found: PosteriorSummary, draws: FloatArray, folder: Path) -> Des
         folder: Where the files go.
     """
     with style():
-        return save(draw(found, draws), folder)
+        return save(draw(found, draws), folder, for_page=True)
 
 
 def draw(found: PosteriorSummary, draws: FloatArray) -> Described:

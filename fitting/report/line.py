@@ -29,7 +29,7 @@ def write_line(line: MeasuredLine, out: Path) -> tuple[Path, ...]:
     write_whole(out / "line.csv", _table(line))
     with style():
         shown = ShownCampaign(title=Path(line.source).name, synthetic=False)
-        figure = save(draw_measurement(figure_of(line), shown), out)
+        figure = save(draw_measurement(figure_of(line), shown), out, formats=("png",))
     return (out / "line.json", out / "line.csv", figure.file("png"), figure.file("svg"))
 
 

@@ -19,10 +19,8 @@ from fitting.text.files import write_whole
 from fitting.text.notation import listed
 
 NAME = "report.html"
-#: Bytes of an SVG from which a shorter PNG is embedded instead.
-LONG = 200_000
-#: Bytes of a figure's numbers, and of what makes it interactive, that the page holds.
-LONGEST = 500_000
+#: Bytes of a figure's numbers that the page holds; of longer ones it names the file.
+LONGEST = 150_000
 #: Characters of a page up to which figures are made interactive.
 MOST = 4_800_000
 #: Of most pages.
@@ -84,19 +82,15 @@ def _contents(sections: str) -> list[tuple[str, str]]:
 
 
 def _source(figure: Figure) -> str:
-    """The drawing as data: the SVG, unless that is long and the picture of it shorter."""
-    kind, path = "svg+xml", figure.file("svg")
-    picture = figure.file("png")
-    if path.stat().st_size > LONG and picture.stat().st_size < path.stat().st_size:
-        kind, path = "png", picture
-    return f"data:image/{kind};base64,{_base64(path)}"
+    """The drawing as data."""
+    return f"data:image/svg+xml;base64,{_base64(figure.file('svg'))}"
 
 
 def _links(figure: Figure) -> list[tuple[str, str, str]]:
     """The kinds of files of a figure, where each is, and its name: numbers are in the page."""
     found = []
-    for kind in ("csv", "svg", "pdf"):
-        path = figure.file(kind)
+    for path in sorted(figure.files):
+        kind = path.suffix[1:]
         to = f"{quote(path.parent.name)}/{quote(path.name)}"
         if kind == "csv" and path.stat().st_size <= LONGEST:
             to = f"data:text/csv;charset=utf-8;base64,{_base64(path)}"
@@ -124,7 +118,7 @@ def _live(figures: Sequence[Figure]) -> dict[str, Any]:
     kept: dict[int, str] = {}
     for number, data in wanted.items():
         size += len(data)
-        if len(data) <= LONGEST and size <= MOST:
+        if size <= MOST:
             kept[number] = data
     return {"library": script, "figures": kept}
 

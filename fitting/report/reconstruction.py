@@ -31,6 +31,7 @@ def write_report(
     out_dir: Path,
     progress: Callable[[int, int], None] = lambda done, of: None,
     *,
+    formats: Sequence[str] = (),
     interactive: bool = False,
 ) -> Path:
     """Draw the figures (`out_dir`/figures), write `report.html`, `values.csv` and `values.tex`.
@@ -42,29 +43,15 @@ def write_report(
         data: what is shown of the campaign.
         out_dir: where the files go.
         progress: called with the number of figures that are drawn, and of all.
+        formats: of further files of each figure, "png" and "pdf".
         interactive: whether figures can be zoomed and read off, which needs Bokeh.
 
     Raises:
         BadInput: the folder cannot be written.
     """
-    figures = write_figures(result, data, out_dir, progress, interactive=interactive)
-    return write_report_of(result, data, out_dir, figures)
-
-
-def write_report_of(
-    result: Result, data: ShownCampaign, out_dir: Path, figures: Sequence[Figure]
-) -> Path:
-    """The same of figures that are drawn already; the path of the page.
-
-    Args:
-        result: of a reconstruction.
-        data: what is shown of the campaign.
-        out_dir: where the files go.
-        figures: saved for the page.
-
-    Raises:
-        BadInput: the folder cannot be written.
-    """
+    figures = write_figures(
+        result, data, out_dir, progress, formats=formats, interactive=interactive
+    )
     write_values(result, out_dir)
     return write_page(out_dir, TEMPLATE, **_content(result, data, figures))
 

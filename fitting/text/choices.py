@@ -14,5 +14,7 @@ CRITERIA = ("target", "D", "A")
 #: Whether figures for print are written, too, and whether those of the page are interactive.
 PAPER, INTERACTIVE = "paper", "interactive"
 STYLES = ("report", PAPER, INTERACTIVE)
+#: Of figures in files; a page has SVG.
+FORMATS = ("svg", "png", "pdf")
 #: By which an FMU can be run, in the words of FMI; the first of them where it offers both.
 INTERFACES = ("co-simulation", "model-exchange")

@@ -305,7 +305,7 @@ def test_what_is_written_says_what_was_found(tmp_path: Path, linear: ff.Posterio
     assert {p.name for p in paths} == {
         "posterior.json",
         "draws.csv",
-        "1_corner.png",
+        "1_corner.csv",
         "1_corner.svg",
         "report.html",
     }

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import base64
 import itertools
-import os
 import re
-import signal
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,26 +12,19 @@ from typing import Any
 import pytest
 from lxml import etree, html
 
-from fitting.engine.local import LocalProcesses
 from fitting.fit.fit import Status
 from fitting.measurements.figure import Figure
-from fitting.report import artists as artists_module
+from fitting.report import reconstruction as report
 from fitting.report import table as tables
-from fitting.report.artists import BEHIND, Artists
-from fitting.report.figures import reconstruction
-from fitting.report.figures.reconstruction import RESPONSE, SPECTRA
-from fitting.report.figures.tones import DRIVE, IMPROVEMENT, OVER_FREQUENCY, PER_EXPERIMENT
 from fitting.report.page import render
-from fitting.report.reconstruction import page_of, write_report, write_report_of
+from fitting.report.reconstruction import page_of, write_report
 from fitting.report.screen import phrase
 from fitting.report.shown import ShownCampaign
 from fitting.report.summary import summary_of
 from fitting.report.table import table as table_of
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
 from fitting.text.finding import Finding, Kind
-from fitting.text.results_folder import results_folder
 from tests.support import plot_records
 from tests.support import report_records as records
 
@@ -169,19 +159,6 @@ def test_the_answer_the_figure_and_the_warnings_come_first_and_the_rest_is_folde
     [style] = page.iter("style")
     assert "prefers-color-scheme: dark" in style.text
     assert "::details-content" in style.text.partition("@media print")[2]
-
-
-def test_a_long_drawing_is_embedded_as_the_shorter_picture(
-    result: Result, data: ShownCampaign, figures: list[Figure], tmp_path: Path
-) -> None:
-    long = replace(figures[0], folder=tmp_path)
-    long.file("svg").write_bytes(b"<svg/>" * 50_000)
-    long.file("png").write_bytes(png := b"\x89PNG" * 1000)
-    page = html.document_fromstring(page_of(result, data, [long]))
-    [image] = page.iter("img")
-    kind, _, found = image.get("src").partition(",")
-    assert kind == "data:image/png;base64"
-    assert base64.b64decode(found) == png
 
 
 def test_every_figure_is_embedded_once_with_caption_and_words_for_the_blind(page: Any) -> None:
@@ -434,7 +411,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     result = records.result_for(data)
     data = records.with_figures(data, result)
     folder = tmp_path_factory.mktemp("written")
-    return Written(result, data, folder, write_report(result, data, folder))
+    return Written(result, data, folder, write_report(result, data, folder, formats=("pdf",)))
 
 
 def test_the_file_is_written_whole_with_real_figures(written: Written) -> None:
@@ -446,7 +423,7 @@ def test_the_file_is_written_whole_with_real_figures(written: Written) -> None:
     assert {p.name for p in folder.iterdir()} == names
     links = page.xpath("//figcaption//a")
     stems = ("1_frequency_response", "5_convergence")
-    kinds = ("csv", "svg", "pdf")
+    kinds = ("csv", "pdf", "svg")
     assert [a.get("download") for a in links] == [f"{s}.{k}" for s in stems for k in kinds]
     for a in links:
         file = folder / "figures" / a.get("download")
@@ -460,84 +437,17 @@ def test_the_file_is_written_whole_with_real_figures(written: Written) -> None:
     assert "2, 3 and 4 " in page.text_content()  # are not drawn here
 
 
-@pytest.mark.nightly
-def test_whoever_draws_the_files_are_the_same(
-    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two processes side by side, told a folder as seen from here; then one of them is lost."""
-    monkeypatch.chdir(tmp_path)
-    result, data, own = written.result, written.data, Path("own")
-    executor = LocalProcesses(2)
-    try:
-        artists = Artists(executor, 2, tmp_path)
-        for _ in range(2):  # who draws stands back behind who fits: once, however often it is asked
-            artists.get_ready()
-        with results_folder(own, "reconstruct", ("report.html",)):
-            assert artists.report(result, data, own) == own / "report.html"
-        if hasattr(os, "nice"):  # Windows has no niceness
-            assert executor.submit(os.nice, 0).result() == max(os.nice(0), BEHIND)
-        os.kill(executor.pids[0], signal.SIGKILL)  # another takes its place
-        with results_folder(own, "reconstruct", ("report.html",)):  # its own files are replaced
-            artists.report(result, data, own)
-    finally:
-        executor.shutdown(wait=False)
-    alone = contents(written.folder)
-    assert len(alone) > 10
-    assert contents(own) == alone
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Files of a folder and of those in it, but for hidden ones."""
-    files = [p for p in folder.rglob("*") if p.is_file() and not p.name.startswith(".")]
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
-
-
-def sketched(drawing: Figure, folder: Path, *, for_page: bool, interactive: bool = False) -> Figure:
-    """A drawing's words in place of its picture, which takes half a second."""
-    assert for_page
-    assert not interactive
-    saved = replace(drawing, folder=folder, drawn=None, kinds=("svg",))
-    write_whole(saved.file("svg"), SVG.format(f"{drawing.name}: {len(drawing.caption)}"))
-    return saved
-
-
-def test_what_a_fit_settles_is_drawn_before_the_rest_is_known(
-    result: Result, data: ShownCampaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The files are those of one process that draws all at the end, of another fit as well."""
-    monkeypatch.setattr(reconstruction, "save", sketched)
-    monkeypatch.setattr(artists_module, "_stand_back", lambda: None)  # this process fits
-    foreign = tmp_path / "kept" / "values.csv"
-    foreign.parent.mkdir()
-    foreign.write_text("mine")
-    data = records.with_figures(data, result)
-    write_report(result, data, tmp_path / "alone")
-    with ThreadPoolExecutor(1) as executor:
-        artists = Artists(executor, 2, tmp_path)
-        begun = artists.begin(replace(result, message="not yet", history=(), knowledge=None), data)
-        artists.report(result, data, tmp_path / "begun", begun)
-        kinds = sorted(figure.name for figure in begun.of_these(result, data).values())
-        others = artists.begin(replace(result, peaks=result.peaks[::-1]), data)
-        artists.report(result, data, tmp_path / "again", others)
-        assert not others.of_these(result, data)
-        with (
-            pytest.raises(BadInput, match=r"values\.csv: "),
-            results_folder(foreign.parent, "reconstruct", ("report.html",)),
-        ):
-            artists.report(result, data, foreign.parent, begun)
-    assert foreign.read_text() == "mine"
-    assert kinds == sorted([DRIVE, OVER_FREQUENCY, IMPROVEMENT, PER_EXPERIMENT, RESPONSE, SPECTRA])
-    alone, begun_files, again = (contents(tmp_path / name) for name in ("alone", "begun", "again"))
-    assert len(alone) == 7 + 3
-    assert begun_files == again == alone
-
-
 def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(
-    result: Result, data: ShownCampaign, figures: list[Figure], tmp_path: Path
+    result: Result,
+    data: ShownCampaign,
+    figures: list[Figure],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(report, "write_figures", lambda *_, **__: figures)
     (tmp_path / "report.html").mkdir()
     with pytest.raises(BadInput, match=r"report\.html"):
-        write_report_of(result, data, tmp_path, figures)
+        write_report(result, data, tmp_path)
     assert {p.name for p in tmp_path.iterdir()} == {"report.html", "values.csv", "values.tex"}
 
 

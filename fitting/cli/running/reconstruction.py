@@ -11,7 +11,7 @@ import fitting as ff
 from fitting.api.choices import STYLES, usual_budget
 from fitting.api.cost import expected_of
 from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
-from fitting.api.jobs import DrawnBeside, check_style, draw_report, drawn_beside
+from fitting.api.jobs import check_style, draw_report
 from fitting.api.problem import Campaign
 from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
@@ -54,7 +54,6 @@ class _Job:
     method: ff.Tikhonov
     memory: KeptLevels
     remaining: Remaining
-    drawing: DrawnBeside | None
     laps: Laps
 
 
@@ -76,25 +75,23 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     if args.dry_run:
         return _print_cost(args, campaigns)
-    # in another style this process draws alone
-    with drawn_beside(not args.no_report and args.style in (None, STYLES[0])) as drawing:
-        with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
-            job = _job(args, campaigns, fmu, out, drawing, laps)
-            try:
-                workers = fmu.workers
-                with status_line(NAME, lambda: counted(job.remaining, workers.counts.runs)) as show:
-                    found, result, is_complete = _fit(job, show)
-            except KeyboardInterrupt:
-                way_on = _way_on(job)
-                raise KeyboardInterrupt(f"interrupted; {way_on}" if way_on else "") from None
-            except NoScale as refused:
-                named = ", ".join(str(path) for path in args.campaign)
-                raise ff.BadInput(f"{named}: {refused}") from None
-            except ff.FmuFailure as failure:
-                if way_on := _way_on(job):
-                    failure.add_note(way_on)
-                raise
-        return _report(job, found, result, is_complete=is_complete)
+    with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
+        job = _job(args, campaigns, fmu, out, laps)
+        try:
+            workers = fmu.workers
+            with status_line(NAME, lambda: counted(job.remaining, workers.counts.runs)) as show:
+                found, result, is_complete = _fit(job, show)
+        except KeyboardInterrupt:
+            way_on = _way_on(job)
+            raise KeyboardInterrupt(f"interrupted; {way_on}" if way_on else "") from None
+        except NoScale as refused:
+            named = ", ".join(str(path) for path in args.campaign)
+            raise ff.BadInput(f"{named}: {refused}") from None
+        except ff.FmuFailure as failure:
+            if way_on := _way_on(job):
+                failure.add_note(way_on)
+            raise
+    return _report(job, found, result, is_complete=is_complete)
 
 
 def _job(
@@ -102,7 +99,6 @@ def _job(
     campaigns: Sequence[Campaign],
     fmu: ff.Fmu,
     out: Path,
-    drawing: DrawnBeside | None,
     laps: Laps,
 ) -> _Job:
     """The problem, its method, and the finished levels of this very job, or none yet."""
@@ -126,7 +122,7 @@ def _job(
         refits=args.bootstrap or 0,
     )
     remaining = Remaining(expected, drawn=not args.no_report)
-    return _Job(args, out, problem, method, memory, remaining, drawing, laps)
+    return _Job(args, out, problem, method, memory, remaining, laps)
 
 
 def _fit(job: _Job, show: Callable[[str], None]) -> tuple[Valued, Result, bool]:
@@ -153,8 +149,6 @@ def _fit(job: _Job, show: Callable[[str], None]) -> tuple[Valued, Result, bool]:
         return fitted, result, not interrupted
     found: Valued = fitted
     is_complete = False
-    if job.drawing is not None:
-        job.drawing.begin(fitted)
     try:
         with to_the_end():
             result = without_profiles(result, "pending")
@@ -202,7 +196,7 @@ def _report(job: _Job, found: Valued, result: Result, *, is_complete: bool) -> i
                 out,
                 args.style or STYLES[0],
                 lambda done, of: show(job.remaining.drawing(done, of)),
-                job.drawing,
+                args.formats,
             )
         hint = "" if args.verbose else "   (--verbose prints all that was found)"
         print(line_item("report", f"{page}{hint}"))
@@ -257,4 +251,4 @@ def _starts(args: argparse.Namespace) -> int | None:
 
 def _command(args: argparse.Namespace) -> str:
     words = [NAME, *(path.as_posix() for path in args.campaign)]
-    return command_line(args, words, RECORDED, ("external",), FLAGS)
+    return command_line(args, words, RECORDED, ("external", "formats"), FLAGS)

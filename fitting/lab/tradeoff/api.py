@@ -142,7 +142,7 @@ def write_tradeoff(study: Study, out: str | Path) -> list[Path]:
         remove_earlier(folder, [name for name in FILES if name != CHECKPOINT_NAME])
         if study.status == "finished":
             (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
-    pictures = [figure.file(kind) for figure in figures for kind in ("png", "svg")]
+    pictures = [path for figure in figures for path in figure.files]
     return [*tables, *pictures, report]
 
 

@@ -46,8 +46,6 @@ OF_PEAKS: dict[str, Callable[[Result, ShownCampaign], Figure]] = {
     IMPROVEMENT: draw_improvement,
     PER_EXPERIMENT: draw_per_experiment,
 }
-#: Figures that take longest: of several processes that draw, the last to start would delay all.
-LONGEST = (CONVERGENCE, SPECTRA, DRIVE)
 #: Figures over frequency: of campaigns that were fitted together every one has its own.
 ALONG_FREQUENCY = (DRIVE, OVER_FREQUENCY, IMPROVEMENT)
 #: Widths of figures for print, of one and of two columns, inches.
@@ -60,9 +58,10 @@ def write_figures(
     out_dir: Path,
     progress: Callable[[int, int], None] = lambda done, of: None,
     *,
+    formats: Sequence[str] = (),
     interactive: bool = False,
 ) -> list[Figure]:
-    """Draw every figure that the campaign has data for, as SVG, PNG, PDF and CSV.
+    """Draw every figure that the campaign has data for, as SVG and CSV.
 
     The same result gives the same bytes.
 
@@ -71,6 +70,7 @@ def write_figures(
         data: what is shown of the campaign.
         out_dir: where the files go, in its folder "figures".
         progress: called with the number of figures that are drawn, and of all.
+        formats: of further files of each figure, "png" and "pdf".
         interactive: whether figures can be zoomed and read off, which needs Bokeh.
 
     Raises:
@@ -78,30 +78,16 @@ def write_figures(
     """
     written = []
     planned = planned_figures(result, data)
-    for done, (number, figure) in enumerate(planned.items()):
-        progress(done, len(planned))
-        written.append(write_figure(figure, number, out_dir, interactive=interactive))
+    with style():
+        for done, (number, figure) in enumerate(planned.items()):
+            progress(done, len(planned))
+            drawn = figure.drawing(int(number), len(number))
+            saved = save(
+                drawn, out_dir / FOLDER, formats=formats, for_page=True, interactive=interactive
+            )
+            written.append(saved)
     progress(len(planned), len(planned))
     return written
-
-
-def write_figure(
-    planned: Planned, number: str, out_dir: Path, *, interactive: bool = False
-) -> Figure:
-    """Draw one of these figures; the same bytes, whatever was drawn before.
-
-    Args:
-        planned: what is drawn.
-        number: as its files have it.
-        out_dir: where the files go.
-        interactive: whether it can be zoomed and read off, which needs Bokeh.
-
-    Raises:
-        BadInput: the folder cannot be written.
-    """
-    with style():
-        drawn = planned.drawing(int(number), len(number))
-        return save(drawn, out_dir / FOLDER, for_page=True, interactive=interactive)
 
 
 def write_paper_figures(
@@ -229,26 +215,3 @@ def _place(name: str) -> int:
     if name in LAST:
         return len(FIRST) + 1 + LAST.index(name)
     return FIRST.index(name) if name in FIRST else len(FIRST)
-
-
-def longest_first(planned: dict[str, Planned]) -> list[str]:
-    """Numbers of figures in the order in which several processes start them.
-
-    Args:
-        planned: figures in the order of the page.
-    """
-    ranks = {name: rank for rank, name in enumerate(LONGEST)}
-    return sorted(planned, key=lambda number: ranks.get(planned[number].name, len(LONGEST)))
-
-
-def settled(planned: dict[str, Planned], data: ShownCampaign) -> dict[str, Planned]:
-    """Figures that the fit alone settles: those of peaks, and what measurements show of themselves.
-
-    They are the same bytes for results of the same peaks and deviations.
-
-    Args:
-        planned: all figures.
-        data: what is shown of the campaign.
-    """
-    names = {*OF_PEAKS, *(figure.name for figure in data.figures)}
-    return {number: figure for number, figure in planned.items() if figure.name in names}

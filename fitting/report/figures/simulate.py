@@ -57,7 +57,7 @@ def save_figures(
     """
     with style():
         drawings = draw_trace(result, model, units), draw_spectrum(result, model, units, mixed)
-        saved = [save(drawing, folder) for drawing in drawings]
+        saved = [save(drawing, folder, formats=("png",)) for drawing in drawings]
     return [figure.file(kind) for figure in saved for kind in ("png", "svg")]
 
 
@@ -144,7 +144,7 @@ def save_frf(result: SweepResponse, model: str, unit: str, folder: Path) -> list
         folder: where the files go.
     """
     with style():
-        figure = save(draw_frf(result, model, unit), folder)
+        figure = save(draw_frf(result, model, unit), folder, formats=("png",))
     return [figure.file("png"), figure.file("svg")]
 
 

@@ -308,47 +308,50 @@ def _mark_synthetic(figure: Figure, *, small: bool) -> None:
 
 
 def save(
-    drawing: Described, folder: Path, *, for_page: bool = False, interactive: bool = False
+    drawing: Described,
+    folder: Path,
+    *,
+    formats: Sequence[str] = (),
+    for_page: bool = False,
+    interactive: bool = False,
 ) -> Described:
-    """Write a drawing as SVG and PNG, whole or not at all; what is known of it then.
+    """Write a drawing as SVG and in other formats, whole or not at all; what is known of it then.
+
+    The same drawing gives the same bytes.
 
     Args:
         drawing: figure with its name, title and caption.
         folder: where the files go.
-        for_page: whether it is shown on a page: a PDF and the numbers as CSV go with it then.
+        formats: of further files, "png" and "pdf".
+        for_page: whether it is shown on a page: its numbers as CSV go with it then.
         interactive: whether it can be zoomed and read off there, which needs Bokeh.
 
     Raises:
         BadInput: the folder cannot be written.
     """
     figure: Figure = drawing.drawn
-    saved = replace(drawing, folder=folder, drawn=None, kinds=("svg", "png"))
+    kinds = tuple(dict.fromkeys(("svg", *formats)))
+    saved = replace(drawing, folder=folder, drawn=None, kinds=kinds)
     _lay_out(figure)
-    write_whole(
-        saved.file("png"), _rendered(drawing, "png", Software=None, Description=drawing.alt)
-    )
-    written = _rendered(drawing, "svg", Date=None, Creator=None, Description=drawing.alt)
-    write_whole(saved.file("svg"), written)
+    about: dict[str, dict[str, str | None]] = {
+        "svg": {"Date": None, "Creator": None, "Description": drawing.alt},
+        "png": {"Software": None, "Description": drawing.alt},
+        "pdf": {"CreationDate": None, "Subject": drawing.alt},
+    }
+    for kind in kinds:
+        image, metadata = io.BytesIO(), {"Title": drawing.title, **about[kind]}
+        dpi = PNG_DPI if kind == "png" else "figure"
+        figure.savefig(image, format=kind, metadata=metadata, dpi=dpi)
+        write_whole(saved.file(kind), image.getvalue())
     if not for_page:
         return saved
     write_whole(saved.file("csv"), figure_csv(figure))
-    written = _rendered(drawing, "pdf", CreationDate=None, Subject=drawing.alt)
-    write_whole(saved.file("pdf"), written)
     live = ""
     if interactive:
         from fitting.report import interactive as bokeh  # takes half a second to import
 
         live = bokeh.document(figure)
-    return replace(saved, kinds=("svg", "png", "csv", "pdf"), live=live)
-
-
-def _rendered(drawing: Described, kind: str, **words: str | None) -> bytes:
-    """A drawing as the bytes of a file; the same drawing, the same bytes."""
-    image = io.BytesIO()
-    dpi: Any = {"dpi": PNG_DPI} if kind == "png" else {}
-    metadata: Any = {"Title": drawing.title, **words}
-    drawing.drawn.savefig(image, format=kind, metadata=metadata, **dpi)
-    return image.getvalue()
+    return replace(saved, kinds=(*kinds, "csv"), live=live)
 
 
 def _lay_out(figure: Figure) -> None:
