@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from decimal import Decimal
 
+import pint
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,7 +14,9 @@ from hypothesis import strategies as st
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
 from fitting.text.units import (
+    COMMON,
     convert,
+    dimension_of,
     is_frequency,
     parse_quantity,
     product_words,
@@ -69,6 +73,26 @@ def test_nonsense_is_refused_with_place_and_finding(text: str) -> None:
 )
 def test_conversion(value: float, unit: str, wanted: str | None, truth: float) -> None:
     assert convert(value, unit, wanted, where=W) == truth
+
+
+def test_common_units_are_those_of_pint() -> None:
+    """They are known without it: kind, factor and dimensions of each pair are its own."""
+    registry = pint.UnitRegistry(non_int_type=Decimal)
+    for unit, other in itertools.product(COMMON, repeat=2):
+        one, two = (
+            registry.parse_units({"": "1", "-": "1", "1": ""}.get(u, u.replace("s2", "s**2")))
+            for u in (unit, other)
+        )
+        angles = [u in ("rad", "mrad", "deg", "rad/s") for u in (unit, other)]  # plain to pint
+        assert same_kind(unit, other) == (
+            one.dimensionality == two.dimensionality and angles[0] == angles[1]
+        )
+        if same_kind(unit, other):
+            truth = registry.Quantity(Decimal("0.3"), one).to(two).magnitude
+            assert convert(0.3, unit, other, where=W) == float(truth), (unit, other)
+        assert dimension_of(unit, where=W) == {
+            str(n): float(p) for n, p in one.dimensionality.items()
+        }
 
 
 @pytest.mark.parametrize(
