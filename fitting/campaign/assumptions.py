@@ -2,7 +2,8 @@
 
 A result rests on quantities that no fit moves, as the direction of a pump. Each assumption says
 what might be instead: another value, another law, or the same model at another place of its
-parameters. What a fit would give then is worked out at its end (`fitting.inference.assumptions`).
+parameters. What a fit would give then is computed at its end
+(`fitting.inference.checks.assumptions`).
 """
 
 from __future__ import annotations

@@ -1,470 +1,412 @@
-"""A fitted sweep that another form of line describes, where the model does not.
+"""A fitted sweep or decay that lines of another form describe, where the model does not.
 
-Where the residuals of a sweep tell its noise, chi square cannot show that the model fails: bad
-residuals count as much noise. Another form of k unknowns through the same m rows can: what it
-leaves, S1, bounds the noise,
+Where residuals estimate the noise, chi square cannot show that the model fails. Another form of k
+unknowns through the same m rows can: what it leaves, S1, bounds the noise,
 
     chi^2 = S (m - k)/S1        P = P(F > ((S - S1)/(k - k0)) ((m - k)/w^2)/S1)
 
-with S of the fitted model, k0 its unknowns, and w the widening for what hangs together in the
-residuals of that form; F has k - k0, one at least, and (m - k)/w^2 degrees of freedom. Errors that
-are widened for residuals that are correlated hold the truth where these are small beside the line;
-where another form leaves a fifth of them (rms) they are no small ones. A model of several lines
-leaves less than a form of fewer, and nothing is said of it. What the simulation may be off by
-counts as left by every form.
+with S of the fitted model, k0 its unknowns, and w the widening for correlated residuals of that
+form; F has k - k0, one at least, and (m - k)/w^2 degrees of freedom. The model is refused where
+the other form leaves a fifth of its residuals (rms): errors that are widened for correlated
+residuals hold the truth only where these are small beside the line.
 
-A pair of lines needs leave no fifth where what it leaves is noise: errors of one line for two
-that overlap, or of two whose heights are held in phase though they are not, are no
-smaller than what they leave out, however wide. There P is multiplied by the number of points
-(Bonferroni: at each noise may look like a line), and holds against every form of one line, too,
-also one that bends with its amplitude, or stands behind a cable.
-This holds where the noise is stated as well: it is what the pair leaves, if it has one size.
+A pair of lines is enough where it leaves noise: errors of one line for two that overlap, or of two
+whose heights are held in phase, are no smaller than what they leave out, however wide. There P is
+multiplied by the number of points (Bonferroni: noise at each may look like a line), and has to hold
+against every form of one line, also one that bends with its amplitude or is behind a cable. This
+holds where the noise is stated as well.
 
-Of amplitudes the forms are one line with something beside it, and a pair (`fitting.signal.pair`),
-of complex values one to three lines
-beside what the fit solves for, or beside more (`fitting.signal.lines_together`): the simplest one
-that the model fails against, and that does not fail so against another one.
+Of complex values the forms are one to three lines on the background of the fit or on a larger one:
+the simplest one that refutes the model and is not refuted by another one. Of a free decay it is one
+line more than the model has states for. What the simulation may be off by counts as left by every
+form.
 
 Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
 """
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import fdtrc
 
 from fitting.fit.solution import Solution
-from fitting.inference.closer_decay import closer_decays
-from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.inference.likelihood.knowledge import Adequacy, Rival
+from fitting.inference.line_fits import (
+    MOST_SAMPLES,
+    TRIED,
+    ComplexLines,
+    LineFits,
+    decays,
+    pair,
+    single_lines,
+)
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
-from fitting.signal.complex_line import complex_line
-from fitting.signal.lines_together import LinesTogether, lines_together
-from fitting.signal.pair import NO_NOISE, bent_line, pair_of
-from fitting.signal.peaks import (
-    ADDED,
-    BESIDE_WORDS,
-    FLOOR,
-    OFFSET,
-    RICE,
-    SLOPE,
-    TAIL,
-    UNKNOWNS,
-    Resonance,
-    fit_resonance,
-)
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
-from fitting.text.arrays import ComplexArray, FloatArray, both_parts
-from fitting.text.errors import BadInput
+from fitting.measurements.traces.record import UNKNOWN, TraceRecord
+from fitting.measurements.traces.traces import Traces
+from fitting.signal.pair import NO_NOISE, Pair
+from fitting.signal.peaks import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS, Resonance
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure
+from fitting.text.arrays import ComplexArray, FloatArray
 
-#: The forms that are tried.
-TRIED = ("complex", OFFSET, SLOPE, FLOOR, RICE)
-#: Mean squares over those of the other form, and probability, from which the model is given up.
+#: Mean squares over those of the other form, and probability, from which the model is refused.
 RATIO, IMPROBABLE = 25.0, 1e-4
-#: Lines side by side that are tried, in words, and rows for each unknown, at least.
-LINES, ROWS = {2: "a pair of lines", 3: "three lines"}, 3
-#: What would describe these, of a model that shows fewer, and of one that shows as many.
-ALL_LINES = "an output that shows all lines of the sweep"
-OF_ANY_PHASE = " with any heights and phases"
-COUPLED = "a coupling, a drive or a readout fitted that turns its lines against each other"
+#: Rows for each unknown of complex lines, at least, and most lines.
+ROWS, MOST_LINES = 3, 3
 
 
-def closer_form(solution: Solution) -> Adequacy | None:
-    """How much more the model leaves of a sweep than a line of another form; None if it is fair.
-
-    Of several sweeps the one that is described worst.
+def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
+    """The rival that describes a measurement best compared with the model; None if none refutes it.
 
     Args:
         solution: the end of a fit.
+        fits: of lines, to be shared.
     """
     if solution.structure is None or solution.structure.order == 0:  # it leaves noise
         return None
-    tried = [*_amplitudes(solution), *_complex_values(solution), *closer_decays(solution)]
-    worse = [each for each in tried if each is not None and not each.describes]
+    refuted = []
+    data, residuals = solution.objective.data, solution.final.residuals
+    at = {
+        p.name: float(v)
+        for p, v in zip(solution.parameters, solution.final.parameters, strict=True)
+    }
+
+    def moving(rows: slice) -> int:
+        """Parameters that the rows depend on."""
+        return int(np.count_nonzero(np.any(solution.matrix[rows] != 0.0, axis=0)))
+
+    for k, (m, rows) in enumerate(zip(data.measurements, data.slices, strict=True)):
+        # residuals that rounding, or what the simulation may be off by, makes; over the largest
+        promised = dict(enumerate(solution.final.promised)).get(k, 0.0)
+        model = Model(residuals[rows], moving(rows), max(SMALLEST_RESIDUAL, promised))
+        if isinstance(m, Sweep) and m.fitted:
+            seen = m.frequency_hz, m.amplitude_v
+            if not np.any(m.sigma > 0.0):
+                refuted.append(compared(*seen, replace(model, unknowns=UNKNOWNS[m.added]), fits))
+            if np.ptp(m.sigma) == 0.0:
+                unknowns = 1 + m.solved_inside + model.unknowns
+                refuted.append(compared_pair(*seen, replace(model, unknowns=unknowns), fits))
+        elif isinstance(m, ComplexSweep):
+            begin = rows.start
+            for curve in m.records:
+                mine = slice(begin, begin + 2 * curve.y.size)
+                begin = mine.stop
+                columns = curve.wiring.columns
+                one = replace(model, residuals=residuals[mine], unknowns=2 * columns + moving(mine))
+                fitted = Fitted(
+                    columns=columns,
+                    label=curve.label,
+                    table="[complex_control_sweep]" if m.units else Fitted.table,
+                    noise_is_known=curve.sigma > 0.0,
+                )
+                values = m.without_delay(curve, at)
+                refuted.append(compared_complex(curve.u_hz, values, one, fitted))
+        elif isinstance(m, Traces):
+            begin = rows.start
+            for trace in m.traces:
+                mine = slice(begin, begin + trace.y.size)
+                begin = mine.stop
+                if trace.sigma == 0.0 and trace.start == UNKNOWN and not trace.is_driven:
+                    unknowns = trace.solved_inside + model.unknowns
+                    one = replace(model, residuals=residuals[mine], unknowns=unknowns)
+                    refuted.append(compared_decay(trace, one))
+    worse = [each for each in refuted if each is not None and not each.describes]
     return max(worse, key=lambda each: each.chi_square / each.freedom, default=None)
 
 
-def _amplitudes(solution: Solution) -> Iterator[Adequacy | None]:
-    """Every sweep of amplitudes whose residuals tell its noise."""
-    data = solution.objective.data
-    for k, (sweep, mine) in enumerate(zip(data.measurements, data.slices, strict=True)):
-        if not (isinstance(sweep, Sweep) and sweep.fitted):
-            continue
-        seen = sweep.frequency_hz, sweep.amplitude_v, solution.final.residuals[mine]
-        resolved = _resolved(solution, k)
-        if not np.any(sweep.sigma > 0.0):
-            yield compared(*seen, beside=sweep.added, resolved=resolved)
-        if np.ptp(sweep.sigma) == 0.0:
-            moving = np.count_nonzero(np.any(solution.matrix[mine] != 0.0, axis=0))
-            unknowns = 1 + sweep.solved_inside + int(moving)
-            yield compared_pair(*seen, unknowns=unknowns, resolved=resolved)
-
-
-def _complex_values(solution: Solution) -> Iterator[Adequacy | None]:
-    """Every complex sweep whose residuals tell its noise."""
-    data = solution.objective.data
-    names = [p.name for p in solution.parameters]
-    at = dict(zip(names, map(float, solution.final.parameters), strict=True))
-    for k, (sweeps, place) in enumerate(zip(data.measurements, data.slices, strict=True)):
-        if not isinstance(sweeps, ComplexSweep):
-            continue
-        begin = place.start
-        for curve in sweeps.records:
-            mine = slice(begin, begin + 2 * curve.y.size)
-            begin = mine.stop
-            moving = np.count_nonzero(np.any(solution.matrix[mine] != 0.0, axis=0))
-            yield compared_complex(
-                curve.u_hz,
-                sweeps.without_delay(curve, at),
-                solution.final.residuals[mine],
-                Fitted(
-                    columns=curve.wiring.columns,
-                    moving=int(moving),
-                    label=curve.label,
-                    table="[complex_control_sweep]" if sweeps.units else Fitted.table,
-                    resolved=_resolved(solution, k),
-                    noise_is_known=curve.sigma > 0.0,
-                ),
-            )
-
-
-def _resolved(solution: Solution, measurement: int) -> float:
-    """Residuals that rounding, or what the simulation may be off by, makes; over the largest."""
-    promised: Mapping[int, float] = dict(enumerate(solution.final.promised))
-    return max(SMALLEST_RESIDUAL, promised.get(measurement, 0.0))
-
-
-def compared(
-    frequency_hz: FloatArray,
-    amplitude_v: FloatArray,
-    residuals: FloatArray,
-    *,
-    beside: str = "none",
-    resolved: float = SMALLEST_RESIDUAL,
-) -> Adequacy | None:
-    """What a model leaves of a sweep, against the form that leaves least; None without any form.
+@dataclass(frozen=True)
+class Model:
+    """What a fitted model leaves of a measurement.
 
     Args:
-        frequency_hz: rising, shape (n,), Hz.
-        amplitude_v: peak, shape (n,), V.
-        residuals: of the model, over the largest amplitude, shape (n,).
-        beside: what is solved for beside the model, "none", "offset" or "slope": forms with more
-            are tried.
-        resolved: residuals that say nothing, over the largest amplitude, root mean square.
-    """
-    largest = float(np.max(amplitude_v))
-    found = [
-        (float(np.sum(((form.curve - amplitude_v) / largest) ** 2)), name, form)
-        for name, form in _forms(frequency_hz, amplitude_v)
-        if UNKNOWNS[name] > UNKNOWNS[beside]
-    ]
-    if not found or residuals.size <= max(UNKNOWNS[name] for name in TRIED):
-        return None
-    forms = {
-        name: _Form(
-            squares=max(squares, residuals.size * resolved**2),
-            rows=residuals.size,
-            unknowns=UNKNOWNS[name],
-            tested=partial(lambda each: each.structure, form),
-            words=f"a line with {BESIDE_WORDS[name]}",
-            remedy=f'[sweep] background = "{name}"' if name in ADDED else "",
-        )
-        for squares, name, form in found
-    }
-    slope = forms.pop(SLOPE, None)
-    left = min(forms.values(), key=lambda each: each.squares, default=slope)
-    if left is None:
-        return None
-    # every constant is a slope, too, and leaves more by what noise gains by that
-    if slope is not None and slope.chance(left.squares, UNKNOWNS[OFFSET]) < IMPROBABLE:
-        left = slope
-    return _held(residuals, UNKNOWNS[beside], left)
-
-
-def _forms(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Iterator[tuple[str, Resonance]]:
-    """Every form that can be fitted to the sweep by itself."""
-    for name in TRIED:
-        with contextlib.suppress(BadInput):
-            yield name, fit_resonance(frequency_hz, amplitude_v, background=name)
-
-
-def compared_pair(
-    frequency_hz: FloatArray,
-    amplitude_v: FloatArray,
-    residuals: FloatArray,
-    *,
-    unknowns: int,
-    resolved: float = SMALLEST_RESIDUAL,
-) -> Adequacy | None:
-    """What a model leaves of amplitudes, where it fails against two lines; None where it does not.
-
-    Args:
-        frequency_hz: rising, shape (n,), Hz.
-        amplitude_v: peak, shape (n,), V.
-        residuals: of the model, over the largest amplitude, shape (n,).
-        unknowns: of the model, its scale one of them.
-        resolved: residuals that say nothing, over the largest amplitude, root mean square.
-    """
-    pair = pair_of(frequency_hz, amplitude_v)
-    if pair is None or not (pair.is_noise and pair.is_seen(frequency_hz)):
-        return None
-    largest, rows = float(np.max(amplitude_v)), residuals.size
-    form = _Form(
-        squares=max(pair.squares, rows * resolved**2),
-        rows=rows,
-        unknowns=pair.unknowns,
-        lines=2,
-        tested=lambda: pair.structure,
-        words=LINES[2],
-        remedy=ALL_LINES,
-    )
-    fewer = _left_of(frequency_hz, amplitude_v / largest)
-    if not form.tells_more(residuals, unknowns, fewer):
-        return None
-    if not form.tells_more(residuals, unknowns, [bent_line(frequency_hz, amplitude_v)]):
-        return None
-    curve = np.abs(amplitude_v / largest + residuals)
-    one = min((left for left, _ in _left_of(frequency_hz, curve)), default=0.0)
-    return _given_up(residuals, unknowns, form, two=one > form.squares)
-
-
-def _left_of(frequency_hz: FloatArray, amplitude: FloatArray) -> list[tuple[float, int]]:
-    """Squares that forms of one line leave of amplitudes over their largest, and their unknowns."""
-    return [
-        (float(np.sum((each.curve - amplitude) ** 2)), UNKNOWNS[name])
-        for name, each in _forms(frequency_hz, amplitude)
-    ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fitted:
-    """What a fit did for a complex sweep: complex `columns` solved inside, parameters `moving` it.
-
-    `label` is the sweep's, `table` that of the campaign that tells of it; residuals below
-    `resolved`, over the largest value, say nothing. Where `noise_is_known` only more lines are held
-    against the model.
+        residuals: over the largest value; of complex values real, then imaginary parts, (m,).
+        unknowns: real ones.
+        resolved: root mean square of residuals that rounding or the simulation makes.
     """
 
-    columns: int = 1
-    moving: int = 2
-    label: str = ""
-    table: str = "[[complex_sweep]]"
+    residuals: FloatArray
+    unknowns: int
     resolved: float = SMALLEST_RESIDUAL
-    noise_is_known: bool = False
 
     @property
-    def unknowns(self) -> int:
-        """Real unknowns of the fit."""
-        return 2 * self.columns + self.moving
-
-
-def compared_complex(
-    frequency_hz: FloatArray, values: ComplexArray, residuals: FloatArray, fitted: Fitted
-) -> Adequacy | None:
-    """What a model leaves of complex values, against other lines; None without any.
-
-    Args:
-        frequency_hz: rising, shape (n,), Hz.
-        values: measured, the delay of a cable taken off, shape (n,), any unit.
-        residuals: of the model over the largest modulus, real, then imaginary parts, (2 n,).
-        fitted: what was solved for beside the model.
-    """
-    forms = _lines(frequency_hz, values, fitted)
-    if not forms:
-        return None
-    squares, unknowns = float(residuals @ residuals), fitted.unknowns
-    closer = [form for form in forms if form.refutes(squares, unknowns)]
-    if not closer or fitted.noise_is_known:
-        for form in forms:
-            fewer = [(each.squares, each.unknowns) for each in forms if each.lines < form.lines]
-            if not form.tells_more(residuals, unknowns, fewer):
-                continue
-            single = [_behind_a_cable(frequency_hz, values), bent_line(frequency_hz, values)]
-            if form.tells_more(residuals, unknowns, single):
-                curve = values / np.max(np.abs(values)) + _complex(residuals)
-                one = lines_together(frequency_hz, curve, 1, 3).squares(curve)
-                return _given_up(residuals, unknowns, form, two=one > form.squares)
-        if fitted.noise_is_known:
-            return None
-    if not closer:
-        return _held(residuals, unknowns, min(forms, key=lambda form: form.squares))
-    chosen, *others = closer
-    for form in others:
-        if form.refutes(chosen.squares, chosen.unknowns):
-            chosen = form
-    return _held(residuals, unknowns, chosen)
-
-
-def _behind_a_cable(frequency_hz: FloatArray, values: ComplexArray) -> tuple[float, int]:
-    """Squares that one line behind a delay leaves over the largest value, and its unknowns."""
-    line = complex_line(frequency_hz, values, None)
-    return line.left**2 * values.size, 7
-
-
-def _complex(parts: FloatArray) -> ComplexArray:
-    """Complex values of real, then imaginary parts, (n,)."""
-    real, imaginary = np.split(parts, 2)
-    return np.asarray(real + 1j * imaginary)
+    def squares(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.residuals @ self.residuals)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Form:
-    """A form of line: the `squares` that it leaves over the largest value, of so many `rows`."""
+    """Lines of another form: the `squares` that they leave of so many `rows`."""
 
     squares: float
     rows: int
     unknowns: int
     lines: int = 1
-    seen: bool = True
-    tested: Callable[[], Structure]
-    words: str
-    remedy: str
+    observed: bool = True
+    fit: Resonance | Pair | ComplexLines
+    rival: Rival
 
-    @cached_property
-    def widening(self) -> float:
-        """Of errors, for what hangs together in its residuals."""
-        return self.tested().widening
+    @property
+    def structure(self) -> Structure:
+        return self.fit.structure
 
     @property
     def freedom(self) -> int:
-        """Rows less unknowns."""
         return self.rows - self.unknowns
 
     def chance(self, squares: float, unknowns: int) -> float:
-        """Probability that noise alone makes so much of what another form leaves.
-
-        Args:
-            squares: that the other one leaves.
-            unknowns: real ones of the other one.
-        """
-        more = max(1, self.unknowns - unknowns)
-        freedom = self.freedom / self.widening**2
+        """Probability that noise alone makes so much of what another form leaves."""
+        more, freedom = max(1, self.unknowns - unknowns), self.freedom / self.structure.widening**2
         gain = max(0.0, (squares - self.squares) / more * freedom / self.squares)
         return float(fdtrc(more, freedom, gain))
 
     def refutes(self, squares: float, unknowns: int) -> bool:
-        """Whether it leaves so much less that the other one does not describe the sweep.
-
-        Args:
-            squares: that the other one leaves.
-            unknowns: real ones of the other one.
-        """
+        """Whether it leaves so much less that the other form does not describe the data."""
         return squares > RATIO * self.squares and self.chance(squares, unknowns) < IMPROBABLE
 
-    def tells_more(
-        self, residuals: FloatArray, unknowns: int, fewer: Sequence[tuple[float, int]]
-    ) -> bool:
-        """Whether it is a pair that leaves noise, as neither a model nor fewer lines do.
-
-        Args:
-            residuals: of the model, shape (rows,).
-            unknowns: real ones of the model.
-            fewer: squares and unknowns of the forms of fewer lines.
-        """
-        if not self.seen or self.lines != 2 or not self.squares < float(residuals @ residuals):
+    def is_pair_beside(self, model: Model, fewer: Sequence[tuple[float, int]]) -> bool:
+        """Whether it is a pair that leaves noise, as neither the model nor fewer lines do."""
+        if not (self.observed and self.lines == 2 and self.squares < model.squares and fewer):
             return False
-        others = [(float(residuals @ residuals), unknowns), *fewer]
-        if self.tested().p_value <= NO_NOISE or not fewer:
+        if self.structure.p_value <= NO_NOISE:
             return False
-        least = IMPROBABLE / residuals.size
+        others, least = [(model.squares, model.unknowns), *fewer], IMPROBABLE / self.rows
         return all(self.chance(squares, known) < least for squares, known in others)
 
+    def against(self, model: Model) -> Adequacy:
+        """The model compared with this form."""
+        return Adequacy(
+            chi_square=model.squares * self.freedom / self.squares,
+            freedom=float(self.freedom),
+            p_value=self.chance(model.squares, model.unknowns),
+            describes=not self.refutes(model.squares, model.unknowns),
+            rival=self.rival,
+        )
 
-def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> list[_Form]:
-    """All lines side by side that the points can tell, the simplest ones first."""
-    found = []
+    def refusal(self, model: Model, *, one_line: float) -> Adequacy:
+        """The refused model; `one_line` are the squares that one line leaves of its own curve.
+
+        Where these exceed the pair's, the model has two lines itself, with other phases.
+        """
+        rival = self.rival
+        if one_line > self.squares:
+            rival = replace(rival, remedy="coupling")
+        return replace(self.against(model), describes=False, rival=rival)
+
+
+# --- amplitudes -----------------------------------------------------------------------------------
+
+
+def compared(
+    frequency_hz: FloatArray, amplitude: FloatArray, model: Model, fits: LineFits
+) -> Adequacy | None:
+    """A model of amplitudes against one line with more beside it; None without any.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        amplitude: peak, shape (n,), any unit.
+        model: its unknowns are those of a line with what is solved for beside it.
+        fits: of lines, to be shared.
+    """
+    rows, largest = model.residuals.size, float(np.max(amplitude))
+    if rows <= max(UNKNOWNS[name] for name in TRIED):
+        return None
+    forms = {
+        name: _Form(
+            squares=max(
+                float(np.sum(((form.curve - amplitude) / largest) ** 2)),
+                rows * model.resolved**2,
+            ),
+            rows=rows,
+            unknowns=UNKNOWNS[name],
+            fit=form,
+            rival=Rival(
+                shape="line",
+                background=name,
+                remedy="background" if name in ADDED else "",
+                key=f'[sweep] background = "{name}"' if name in ADDED else "",
+            ),
+        )
+        for name, form in fits.with_backgrounds(frequency_hz, amplitude).items()
+        if UNKNOWNS[name] > model.unknowns
+    }
+    slope = forms.pop(SLOPE, None)
+    best = min(forms.values(), key=lambda form: form.squares, default=slope)
+    if best is None:
+        return None
+    # every constant is a slope, too, and leaves more by what noise gains by that
+    if slope is not None and slope.chance(best.squares, UNKNOWNS[OFFSET]) < IMPROBABLE:
+        best = slope
+    return best.against(model)
+
+
+def compared_pair(
+    frequency_hz: FloatArray, amplitude: FloatArray, model: Model, fits: LineFits
+) -> Adequacy | None:
+    """A model of amplitudes that fails against two lines; None where it does not.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        amplitude: peak, shape (n,), any unit.
+        model: its scale is one of its unknowns.
+        fits: of lines, to be shared.
+    """
+    two = pair(frequency_hz, amplitude)
+    if two is None:
+        return None
+    rows, seen = model.residuals.size, amplitude / float(np.max(amplitude))
+
+    def single(values: FloatArray) -> list[tuple[float, int]]:
+        forms = fits.with_backgrounds(frequency_hz, values)
+        return [
+            (float(np.sum((form.curve - values) ** 2)), UNKNOWNS[name])
+            for name, form in forms.items()
+        ]
+
+    form = _Form(
+        squares=max(two.squares, rows * model.resolved**2),
+        rows=rows,
+        unknowns=two.unknowns,
+        lines=2,
+        fit=two,
+        rival=Rival(shape="pair", remedy="output"),
+    )
+    if not form.is_pair_beside(model, single(seen)):
+        return None
+    if not form.is_pair_beside(model, [*single_lines(frequency_hz, amplitude)]):
+        return None
+    curve = np.abs(seen + model.residuals)
+    return form.refusal(model, one_line=min((left for left, _ in single(curve)), default=0.0))
+
+
+# --- complex values -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """What a fit did for a complex sweep: complex `columns` solved inside.
+
+    `label` is the sweep's, `table` that of the campaign with its keys. Where `noise_is_known` only
+    a pair is compared with the model.
+    """
+
+    columns: int = 1
+    label: str = ""
+    table: str = "[[complex_sweep]]"
+    noise_is_known: bool = False
+
+
+def compared_complex(
+    frequency_hz: FloatArray, values: ComplexArray, model: Model, fitted: Fitted
+) -> Adequacy | None:
+    """A model of complex values against other lines and backgrounds; None without any.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: measured, the delay of a cable taken off, shape (n,), any unit.
+        model: what it leaves, real, then imaginary parts.
+        fitted: what was solved for beside the model.
+    """
     y = np.asarray(values / np.max(np.abs(values)))
-    wanted = [
+    forms = [*_complex_forms(frequency_hz, y, model, fitted)]
+    if not forms:
+        return None
+    refuting = [form for form in forms if form.refutes(model.squares, model.unknowns)]
+    if not refuting or fitted.noise_is_known:
+        for form in forms:
+            fewer = [(each.squares, each.unknowns) for each in forms if each.lines < form.lines]
+            if form.is_pair_beside(model, fewer) and form.is_pair_beside(
+                model, [*single_lines(frequency_hz, values)]
+            ):
+                real, imaginary = np.split(model.residuals, 2)
+                curve = y + real + 1j * imaginary
+                one = ComplexLines(frequency_hz, curve, 1, 3).fit.squares(curve)
+                return form.refusal(model, one_line=one)
+        if fitted.noise_is_known:
+            return None
+    if not refuting:
+        return min(forms, key=lambda form: form.squares).against(model)
+    simplest, *others = refuting
+    for form in others:
+        if form.refutes(simplest.squares, simplest.unknowns):
+            simplest = form
+    return simplest.against(model)
+
+
+def _complex_forms(
+    frequency_hz: FloatArray, y: ComplexArray, model: Model, fitted: Fitted
+) -> Iterator[_Form]:
+    """All lines side by side that the points can distinguish, the simplest ones first.
+
+    One of two may lie beyond the points. Of three none may: over a wide sweep the third pole is the
+    mirror image of modes at negative frequencies, of which a good model leaves as little.
+    """
+    sizes = [
         (lines, columns)
-        for lines in (1, *LINES)
+        for lines in range(1, MOST_LINES + 1)
         for columns in range(fitted.columns, len(BACKGROUNDS) + 1)
     ]
-    for lines, columns in sorted(wanted, key=lambda each: 2 * each[0] + each[1]):
-        above = lines + columns - 1
-        if (lines + above) * ROWS > y.size:
+    for lines, columns in sorted(sizes, key=lambda each: 2 * each[0] + each[1]):
+        if (2 * lines + columns - 1) * ROWS > y.size:
             continue
-        form = lines_together(frequency_hz, y, lines, above)
-        words = _words(form, frequency_hz, columns - fitted.columns)
-        if not words:
+        form = ComplexLines(frequency_hz, y, lines, columns)
+        background = ("", "complex", "complex slope")[columns - 1]
+        background = background if columns > fitted.columns else ""
+        shape = ("line", "pair", "three_lines")[lines - 1]
+        if lines == 2 and form.observed == form.tails == 1:
+            shape, background = "line", TAIL
+        elif form.observed < lines:
             continue
+        key = f'{fitted.table} background = "{BACKGROUNDS[columns - 1]}"'
         more = columns > fitted.columns
-        key = f'{fitted.table} background = "{BACKGROUNDS[columns - 1]}"' if more else ""
-        shows = ALL_LINES if lines in LINES else ""
-        found.append(
-            _Form(
-                squares=max(form.squares(y), 2 * y.size * fitted.resolved**2),
-                rows=2 * y.size,
-                unknowns=form.unknowns,
-                lines=lines,
-                seen=all(mode.is_seen(frequency_hz) for mode in form.modes),
-                tested=partial(_structure, form, y),
-                words=f"{words} through sweep '{fitted.label}'" if fitted.label else words,
-                remedy=shows or key,
-            )
+        remedy = "output" if lines > 1 else "background" if more else ""
+        yield _Form(
+            squares=max(form.fit.squares(y), 2 * y.size * model.resolved**2),
+            rows=2 * y.size,
+            unknowns=form.fit.unknowns,
+            lines=lines,
+            observed=form.all_observed,
+            fit=form,
+            rival=Rival(
+                shape=shape,  # type: ignore[arg-type]
+                background=background,
+                label=fitted.label,
+                remedy=remedy,  # type: ignore[arg-type]
+                key=key if remedy == "background" else "",
+            ),
         )
-    return found
 
 
-def _structure(form: LinesTogether, values: ComplexArray) -> Structure:
-    """What the residuals of a form tell of the noise."""
-    return residual_structure(both_parts(form.curve - values), _real_columns(form))
+# --- free decays ----------------------------------------------------------------------------------
 
 
-def _words(form: LinesTogether, frequency_hz: FloatArray, more: int) -> str:
-    """What a form is; empty where some of its poles are no lines that the points show.
+def compared_decay(trace: TraceRecord, model: Model) -> Adequacy | None:
+    """A model of a free decay that fails against one line more; None where that is no better.
 
-    One of two may stand beyond the points. Of three none may: over a wide sweep the third pole is
-    the mirror image of modes at negative frequencies, of which a good model leaves as little.
+    Args:
+        trace: the free decay, of unknown noise.
+        model: what it leaves of all samples.
     """
-    seen = [mode for mode in form.modes if mode.is_seen(frequency_hz)]
-    tails = [
-        mode
-        for mode in form.modes
-        if not frequency_hz[0] < mode.frequency_hz < frequency_hz[-1] and mode not in seen
-    ]
-    lines = form.below.size
-    if not seen or len({mode.width_hz > 0.0 for mode in seen}) > 1:  # phases run one way
-        return ""
-    beside = ["", f" with {BESIDE_WORDS['complex']}", f" with {BESIDE_WORDS['complex slope']}"]
-    if lines == 1:
-        return f"a line{beside[form.above.size - lines]}" if more else "a line of its own"
-    if lines == 2 and len(seen) == len(tails) == 1:
-        return f"a line with {BESIDE_WORDS[TAIL]}"
-    if len(seen) < lines:
-        return ""
-    return f"{LINES[lines]}{beside[form.above.size - lines] if more else ''}"
-
-
-def _real_columns(form: LinesTogether) -> FloatArray:
-    """Derivatives of both parts by both parts of all coefficients, (2 n, unknowns)."""
-    columns = form.columns
-    return np.concatenate(
-        [np.hstack([columns.real, -columns.imag]), np.hstack([columns.imag, columns.real])]
-    )
-
-
-def _given_up(residuals: FloatArray, unknowns: int, form: _Form, *, two: bool) -> Adequacy:
-    """What a model leaves, against more lines, or as many where it has `two` itself."""
-    held = _held(residuals, unknowns, form)
-    if two and form.lines == 2:
-        held = replace(held, remedy=COUPLED, against=f"{held.against}{OF_ANY_PHASE}")
-    return replace(held, describes=False)
-
-
-def _held(residuals: FloatArray, unknowns: int, form: _Form) -> Adequacy:
-    """What a model leaves, against a form of line."""
-    squares = float(residuals @ residuals)
+    count, rows = trace.states // 2 + 1, min(trace.y.size, MOST_SAMPLES)
+    if rows < 4 * (4 * count + 1):
+        return None
+    left = model.residuals[:MOST_SAMPLES]
+    squares, fit = float(left @ left), decays(trace, count)
+    if fit is None or not fit[0].squares < squares:
+        return None
+    lines, structure = fit
+    freedom, more = rows - lines.unknowns, max(1, lines.unknowns - model.unknowns)
+    chance = float(fdtrc(more, freedom, (squares / lines.squares - 1.0) / more * freedom))
+    if structure.p_value <= NO_NOISE or chance > IMPROBABLE / rows:
+        return None
     return Adequacy(
-        chi_square=squares * form.freedom / form.squares,
-        freedom=float(form.freedom),
-        p_value=form.chance(squares, unknowns),
-        describes=not form.refutes(squares, unknowns),
-        against=form.words,
-        remedy=form.remedy,
+        chi_square=squares * freedom / lines.squares,
+        freedom=float(freedom),
+        p_value=chance,
+        describes=False,
+        rival=Rival(shape="decays", frequencies_hz=lines.frequency_hz, remedy="states"),
     )

@@ -257,7 +257,7 @@ def determine(
             adequacy,
             inflation=optimum.likelihood.inflation,
             structure=options.structure,
-            noise=objective.data.noise_words,
+            data=objective.data,
         ),
     )
 

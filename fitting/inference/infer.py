@@ -18,14 +18,10 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, unseen
-from fitting.inference.assumptions import assumption_findings
-from fitting.inference.causes import causes_of, without_outliers
+from fitting.inference.checks.outliers import without_outliers
 from fitting.inference.closer_form import closer_form
-from fitting.inference.combinations import combination_findings
-from fitting.inference.conditions import condition_findings
-from fitting.inference.consistency import consistency, contradicted, contradictions, without_values
 from fitting.inference.determine import InferenceOptions, Limits, determine
-from fitting.inference.ending import CONTRADICTED, ending_of, extent_of
+from fitting.inference.ending import ending_of
 from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.estimates import (
     Estimates,
@@ -33,22 +29,16 @@ from fitting.inference.estimates import (
     offset_results,
     parameter_results,
 )
-from fitting.inference.findings import (
-    Misfitting,
-    alternative_findings,
-    estimator_findings,
-    findings_of,
-    in_order,
-    pair_findings,
-    simulation_findings,
-)
+from fitting.inference.findings import findings_of, in_order
 from fitting.inference.inferred import Inferred, judged
-from fitting.inference.likelihood.knowledge import Adequacy, Determined, Ending, Equivalent
+from fitting.inference.joint import consistency, contradicted, contradictions, without_values
+from fitting.inference.likelihood.knowledge import Adequacy, Determined, Equivalent
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.likelihood.outside import Model
-from fitting.inference.line_values import values_of_line
-from fitting.inference.mistakes import SweepFindings, sweep_findings
 from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
+from fitting.inference.solved import Solved
+from fitting.inference.sweep_line import values_of_line
+from fitting.inference.sweeps import SweepFindings, sweep_findings
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.estimate import FittedEstimate
@@ -158,15 +148,11 @@ def _inferred(
         adequacy,
         inflation=read.inflation,
         structure=solution.structure,
-        extent=extent_of(data, residuals),
-        noise=data.noise_words,
+        data=data,
+        residuals=residuals,
     )
     if is_best and contradictions(joint):
-        ground = phrase("status", "between", contradictions(joint))
-        ending = Ending(words=CONTRADICTED, ground=ground)
-    misfit = status is Status.MISFIT and adequacy is not None
-    advice = phrase("status", "advice", adequacy) if misfit else ""
-
+        ending = replace(ending, kind="contradiction", contradictions=contradictions(joint))
     inference = Inference(
         fit=fit,
         parameters=parameters,
@@ -175,7 +161,7 @@ def _inferred(
         knowledge=None if determined is None else determined.knowledge,
         joint=joint if describes else without_values(joint),
         status=status,
-        message=phrase("status", "message", ending, advice, fit.message),
+        message=phrase("status", "message", ending, fit.message),
         ending=ending,
         reported=estimates.reported,
         sweeps=_with_names(sweeps, fit, {**parameters, **derived}),
@@ -183,20 +169,23 @@ def _inferred(
         dof=math.nan if adequacy is None else adequacy.freedom,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
     )
-    misfitting = Misfitting(read.inflation, describes, adequacy, causes_of(fit, adequacy))
-    equivalents = equivalent_findings(inference) if describes else ()
-    findings = in_order(
-        *findings_of(fit, inference.offsets, inference.sweeps, best, misfitting),
-        *pair_findings(joint, is_best=is_best),
-        # profiles name an alternative with its values
-        *(equivalents or alternative_findings(fit.alternatives)),
-        *(_of_solution(fit, solution, inference) if describes else ()),
-        *(determined.findings if determined is not None and describes else ()),
-        *estimator_findings(fit.options, named),
-        *simulation_findings(solution.final.promised, sweeps.scale_off, named),
-        *read.missing,
+    solved = Solved(
+        fit=fit,
+        solution=solution,
+        best=best,
+        adequacy=adequacy,
+        inflation=read.inflation,
+        describes=describes,
+        is_best=is_best,
+        sweeps=inference.sweeps,
+        parameters=parameters,
+        derived=derived,
+        offsets=inference.offsets,
+        joint=joint,
+        equivalents=equivalent_findings(inference) if describes else (),
+        profiles=() if determined is None else determined.findings,
     )
-    return replace(inference, findings=findings)
+    return replace(inference, findings=in_order(*findings_of(solved), *read.missing))
 
 
 def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFindings]:
@@ -224,29 +213,13 @@ def _scale_off(solution: Solution, sweeps: SweepFindings) -> float:
     return max(beyond, default=math.nan)
 
 
-def _of_solution(fit: Fit, solution: Solution, inference: Inference) -> tuple[Finding, ...]:
-    """What the data know in combination only, and what values rest on.
-
-    Nothing of start values that nobody measured where the model fails near the solution.
-    """
-    conditions: tuple[Finding, ...] = ()
-    with contextlib.suppress(FmuFailure, np.linalg.LinAlgError):
-        conditions = tuple(condition_findings(fit, inference.parameters))
-    values = {**inference.parameters, **inference.derived}
-    return (
-        *conditions,
-        *combination_findings(solution, values),
-        *assumption_findings(fit, values),
-    )
-
-
 def _with_names(
     sweeps: SweepFindings, fit: Fit, values: Mapping[str, FittedEstimate]
 ) -> SweepFindings:
     """The sweeps; a line that nothing speaks against says which of the values are its own."""
-    if sweeps.faults or any(found.contradicts for found in sweeps.agreement):
+    if sweeps.faults or any(test.contradicts for test in sweeps.agreement):
         return sweeps
-    names = values_of_line(fit.problem, fit.solution, values)
+    names = values_of_line(fit.problem, fit.solution, values, sweeps.fits)
     lines = {series: replace(line, values=names) for series, line in sweeps.lines.items()}
     return replace(sweeps, lines=lines)
 
@@ -390,7 +363,7 @@ def _determined(
             only=request.only or everything,
             minima=[] if search is None else [minimum.x for minimum in search.minima],
             twins=fit.outcome.twins,
-            closer=unseen(solution) or closer_form(solution),
+            closer=unseen(solution) or closer_form(solution, sweeps.fits),
             scale_off=_scale_off(solution, sweeps),
             models=tuple(others),
             progress=request.progress,
@@ -425,7 +398,7 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
         optimum = let_out(evaluator, most_likely(evaluator, begins))
     except (FmuFailure, KeyboardInterrupt):
         return stood
-    closer = unseen(solution) or closer_form(solution)
+    closer = unseen(solution) or closer_form(solution, sweeps.fits)
     scale_off = _scale_off(solution, sweeps)
     adequacy = adequacy_of(optimum, solution.structure, closer, scale_off)
     best = to_model(solution.parameters, optimum.expansion.x)

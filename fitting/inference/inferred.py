@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from fitting.fit.fit import Status
-from fitting.inference.joint_result import JointResult
+from fitting.inference.joint import JointResult
 from fitting.inference.likelihood.knowledge import Knowledge, Values
 from fitting.inference.quadratures import Quadratures
 from fitting.text.estimate import FittedEstimate

@@ -1,4 +1,4 @@
-"""Do the peaks of a series and its sweep tell the same? The sweep, fitted with a scale of its own.
+"""Do the peaks of a series and its sweep agree? The sweep is fitted with a scale of its own.
 
 A sweep that only gives a scale is not among the rows of the fit; yet it shows a line. Its points
 become rows, with a free scale c and their own scatter,
@@ -25,10 +25,10 @@ from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigm
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.differences import forward
 from fitting.fit.noise import noise_of
-from fitting.fit.objective import Point, evaluate_many
+from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import Solution
-from fitting.inference.consistency import BETTER_THAN_BOX
-from fitting.inference.joint_result import CONTRADICT
+from fitting.inference.joint import BETTER_THAN_BOX
+from fitting.inference.likelihood.knowledge import CONTRADICT
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.signal.least_squares import damped_step
@@ -43,7 +43,7 @@ EXPLAINED = 3.0
 #: Relative scatter of a sweep's points, at least: simulations and rounding.
 LEAST_SCATTER = 1e-5
 #: Descents: first damping, rounds at most, chi square that is worth a step, precision (over that of
-#: the box) from which a direction is followed, and logarithms of factors at most.
+#: the bounds) from which a direction is followed, and logarithms of factors at most.
 GENTLE, ROUNDS, PROMISE, LEAST_SEEN, LONGEST = 1e-6, 15, 1e-2, 1.0, 7.0
 #: More parameters than this are not searched again: drift offsets of a long series.
 MOST_PARAMETERS = 24
@@ -69,32 +69,31 @@ class SweepAgreement:
 
 
 def sweep_agreement(solution: Solution) -> tuple[SweepAgreement, ...]:
-    """Every series whose peaks contradict its sweep, or agree with it.
+    """The test of every series with peaks and a sweep that gives their scale.
+
+    None of a series where the model fails near the solution.
 
     Args:
         solution: the end of a fit.
     """
-    data = solution.objective.data
-    found = []
+    data, tests = solution.objective.data, []
+    if len(solution.parameters) > MOST_PARAMETERS:
+        return ()
     for place, sweep in enumerate(data.measurements):
         others = [m for m in data.measurements if m.series == sweep.series and not m.is_curve]
         if not isinstance(sweep, Sweep) or not any(m.rows for m in others):
             continue
-        if len(solution.parameters) > MOST_PARAMETERS:
-            continue
         if not data.scale_sigmas[data.series.index(sweep.series)] < 1.0:  # it is no scale at all
             continue
         try:
-            told = _Both(solution, sweep, place).agreement()
-        except (FmuFailure, np.linalg.LinAlgError):  # the model fails nearby: nothing is said
+            tests.append(_Both(solution, sweep, place).agreement())
+        except (FmuFailure, np.linalg.LinAlgError):
             continue
-        if told is not None:
-            found.append(told)
-    return tuple(found)
+    return tuple(test for test in tests if test is not None)
 
 
 def explained_by_model(solution: Solution, series: str) -> bool:
-    """Whether the model leaves noise of a sweep where it is fitted to the peaks beside it.
+    """Whether the model leaves noise of a sweep where it is fitted to the peaks of its series, too.
 
     A single line has to take a second mode for a background.
 
@@ -102,13 +101,12 @@ def explained_by_model(solution: Solution, series: str) -> bool:
         solution: the end of a fit.
         series: of the sweep and of the peaks.
     """
-    data = solution.objective.data
-    if len(solution.parameters) > MOST_PARAMETERS:
-        return False
-    for place, sweep in enumerate(data.measurements):
+    measurements = solution.objective.data.measurements
+    for place, sweep in enumerate(measurements):
         if isinstance(sweep, Sweep) and sweep.series == series:
             try:
-                return _Both(solution, sweep, place).leaves_noise()
+                few = len(solution.parameters) <= MOST_PARAMETERS
+                return few and _Both(solution, sweep, place).leaves_noise()
             except (FmuFailure, np.linalg.LinAlgError):  # the model fails nearby
                 return False
     return False
@@ -116,9 +114,8 @@ def explained_by_model(solution: Solution, series: str) -> bool:
 
 @dataclass(frozen=True)
 class _Expansion:
-    """Peaks and sweep about x: relative rows of the peaks, c A/max L of the sweep, their slopes."""
+    """Relative rows of the peaks and c A/max L of the sweep at some x, with their slopes."""
 
-    x: FloatArray
     peaks: FloatArray
     peaks_slope: FloatArray
     swept: FloatArray
@@ -127,7 +124,7 @@ class _Expansion:
 
 @dataclass(frozen=True)
 class _End:
-    """End of a descent: x, ln c, ln factor, the rows and their slopes there."""
+    """End of a descent: y = (x, ln c, ln factor), the rows and their slopes there."""
 
     y: FloatArray
     rows: FloatArray
@@ -139,102 +136,90 @@ class _End:
 
 
 class _Both:
-    """Whitened rows of the peaks of a series and of its sweep at y = (x, ln c, ln factor)."""
+    """Whitened rows of the peaks of a series (S) and of its sweep (T) at y = (x, ln c, ln factor).
+
+    F among the parts means a free factor between their amplitudes.
+    """
 
     def __init__(self, solution: Solution, sweep: Sweep, place: int) -> None:
         self.solution, self.sweep, self.place = solution, sweep, place
-        data = solution.objective.data
-        rows = np.arange(solution.final.residuals.size)
+        data, parameters = solution.objective.data, solution.parameters
         series = data.series.index(sweep.series)
-        mine = data.series_of_rows == series
-        self.peaks = mine & (rows < data.curve_rows.start)
+        rows = np.arange(solution.final.residuals.size)
+        self.peaks = (data.series_of_rows == series) & (rows < data.curve_rows.start)
         self.measured = data.measured_rows[self.peaks]
-        # peaks of an unknown gain know no factor
+        # peaks of an unknown gain have no factor
         self.factor = "F" if np.any(self.measured) else ""
         noise = noise_of(solution.objective, solution.final)
-        sigma = noise.sigma[self.peaks]
         # the error of the scale moves all peaks together as they were measured, not as a fit has
         # them that a contradiction has bent
         common = data.scale_sigmas[series] * self.measured
-        own = RowCovariance(sigma, common[:, np.newaxis])
+        own = RowCovariance(noise.sigma[self.peaks], common[:, np.newaxis])
         self.covariance = own.loosened(noise.bounded.restricted(self.peaks))
-        self.bounds = search_bounds(solution.parameters)
-        self.prior = prior_sigmas(solution.parameters)
-        self.held = inverse_priors(solution.parameters)
+        low, high = search_bounds(parameters)
+        self.upper = high
+        self.bounds = np.append(low, [-LONGEST] * 2), np.append(high, [LONGEST] * 2)
+        self.units = np.append(prior_sigmas(parameters), [1.0, 1.0])
+        self.inverse_prior = inverse_priors(parameters)
         self.scatter = LEAST_SCATTER
-        # the scale rests on what the top shows of the noise, where nobody states it
+        # the scale rests on what the top shows of the noise, where that is not stated
         top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
         self.freedom = math.inf if sweep.known else top.freedom
+        self.start = np.append(solution.final.x, [0.0, 0.0])
         self._known: dict[bytes, _Expansion] = {}
 
     def agreement(self) -> SweepAgreement | None:
-        """The test; None where they agree at once, or one tells nothing to contradict the other."""
-        begin = np.append(self.solution.final.x, [0.0, 0.0])
-        if self._could_gain(begin) < CONTRADICT**2:
+        """The test; None where they agree at once, or one determines nothing of the other."""
+        if self._possible_gain() < CONTRADICT**2:
             return None
-        swept = self._least("T", begin)
+        swept = self._least("T", self.start)
         determined = self._rank(swept)
         freedom = self.sweep.amplitude_v.size - determined - 1
         if freedom < 3:
             return None
         self.scatter = self._scatter(swept, freedom)
-        swept, peaks = self._least("T", swept.y), self._least("S", begin)
-        shared = determined + self._rank(peaks) - self._rank(self._at("ST", begin))
+        swept, peaks = self._least("T", swept.y), self._least("S", self.start)
+        shared = determined + self._rank(peaks) - self._rank(self._at("ST", self.start))
         if shared < 1:
             return None
-        both = self._least("ST", begin, swept.y)
+        both = self._least("ST", self.start, swept.y)
         if self.factor:
-            joined = self._least("STF", both.y, swept.y)
+            free = self._least("STF", both.y, swept.y)
             # what a factor led to may be lower without it, too
-            without = np.append(joined.y[:-1], 0.0)
-            both = min((both, self._descend("ST", without)), key=lambda end: end.chi_square)
-            told = self._told_by_factor(both, joined)
-            if told is not None:
-                return told
+            without = self._descend("ST", np.append(free.y[:-1], 0.0))
+            both = min((both, without), key=lambda end: end.chi_square)
+            excess = max(1.0, free.chi_square / max(1, free.rows.size - self._rank(free) - 2))
+            gain = both.chi_square - free.chi_square - self._by_priors(both, free)
+            sigmas = self._sigmas(gain / excess, 1)
+            if sigmas > CONTRADICT and excess < EXPLAINED:
+                factor = math.exp(float(free.y[-1]))
+                inverse = np.linalg.pinv(free.matrix * self.units, rcond=1e-10)
+                std = factor * math.sqrt(excess * float(inverse[-1] @ inverse[-1]))
+                return SweepAgreement(
+                    series=self.sweep.series, sigmas=sigmas, factor=factor, factor_std=std
+                )
         excess = max(1.0, peaks.chi_square / max(1, peaks.rows.size - self._rank(peaks)))
         apart = both.chi_square - swept.chi_square - peaks.chi_square - self._by_priors(both, peaks)
-        sigmas = _sigmas(apart / excess, shared, self.freedom)
-        return SweepAgreement(series=self.sweep.series, sigmas=sigmas)
+        return SweepAgreement(series=self.sweep.series, sigmas=self._sigmas(apart / excess, shared))
 
     def leaves_noise(self) -> bool:
         """Whether the sweep's residuals are white where peaks and sweep are fitted together."""
-        begin = np.append(self.solution.final.x, [0.0, 0.0])
-        swept = self._least("T", begin)
+        swept = self._least("T", self.start)
         self.scatter = self._scatter(swept, max(1, swept.rows.size - self._rank(swept) - 1))
-        both = self._least("ST", begin, swept.y)
+        both = self._least("ST", self.start, swept.y)
         own = slice(-self.sweep.amplitude_v.size, None)
         return residual_structure(both.rows[own], both.matrix[own]).order == 0
 
-    def _could_gain(self, begin: FloatArray) -> float:
+    def _possible_gain(self) -> float:
         """Chi square by which sweep, and peaks with a factor, would each fit better elsewhere.
 
-        One step foresees it, from where both stand; what they contradict each other by is no more.
+        Predicted by one step from the solution; what they contradict each other by is no more.
         """
-        swept, peaks = self._at("T", begin), self._at(f"S{self.factor}", begin)
-        (gain, left), (more, _) = self._foreseen(swept), self._foreseen(peaks)
+        swept, peaks = self._at("T", self.start), self._at(f"S{self.factor}", self.start)
+        (_, left), (_, rest) = (self._step(end, GENTLE) for end in (swept, peaks))
         freedom = max(1, swept.rows.size - self._rank(swept) - 1)
-        return gain / max(1.0, left / freedom) + more
-
-    def _foreseen(self, here: _End) -> tuple[float, float]:
-        """Decrease of chi square by a step, were the model straight; and what would be left."""
-        units = np.append(self.prior, [1.0, 1.0])
-        step = damped_step(here.matrix * units, here.rows, GENTLE, least=LEAST_SEEN)
-        left = here.rows + here.matrix @ (units * step)
-        square = float(left @ left)
-        return here.chi_square - square, square
-
-    def _told_by_factor(self, both: _End, joined: _End) -> SweepAgreement | None:
-        """A factor between their amplitudes that makes both fit; None where it gains nothing."""
-        excess = max(1.0, joined.chi_square / max(1, joined.rows.size - self._rank(joined) - 2))
-        gained = both.chi_square - joined.chi_square - self._by_priors(both, joined)
-        sigmas = _sigmas(gained / excess, 1, self.freedom)
-        if not (sigmas > CONTRADICT and excess < EXPLAINED):
-            return None
-        factor = math.exp(float(joined.y[-1]))
-        std = factor * math.sqrt(excess * float(self._covariance(joined)[-1, -1]))
-        return SweepAgreement(
-            series=self.sweep.series, sigmas=sigmas, factor=factor, factor_std=std
-        )
+        gain = (swept.chi_square - left) / max(1.0, left / freedom)
+        return gain + peaks.chi_square - rest
 
     def _by_priors(self, one: _End, other: _End) -> float:
         """Chi square that priors of what drifts have more at one end: no data contradict there."""
@@ -242,68 +227,13 @@ class _Both:
         more = drift_square(parameters, one.y[:-2]) - drift_square(parameters, other.y[:-2])
         return max(0.0, more)
 
-    def _least(self, parts: str, *begun: FloatArray) -> _End:
-        """The lowest end of descents from some points.
+    def _sigmas(self, chi_square: float, freedom: int) -> float:
+        """A chi square as standard deviations of a normal distribution, of noise from few points.
 
-        `parts`: S the peaks, T the sweep, F with a factor between them.
+        The error of the scale is as wide as Student's t at 95 %, which is undone for all of it.
         """
-        return min((self._descend(parts, y) for y in begun), key=lambda end: end.chi_square)
-
-    def _descend(self, parts: str, begin: FloatArray) -> _End:
-        here, damping = self._at(parts, begin), GENTLE
-        room = (np.append(self.bounds[0], [-LONGEST] * 2), np.append(self.bounds[1], [LONGEST] * 2))
-        units = np.append(self.prior, [1.0, 1.0])
-        for _ in range(ROUNDS):
-            low = np.maximum((room[0] - here.y) / units, -1.0)
-            high = np.minimum((room[1] - here.y) / units, 1.0)
-            step = damped_step(here.matrix * units, here.rows, damping, (low, high), LEAST_SEEN)
-            left = here.rows + here.matrix @ (units * step)
-            if here.chi_square - float(left @ left) < PROMISE:
-                return here
-            there = self._at(parts, here.y + units * step)
-            if there.chi_square < here.chi_square:
-                here, damping = there, max(GENTLE, 0.1 * damping)
-            else:
-                damping = max(100.0 * damping, 1.0)
-        return here
-
-    def _at(self, parts: str, y: FloatArray) -> _End:
-        x, scale, factor = y[:-2], float(y[-2]), float(y[-1])
-        known = self._expansion(x)
-        rows, matrices = [], []
-        if "S" in parts:
-            values = math.exp(-factor) * (known.peaks + self.measured)
-            slope = math.exp(-factor) * known.peaks_slope
-            free = -values if "F" in parts else np.zeros(values.size)
-            columns = np.column_stack([slope, np.zeros(values.size), free])
-            held = self.held > 0.0
-            rows += [self.covariance.whitened(values - self.measured), (self.held * x)[held]]
-            priors = np.pad(np.diag(self.held)[held], ((0, 0), (0, 2)))
-            matrices += [self.covariance.whitened(columns), priors]
-        if "T" in parts:
-            values = math.exp(scale) * known.swept
-            slope = math.exp(scale) * known.swept_slope
-            measured = self.sweep.amplitude_v / self.sweep.maximum_v
-            rows.append((values - measured) / self.scatter)
-            columns = np.column_stack([slope, values, np.zeros(values.size)])
-            matrices.append(columns / self.scatter)
-        return _End(y, np.concatenate(rows), np.concatenate(matrices))
-
-    def _expansion(self, x: FloatArray) -> _Expansion:
-        """Peaks and sweep at x with their slopes, one batch; remembered."""
-        key = x.tobytes()
-        if key not in self._known:
-            around = forward(x, self.solution.objective.steps, self.bounds[1])
-            points = evaluate_many(self.solution.objective, around.nodes, whole=True)
-            peaks = [point.residuals[self.peaks] for point in points]
-            swept = [self._shape(point) for point in points]
-            self._known[key] = _Expansion(
-                x, peaks[0], around.quotients(peaks), swept[0], around.quotients(swept)
-            )
-        return self._known[key]
-
-    def _shape(self, point: Point) -> FloatArray:
-        return np.asarray(point.scaled[self.place] / self.sweep.maximum_v, dtype=float)
+        value = max(0.0, chi_square) * widening95(self.freedom) ** 2
+        return as_sigmas(value, tail(value, freedom, self.freedom))
 
     def _scatter(self, end: _End, freedom: int) -> float:
         """Scatter of the sweep's points about their own minimum, wider if correlated."""
@@ -314,24 +244,78 @@ class _Both:
 
     def _rank(self, end: _End) -> int:
         """How many combinations of the parameters the rows of an end determine."""
-        matrix = end.matrix[:, :-2] * self.prior
-        free = end.matrix[:, -2:]
-        seen = np.linalg.norm(free, axis=0) > 0.0
-        if np.any(seen):  # what a free scale takes away
-            basis, _ = np.linalg.qr(free[:, seen])
+        matrix, free = (end.matrix * self.units)[:, :-2], end.matrix[:, -2:]
+        free = free[:, np.linalg.norm(free, axis=0) > 0.0]
+        if free.size:  # what a free scale takes away
+            basis, _ = np.linalg.qr(free)
             matrix = matrix - basis @ (basis.T @ matrix)
         return int(np.sum(np.linalg.svd(matrix, compute_uv=False) > BETTER_THAN_BOX))
 
-    def _covariance(self, end: _End) -> FloatArray:
-        units = np.append(self.prior, [1.0, 1.0])
-        inverse = np.linalg.pinv(end.matrix * units, rcond=1e-10)
-        return np.asarray((units[:, np.newaxis] * (inverse @ inverse.T)) * units)
+    # --- descents ---
 
+    def _least(self, parts: str, *starts: FloatArray) -> _End:
+        """The lowest end of descents from some points."""
+        return min((self._descend(parts, y) for y in starts), key=lambda end: end.chi_square)
 
-def _sigmas(chi_square: float, freedom: int, noise_freedom: float) -> float:
-    """A chi square as standard deviations of a normal distribution, of noise told by few points.
+    def _descend(self, parts: str, start: FloatArray) -> _End:
+        here, damping = self._at(parts, start), GENTLE
+        for _ in range(ROUNDS):
+            low, high = (np.clip((b - here.y) / self.units, -1.0, 1.0) for b in self.bounds)
+            step, left = self._step(here, damping, (low, high))
+            if here.chi_square - left < PROMISE:
+                return here
+            there = self._at(parts, here.y + self.units * step)
+            if there.chi_square < here.chi_square:
+                here, damping = there, max(GENTLE, 0.1 * damping)
+            else:
+                damping = max(100.0 * damping, 1.0)
+        return here
 
-    The error of the scale counts for as wide as Student's t is at 95 %: taken back for all of it.
-    """
-    value = max(0.0, chi_square) * widening95(noise_freedom) ** 2
-    return as_sigmas(value, tail(value, freedom, noise_freedom))
+    def _step(
+        self, here: _End, damping: float, bounds: tuple[FloatArray, FloatArray] | None = None
+    ) -> tuple[FloatArray, float]:
+        """A damped step in units of the bounds, and chi square that a straight model would have."""
+        scaled = here.matrix * self.units
+        step = damped_step(scaled, here.rows, damping, bounds, LEAST_SEEN)
+        left = here.rows + here.matrix @ (self.units * step)
+        return step, float(left @ left)
+
+    def _at(self, parts: str, y: FloatArray) -> _End:
+        x, scale, factor = y[:-2], float(y[-2]), float(y[-1])
+        known = self._expansion(x)
+        rows, matrices = [], []
+        if "S" in parts:
+            values = math.exp(-factor) * (known.peaks + self.measured)
+            slope = math.exp(-factor) * known.peaks_slope
+            free = -values if "F" in parts else np.zeros(values.size)
+            columns = np.column_stack([slope, np.zeros(values.size), free])
+            stated = self.inverse_prior > 0.0
+            priors = np.pad(np.diag(self.inverse_prior)[stated], ((0, 0), (0, 2)))
+            rows += [
+                self.covariance.whitened(values - self.measured),
+                (self.inverse_prior * x)[stated],
+            ]
+            matrices += [self.covariance.whitened(columns), priors]
+        if "T" in parts:
+            values, slope = math.exp(scale) * known.swept, math.exp(scale) * known.swept_slope
+            measured = self.sweep.amplitude_v / self.sweep.maximum_v
+            columns = np.column_stack([slope, values, np.zeros(values.size)])
+            rows.append((values - measured) / self.scatter)
+            matrices.append(columns / self.scatter)
+        return _End(y, np.concatenate(rows), np.concatenate(matrices))
+
+    def _expansion(self, x: FloatArray) -> _Expansion:
+        """Peaks and sweep at x with their slopes, one batch; remembered."""
+        key = x.tobytes()
+        if key not in self._known:
+            around = forward(x, self.solution.objective.steps, self.upper)
+            points = evaluate_many(self.solution.objective, around.nodes, whole=True)
+            peaks = [point.residuals[self.peaks] for point in points]
+            swept = [
+                np.asarray(point.scaled[self.place] / self.sweep.maximum_v, dtype=float)
+                for point in points
+            ]
+            self._known[key] = _Expansion(
+                peaks[0], around.quotients(peaks), swept[0], around.quotients(swept)
+            )
+        return self._known[key]

@@ -1,9 +1,9 @@
-"""The line that the sweep shows by itself, before any model: what the FMU's fit can be held to."""
+"""The line of a sweep by itself, without the FMU, which the fit of the model is compared with."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,6 +12,14 @@ from scipy.special import fdtrc
 
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
+from fitting.campaign.parameters import to_search
+from fitting.fit.objective import evaluate_many
+from fitting.fit.outputs import output_means
+from fitting.fit.problem import Problem
+from fitting.fit.solution import Solution
+from fitting.inference.line_fits import LineFits
+from fitting.measurements.measurement import Values
+from fitting.measurements.sweep import Sweep
 from fitting.signal.line_record import (
     LineNumber,
     LineResult,
@@ -21,30 +29,28 @@ from fitting.signal.line_record import (
     no_line,
     number_of_line,
 )
-from fitting.signal.peaks import (
-    ADDED,
-    OFFSET,
-    SLOPE,
-    UNKNOWNS,
-    Resonance,
-    fit_resonance,
-)
+from fitting.signal.peaks import ADDED, OFFSET, SLOPE, UNKNOWNS, Resonance
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, FmuFailure, NoScale
+from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.rendering import phrase
+from fitting.text.units import convert
 
-#: Backgrounds whose fits stand beside each other, whatever the campaign chose.
-COMPARED = ("none", "complex")
-#: A background counts as seen where noise alone gains as much less often than this.
+#: Probability that noise alone gains as much, below which a background counts as observed.
 BACKGROUND_P = 1e-3
 #: Two fits disagree from this many standard errors of their difference.
 APART_SIGMA = 3.0
-#: How many times what a model leaves one line has to leave for the sweep to be none.
+#: Residual of one line over that of the model, from which the sweep shows no single line.
 FAR_MORE = 2.0
-#: Widening of the errors from which it is worth a warning.
+#: Factor on the errors from which it is worth a warning.
 WORTH_TELLING = 1.5
+#: A value is the line's where both agree to this share: of the width, or of the quality.
+NEAR = 1e-3
+#: Other places where both have to agree: positive parameters times these factors, the next one over
+#: it, and others by such a part of their scale.
+ELSEWHERE = ((1.1, 0.3), (1.0 / 1.3, -0.5), (1.2, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +68,7 @@ class SweepLine(LineResult):
         background_p: probability that noise alone lets the last form gain as much (F-test); NaN
             where one of them failed or nothing is left to gain.
         values: names of values of the fit that are this line's "frequency", "width" or "q"
-            (`line_values`).
+            (`values_of_line`).
         mirrored: the other amplitude with which, with a complex background, the sweep has the same
             curve; None where there is none.
     """
@@ -76,28 +82,58 @@ class SweepLine(LineResult):
     mirrored: LineNumber | None = None
 
 
-def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
+def line_of_sweep(
+    sweep: SweepData, left: float = math.nan, fits: LineFits | None = None
+) -> SweepLine:
     """One damped mode fitted to a sweep, with the background that the campaign declares.
 
-    The fit with the other background stands beside it, to show what hangs on that choice. A sweep
-    that shows no such line is no mistake here (another FMU may have two): every number is then NaN
-    and the message says why. See `fitting.signal.peaks.fit_resonance` for the formula.
+    Fits with other backgrounds show what depends on that choice. A sweep that shows no such line is
+    no mistake here (another FMU may have two): every number is then NaN and the message gives the
+    reason. See `fitting.signal.peaks.fit_resonance` for the formula.
 
     Args:
         sweep: the measured sweep.
         left: root mean square over the largest amplitude that a fitted model leaves of it, if that
             is noise; where one line leaves far more, the sweep shows no single one.
+        fits: of lines, to be shared.
     """
+    lines, (frequency_hz, amplitude) = fits or LineFits(), sweep.of_line
+
+    def fitted(background: str) -> Resonance | str:
+        return lines.line(frequency_hz, amplitude, background, sweep.source.name)
+
+    forms = {background: fitted(background) for background in ("none", "complex")}
+    offset, slope = fitted(OFFSET), fitted(SLOPE)
+    if sweep.background == OFFSET or _is_less(offset, forms["complex"]):
+        forms[OFFSET] = offset
+    gains = background_p(amplitude, offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
+    if sweep.background == SLOPE or (gains and _is_less(slope, forms["complex"])):
+        forms[SLOPE] = slope
+
+    fit = forms[sweep.background]
+    if not isinstance(fit, str) and not math.isnan(left) and fit.structure.order > 0:
+        own = _left(fit) / float(np.max(amplitude))
+        if own > FAR_MORE * max(left, SMALLEST_RESIDUAL):
+            fit = phrase("status", "no_single_line", own, left)
     notes = dict(sweep.notes or {})
-    fits = _fits(sweep)
-    fit = _held_against(fits[sweep.background], sweep, left)
     shared: dict[str, Any] = {
         "source": sweep.source.name,
         "unit": sweep.unit,
         "background": sweep.background,
         "instrument": own_estimates(notes),
         "notes": notes,
-        "forms": tuple(_tried(background, each) for background, each in fits.items()),
+        "forms": tuple(
+            TriedForm(**no_line(), name=background, message=each)
+            if isinstance(each, str)
+            else TriedForm(
+                **fields_of(each, LineValues),
+                name=background,
+                residual=each.residual,
+                structure=each.structure,
+                message=each.message,
+            )
+            for background, each in forms.items()
+        ),
     }
     if isinstance(fit, str):
         none = number_of_line("amplitude", math.nan, unit=sweep.unit)
@@ -111,25 +147,13 @@ def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
         dof=fit.dof,
         structure=fit.structure,
         mirrored=None if fit.mirrored is None else replace(fit.mirrored, unit=sweep.unit),
-        background_p=background_p(sweep.of_line[1], fits["none"], *list(fits.items())[-1]),
+        background_p=background_p(amplitude, forms["none"], *list(forms.items())[-1]),
     )
 
 
-def _fits(sweep: SweepData) -> dict[str, Resonance | str]:
-    """The fits without and with a complex background; last one with an offset, where that is more.
-
-    An offset is tried where the campaign names it or it leaves less than a complex background; one
-    with a slope where the campaign names it, or noise alone would not let it gain as much over all
-    of them.
-    """
-    fits = {background: _fit(sweep, background) for background in COMPARED}
-    offset, slope = _fit(sweep, OFFSET), _fit(sweep, SLOPE)
-    if sweep.background == OFFSET or _is_less(offset, fits["complex"]):
-        fits[OFFSET] = offset
-    gains = background_p(sweep.of_line[1], offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
-    if sweep.background == SLOPE or (gains and _is_less(slope, fits["complex"])):
-        fits[SLOPE] = slope
-    return fits
+def _left(fit: Resonance) -> float:
+    """Root mean square of the residuals, in the sweep's unit."""
+    return fit.residual * fit.amplitude.value
 
 
 def _is_less(fit: Resonance | str, other: Resonance | str) -> bool:
@@ -137,84 +161,47 @@ def _is_less(fit: Resonance | str, other: Resonance | str) -> bool:
     return not isinstance(fit, str) and (isinstance(other, str) or _left(fit) < _left(other))
 
 
-def _left(fit: Resonance) -> float:
-    """Root mean square of what a fit leaves, in the sweep's unit."""
-    return fit.residual * fit.amplitude.value
-
-
-def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resonance | str:
-    """The fit, or that it is none where a model leaves noise and it leaves far more."""
-    if isinstance(fit, str) or math.isnan(left) or fit.structure.order == 0:
-        return fit
-    own = _left(fit) / float(np.max(sweep.of_line[1]))
-    if not own > FAR_MORE * max(left, SMALLEST_RESIDUAL):
-        return fit
-    return phrase("status", "no_single_line", own, left)
-
-
-def _fit(sweep: SweepData, background: str) -> Resonance | str:
-    """The fit, or the sentence why there is none."""
-    try:
-        return fit_resonance(*sweep.of_line, background=background, source=sweep.source.name)
-    except BadInput as error:
-        return str(error)
-
-
-def _tried(background: str, fit: Resonance | str) -> TriedForm:
-    if isinstance(fit, str):
-        return TriedForm(**no_line(), name=background, message=fit)
-    return TriedForm(
-        **fields_of(fit, LineValues),
-        name=background,
-        residual=fit.residual,
-        structure=fit.structure,
-        message=fit.message,
-    )
-
-
 def background_p(
-    amplitude_v: FloatArray,
+    amplitude: FloatArray,
     plain: Resonance | str,
     name: str,
     full: Resonance | str,
     of: str = "none",
 ) -> float:
-    """Probability that noise alone lets a background gain this much; NaN if not to be told.
+    """Probability that noise alone lets a background gain this much; NaN if it is not known.
 
     F = ((S0 - S1)/b)/(S1/(m - k))/w^2 with b and (m - k)/w^2 degrees of freedom: S0, S1 the sums of
-    squares without and with a background of b unknowns, k in all, w the widening of the latter's
+    squares without and with a background of b unknowns, k in all, w the factor on the latter's
     errors, which turns points into independent points.
 
     Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
 
     Args:
-        amplitude_v: amplitudes (n,), V peak.
+        amplitude: of the sweep, shape (n,), any unit.
         plain: line without a background, or with a simpler one.
         name: of the background, "complex", "offset" or "slope".
         full: line with it.
         of: name of the simpler background.
     """
-    if isinstance(plain, str) or isinstance(full, str):
+    if isinstance(plain, str) or isinstance(full, str) or plain.residual < SMALLEST_RESIDUAL:
         return math.nan
-    if plain.residual < SMALLEST_RESIDUAL:
-        return math.nan
-    largest = float(np.max(amplitude_v))  # shares of it: squares of any unit stay numbers
+    largest = float(np.max(amplitude))  # shares of it: squares of any unit stay numbers
     without, left = (
-        float(np.sum(((fit.curve - amplitude_v) / largest) ** 2)) for fit in (plain, full)
+        float(np.sum(((fit.curve - amplitude) / largest) ** 2)) for fit in (plain, full)
     )
     if not left > 0.0:
         return 0.0
     more = UNKNOWNS[name] - UNKNOWNS[of]
-    freedom = (amplitude_v.size - UNKNOWNS[name]) / full.structure.widening**2
+    freedom = (amplitude.size - UNKNOWNS[name]) / full.structure.widening**2
     return float(fdtrc(more, freedom, max(0.0, (without - left) / more * freedom / left)))
 
 
 def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
-    """What a reader of the line must know.
+    """Residuals of the line that are no noise, and a background that changes it.
 
     Args:
-        line: that the sweep shows by itself.
-        fitted: whether the campaign fits the FMU to this sweep; its structure is then told with the
+        line: of the sweep by itself.
+        fitted: whether the FMU is fitted to this sweep; its structure is then reported with the
             parameters and not here.
     """
     chosen = next((form for form in line.forms if form.name == line.background), None)
@@ -227,50 +214,144 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
             numbers={"widening": structure.widening, "points": structure.points},
             names={"tests": (structure.departure,)},
         )
-    if depends_on_background(line):
-        plain, full = line.forms[0], line.forms[-1]
-        numbers: dict[str, float] = {}
-        for part, form in (("plain_", plain), ("full_", full)):
-            numbers |= {
-                f"{part}frequency_hz": form.frequency.value,
-                f"{part}frequency_std_hz": form.frequency.std,
-                f"{part}width_hz": form.width.value,
-                f"{part}width_std_hz": form.width.std,
-                f"{part}q": form.q.value,
-                f"{part}q_std": form.q.std,
-                f"{part}residual": form.residual,
-            }
+    if not depends_on_background(line):
+        return
+    plain, full = line.forms[0], line.forms[-1]
+    numbers: dict[str, float] = {}
+    for part, form in (("plain_", plain), ("full_", full)):
         numbers |= {
+            f"{part}frequency_hz": form.frequency.value,
+            f"{part}frequency_std_hz": form.frequency.std,
+            f"{part}width_hz": form.width.value,
+            f"{part}width_std_hz": form.width.std,
+            f"{part}q": form.q.value,
+            f"{part}q_std": form.q.std,
+            f"{part}residual": form.residual,
+        }
+    yield Finding(
+        kind=Kind.line_background,
+        severity="warning",
+        subject="sweep",
+        numbers=numbers
+        | {
             "shift_hz": full.frequency.value - plain.frequency.value,
-            "sigmas": _apart(plain, full),
+            "sigmas": _apart(plain.frequency, full.frequency),
             "p_value": line.background_p,
             "fitted": float(fitted),
-        }
-        key = (full.name,) if full.name in ADDED else ()
-        yield Finding(
-            kind=Kind.line_background,
-            severity="warning",
-            subject="sweep",
-            numbers=numbers,
-            names={"background": (full.name,), "key": key},
-        )
+        },
+        names={"background": (full.name,), "key": (full.name,) if full.name in ADDED else ()},
+    )
 
 
 def depends_on_background(line: SweepLine) -> bool:
-    """Whether the two fits differ clearly, in what they find or in what they leave.
+    """Whether the fits without and with a background differ clearly, in values or residuals.
 
     Args:
-        line: that the sweep shows by itself.
+        line: of the sweep by itself.
     """
     if line.background in ADDED or math.isnan(line.background_p):
         return False
     plain, full = line.forms[0], line.forms[-1]
-    error = math.hypot(plain.width.std, full.width.std)
-    apart = abs(full.width.value - plain.width.value) / error
-    return max(apart, _apart(plain, full)) > APART_SIGMA or line.background_p < BACKGROUND_P
+    apart = max(_apart(plain.width, full.width), _apart(plain.frequency, full.frequency))
+    return apart > APART_SIGMA or line.background_p < BACKGROUND_P
 
 
-def _apart(plain: TriedForm, full: TriedForm) -> float:
-    """Difference of the frequencies over its standard error."""
-    error = math.hypot(plain.frequency.std, full.frequency.std)
-    return abs(full.frequency.value - plain.frequency.value) / error
+def _apart(one: LineNumber, other: LineNumber) -> float:
+    """Difference of two numbers over its standard error."""
+    return abs(other.value - one.value) / math.hypot(one.std, other.std)
+
+
+# --- values of the fit that are the line's --------------------------------------------------------
+
+
+def values_of_line(
+    problem: Problem, solution: Solution, values: Mapping[str, FittedEstimate], fits: LineFits
+) -> dict[str, str]:
+    """Names of values that are the line's "frequency", "width" or "q".
+
+    The line is fitted to the sweep *as simulated*, at the end of Algorithm 2 and at some places
+    elsewhere: a value that the line has at all of them is this line's, whatever its name. At one
+    place it might be another's by chance, as the dampings of two modes that start alike. Empty
+    where the sweep is fitted with the rest (its information is in the values), or where there is
+    none, or no line in it.
+
+    Args:
+        problem: with its sweep.
+        solution: end of the fit.
+        values: parameters and outputs, by name.
+        fits: of lines, to be shared.
+    """
+    sweep = problem.sweep
+    if problem.is_joint or sweep is None:
+        return {}
+    [k] = [k for k, m in enumerate(problem.measurements) if isinstance(m, Sweep)]
+    if problem.measurements[k].rows:
+        return {}
+    units = {name: value.unit for name, value in values.items()}
+    frequency_hz = sweep.frequency_hz
+
+    def same(there: Mapping[str, float], simulated: Values) -> dict[str, str]:
+        """Which values are something that the line of a simulated sweep has, and what."""
+        own = fits.line(frequency_hz, np.abs(simulated))
+        if isinstance(own, str):
+            return {}
+        width = own.width.value
+        return {
+            name: what
+            for name, value in there.items()
+            for what, number, unit, size in (
+                ("frequency", own.frequency.value, "Hz", width),
+                ("width", width, "Hz", width),
+                ("q", own.q.value, "", own.q.value),
+            )
+            if abs(_in(value, units[name], unit) - number) < NEAR * size
+        }
+
+    here = {name: value.algorithm2 for name, value in values.items()}
+    names = same(here, solution.final.scaled[k])
+    if not names:
+        return {}
+    # a frequency that leaves the swept range would take its line with it
+    low, high = float(np.min(frequency_hz)), float(np.max(frequency_hz))
+    fixed = {n for n, value in here.items() if low <= _in(value, units[n], "Hz") <= high}
+    xs = [_elsewhere(solution, fixed, factor, turn) for factor, turn in ELSEWHERE]
+    try:
+        points = evaluate_many(solution.objective, xs, whole=True)
+        means = output_means(solution.objective.response, solution.parameters, xs)
+    except (FmuFailure, NoScale):
+        return {}
+    for i, point in enumerate(points):
+        there = {
+            p.name: float(v) for p, v in zip(solution.parameters, point.parameters, strict=True)
+        }
+        there |= {name: float(row[i]) for name, row in means.items()}
+        still = same({n: there[n] for n in names}, point.scaled[k])
+        names = {name: what for name, what in names.items() if still.get(name) == what}
+    return names
+
+
+def _elsewhere(solution: Solution, fixed: Container[str], factor: float, turn: float) -> FloatArray:
+    """The end of Algorithm 2 moved within its bounds, (n,): all but what is known or `fixed`."""
+    parameters, p = solution.parameters, solution.final.parameters.copy()
+    for i, parameter in enumerate(parameters):
+        if parameter.prior_sigma is not None or parameter.experiments or parameter.name in fixed:
+            continue
+        here, low, high = float(p[i]), parameter.lower, parameter.upper
+        positive = low >= 0.0 and parameter.period is None and not parameter.is_angle
+        step = turn * parameter.scale
+        ways = (here * factor, here / factor) if positive else (here + step, here - step)
+        inside = [way for way in ways if low <= way <= high]
+        p[i] = inside[0] if inside else min(max(ways[0], low), high)
+        if positive:  # the next one moves the other way
+            factor = here / float(p[i]) if p[i] != here else 1.0 / factor
+    return to_search(parameters, p)
+
+
+def _in(value: float, unit: str, wanted: str) -> float:
+    """A value in hertz, or as the number that it is; NaN where it is neither."""
+    if not wanted:
+        return value if unit in ("", "1") else math.nan
+    try:
+        return convert(value, unit, wanted, where="")
+    except BadInput:
+        return math.nan

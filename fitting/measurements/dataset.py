@@ -132,12 +132,6 @@ class Dataset:
             (int(np.count_nonzero(m.sigma > 0.0)), m.noise_freedom) for m in self.measurements
         )
 
-    @property
-    def noise_words(self) -> str:
-        """What the noise is that rows are held against: stated, or estimated from the data."""
-        estimated = any(m.estimates_noise for m in self.measurements)
-        return "estimated noise" if estimated else "stated noise"
-
     def peaks(self, values: Sequence[Values]) -> FloatArray:
         """Amplitudes of some values at all lines of tones: (n_peaks,).
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from fitting.campaign.laws import in_base
-from fitting.inference.assumptions import SHIFT
-from fitting.inference.combinations import ALONE
+from fitting.inference.checks.assumptions import SHIFT
+from fitting.inference.checks.combinations import ALONE
 from fitting.result.result import Result
 from fitting.text.finding import Finding
 from fitting.text.rendering import with_prefix

@@ -74,7 +74,7 @@ def _content(result: Result, data: ShownCampaign, figures: Sequence[Figure]) -> 
     rest = [figure for figure in figures if figure is not lead]
     converged, ground, message = (
         result.status == Status.CONVERGED,
-        result.ending.ground,
+        phrase("status", "ground", result.ending),
         result.message,
     )
     if converged or ground:
@@ -87,7 +87,7 @@ def _content(result: Result, data: ShownCampaign, figures: Sequence[Figure]) -> 
         "kind": "reconstruction",
         "status": summary.status,
         "message": message,
-        "mark": "bad" if not converged else "" if result.ending.whole else "doubt",
+        "mark": "bad" if not converged else "" if result.ending.is_whole else "doubt",
         "synthetic": result.synthetic,
         "warnings": summary.warnings,
         "notes": [CONVENTION, *filter(None, [signs_words([*result.parameters, *result.derived])])],

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from fitting.inference.mistakes import fault_finding
+from fitting.inference.sweeps import fault_finding
 from fitting.report.table import (
     Table,
     environment,

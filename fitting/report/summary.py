@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from fitting.campaign.laws import in_base
-from fitting.inference.assumptions import SHIFT
 from fitting.inference.budget import BUDGET
+from fitting.inference.checks.assumptions import SHIFT
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.report.same_values import same_values
 from fitting.report.screen import Printed, phrase, phrases, printed_lines

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from fitting.fit.path import AlternativeResult, HistoryRow
 from fitting.inference.inferred import Inferred
-from fitting.inference.joint_result import ExternalTest
+from fitting.inference.joint import ExternalTest
 from fitting.inference.sweep_line import SweepLine
 from fitting.result.schema import SCHEMA, upgraded
 from fitting.simulate.budget import PlanRecord

@@ -18,7 +18,7 @@ from fitting.fit.problem import problem_of
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings, solve
 from fitting.fmu import read_description
-from fitting.inference.findings import outlier_findings
+from fitting.inference.checks.outliers import outlying_peaks
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import peak_sigmas
@@ -202,7 +202,8 @@ def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
         widths[outliers] = d1 * np.cos(theta) ** 2 + d2 * np.sin(theta) ** 2
         bound = string_campaign(objective.data, string_response(drift_hz=80.0), tmp_path)
         problem = problem_of([replace(bound, noise=Noise(outliers=outliers))])
-        [found] = outlier_findings(problem, [row_by_row(evaluator, x, sigma)])
+        fits = [row_by_row(evaluator, x, sigma)]
+        [found] = outlying_peaks(problem.data, problem.threshold, fits)
         assert found.subject == "pair2"
         assert found.numbers["frequency_hz"] == pytest.approx(6.94034e6)
         assert bool(found.names["reduced"]) == (outliers == "huber")
@@ -223,7 +224,8 @@ def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
         ]
         evaluator = Evaluator(objective)
         problem = problem_of([string_campaign(measured, response, tmp_path)])
-        named += len([*outlier_findings(problem, [row_by_row(evaluator, x, measured.sigma)])])
+        fits = [row_by_row(evaluator, x, measured.sigma)]
+        named += len([*outlying_peaks(problem.data, problem.threshold, fits)])
     assert named <= 1
 
 

@@ -26,8 +26,7 @@ from fitting.fit.solver.continuation import Course, Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings
 from fitting.fmu import FmuWorkers, read_description
-from fitting.inference.consistency import consistency
-from fitting.inference.joint_result import JointResult
+from fitting.inference.joint import JointResult, consistency
 from fitting.lab.bench import measure
 from fitting.lab.benches import changed, string_bench
 from fitting.lab.instruments.lock_in import LockIns

@@ -26,7 +26,6 @@ from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
 from fitting.fit.solver.continuation import ContinuationStep, Schedule
 from fitting.fmu import FmuWorkers, read_description
-from fitting.inference.ending import DESCRIBES
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.report.details import detail_lines
 from fitting.report.summary import result_lines, summary_of
@@ -466,7 +465,7 @@ def test_the_command_reconstructs_the_shipped_campaign(string_q1_run: ShippedRun
     # the sweep by itself determines the width better than the peaks
     assert "width_plus 94.18 ± 0.24 Hz (from the sweep)" in out
     found = string_q1_run.result
-    assert found.ending.words == DESCRIBES
+    assert found.ending.kind == "described"
     width = found.derived["width_plus"]
     assert abs(width.value - WIDTH) < 3.0 * width.std
     assert found.deviations.final.mean < found.deviations.initial.mean

@@ -22,8 +22,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.search.minima import Minimum, Search
 from fitting.fit.solver.continuation import Schedule
 from fitting.inference.adequacy import judged
-from fitting.inference.ending import MISFIT
-from fitting.inference.findings import search_findings
+from fitting.inference.checks.solutions import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.outside import held_findings
@@ -166,7 +165,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
     assert fit.status is Status.CONVERGED
     found: Inference = infer(fit, InferenceRequest(profiles=profiles))
     assert found.status is Status.MISFIT
-    assert found.ending.words == MISFIT
+    assert found.ending.kind == "not_described"
     values: dict[str, FittedEstimate] = {**found.parameters, **found.derived}
     assert set(values) == {"p", "q", "r", "sum", "fixed"}
     for value in values.values():

@@ -12,7 +12,7 @@ name it and no other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from scipy.constants import Boltzmann
 
-from fitting.inference import curve_causes
+from fitting.inference.checks import curve_mistakes
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -407,13 +407,9 @@ def test_a_cause_has_to_leave_what_noise_explains(
     rows = size * rng.standard_normal(U.size) + structure * LINE / TOP / sigma
     curve = ResidualCurve(rows=np.arange(U.size), share=np.ones(U.size), axis=U)
     place: Any = SimpleNamespace(rows=curve.rows, curve=curve)
-    data = SimpleNamespace(sigma=sigma)
-    end: Any = SimpleNamespace(
-        sigma=sigma, solution=SimpleNamespace(objective=SimpleNamespace(data=data))
-    )
-    trial: Any = SimpleNamespace(
-        mistake=SimpleNamespace(kind=Kind.shift, places=(place,)), x=np.zeros(2)
-    )
-    left = curve_causes._Rows(rows, np.zeros((U.size, 1)))
-    monkeypatch.setattr(curve_causes, "_sized", lambda *_: (trial, left))
-    assert curve_causes._leaves_noise(end, trial, [place]) is explained
+    search: Any = curve_mistakes.Search.__new__(curve_mistakes.Search)
+    search.curves, search.sigma, search.known = [place], sigma, sigma > 0.0
+    trial = curve_mistakes.Trial(Kind.shift, (place,), np.zeros(1), np.zeros(2))
+    left = replace(trial, rows=rows, slopes=np.zeros((U.size, 1)))
+    monkeypatch.setattr(curve_mistakes.Search, "sized", lambda *_: left)
+    assert search.leaves_noise(trial) is explained

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.inference.closer_decay import compared_decay
+from fitting.inference.closer_form import Model, compared_decay
 from fitting.measurements.traces.record import TraceRecord
 from fitting.signal.decaying_lines import decaying_lines
+from fitting.text.rendering import phrase
 
 T = np.arange(2500) / 8000.0
 
@@ -22,9 +23,10 @@ def test_a_second_line_is_told_where_one_line_leaves_it(second: float, said: boo
         trace = TraceRecord(T, y + noise, input="force", start="unknown")
         one = decaying_lines(trace.y / trace.largest, trace.spacing_s, 1)
         assert one is not None
-        found = compared_decay(trace, one.left, unknowns=4)
+        found = compared_decay(trace, Model(one.left, 4))
         assert (found is not None) is said
         if found is not None:
             assert not found.describes
-            assert "1.000" in found.against
-            assert "states = 4" in found.remedy
+            assert found.rival is not None
+            assert found.rival.frequencies_hz == pytest.approx((1000.3, 1013.0), abs=0.5)
+            assert "states = 4" in phrase("status", "remedy", found.rival, "")

@@ -10,17 +10,16 @@ import pytest
 from scipy.optimize import least_squares
 
 from fitting.inference.closer_form import (
-    COUPLED,
-    LINES,
     Fitted,
+    Model,
     compared,
     compared_complex,
     compared_pair,
 )
-from fitting.inference.ending import DESCRIBES, MISFIT
+from fitting.inference.line_fits import LineFits
 from fitting.result.result import read_result
-from fitting.signal.peaks import BESIDE_WORDS
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.rendering import phrase
 from tests.support.coloured import coloured
 from tests.support.complex_data import mode as driven
 from tests.support.complex_data import write_xy
@@ -59,10 +58,12 @@ def test_a_line_without_what_stands_beside_it_does_not_describe(
     amplitude: FloatArray, against: tuple[str, ...]
 ) -> None:
     noise = 5e-3 * np.random.default_rng(7).standard_normal(F.size)
-    found = compared(F, amplitude + noise, nearest_line(amplitude + noise))
+    found = compared(F, amplitude + noise, Model(nearest_line(amplitude + noise), 3), LineFits())
     assert found is not None
     assert not found.describes
-    assert any(found.against.endswith(BESIDE_WORDS[name]) for name in against)
+    assert found.rival is not None
+    assert found.rival.background in against
+    assert (found.rival.remedy == "background") is (against[0] in ("offset", "slope"))
     # what the true form leaves is the noise: chi square is what is left over its variance
     left = nearest_line(amplitude + noise) * float(np.max(amplitude + noise))
     assert found.chi_square == pytest.approx(float(left @ left) / 5e-3**2, rel=0.4)
@@ -82,7 +83,8 @@ def test_noise_is_not_told_to_be_another_form(count: int) -> None:
         rng = np.random.default_rng(seed)
         f = ETA + np.linspace(-1500.0, 1500.0, int(rng.integers(9, 41)))
         noise = 10.0 ** rng.uniform(-2.0, -1.0) * rng.standard_normal(f.size)
-        found = compared(f, np.abs(np.abs(mode(f, ETA, WIDTH)) + noise), noise)
+        seen = np.abs(np.abs(mode(f, ETA, WIDTH)) + noise)
+        found = compared(f, seen, Model(noise, 3), LineFits())
         told += found is not None and not found.describes
     assert told == 0
 
@@ -92,7 +94,7 @@ def test_two_lines_are_no_line_with_something_beside_it() -> None:
     rng = np.random.default_rng(3)
     two = np.abs(mode(F, ETA - 500.0, WIDTH) + 0.6 * mode(F, ETA + 500.0, 300.0))
     noise = 5e-3 * rng.standard_normal(F.size)
-    found = compared(F, two + noise, noise / float(np.max(two)))
+    found = compared(F, two + noise, Model(noise / float(np.max(two)), 3), LineFits())
     assert found is None or found.describes
 
 
@@ -112,13 +114,14 @@ def test_two_lines_that_overlap_are_no_single_line() -> None:
     noise = 8e-3 * np.random.default_rng(5).standard_normal(F.size)
     bump = np.abs(mode(F, ETA, WIDTH) + 0.5 * np.exp(0.4j) * mode(F, ETA + 350.0, 450.0)) + noise
     left = best_amplitudes(bump)
-    plain = compared(F, bump, left)
+    plain = compared(F, bump, Model(left, 3), LineFits())
     assert plain is not None
     assert plain.describes
-    found = compared_pair(F, bump, left, unknowns=3)
+    found = compared_pair(F, bump, Model(left, 3), LineFits())
     assert found is not None
     assert not found.describes
-    assert found.against == LINES[2]
+    assert found.rival is not None
+    assert (found.rival.shape, found.rival.remedy) == ("pair", "output")
     assert found.chi_square == pytest.approx(
         float(left @ left) * (float(np.max(bump)) / 8e-3) ** 2, rel=0.4
     )
@@ -132,7 +135,7 @@ def test_one_line_of_amplitudes_is_no_pair(count: int) -> None:
         rng = np.random.default_rng(seed)
         noise = 10.0 ** rng.uniform(-3.0, -1.0) * rng.standard_normal(F.size)
         seen = np.abs(LINE + noise)
-        told += compared_pair(F, seen, best_amplitudes(seen), unknowns=3) is not None
+        told += compared_pair(F, seen, Model(best_amplitudes(seen), 3), LineFits()) is not None
     assert told == 0
 
 
@@ -185,14 +188,14 @@ def test_two_lines_are_not_in_phase_because_a_model_has_them_so(turn: float, kno
     y = pair + 5e-3 * noise_of("white", np.random.default_rng(8), pair)
     left = in_phase(y)
     assert float(left @ left) < 10.0 * 2 * F.size * (5e-3 / float(np.max(np.abs(y)))) ** 2
-    found = compared_complex(F, y, left, Fitted(columns=1, moving=5, noise_is_known=known))
+    found = compared_complex(F, y, Model(left, 7), Fitted(columns=1, noise_is_known=known))
     if turn == 0.0:
         assert found is None or found.describes
         return
     assert found is not None
     assert not found.describes
-    assert found.against.startswith(LINES[2])
-    assert found.remedy == COUPLED
+    assert found.rival is not None
+    assert (found.rival.shape, found.rival.remedy) == ("pair", "coupling")
 
 
 def noise_of(kind: str, rng: np.random.Generator, exact: ComplexArray) -> ComplexArray:
@@ -206,33 +209,36 @@ def noise_of(kind: str, rng: np.random.Generator, exact: ComplexArray) -> Comple
 
 
 @pytest.mark.parametrize(
-    ("exact", "columns", "against", "remedy"),
+    ("exact", "columns", "shape", "background", "key"),
     [
-        (ONE + OTHER, 1, LINES[2], "output"),
-        (ONE + OTHER + 0.3, 2, LINES[2], "output"),
-        (ONE + 0.3, 1, BESIDE_WORDS["complex"], 'background = "constant"'),
-        (ONE + SLOPE, 2, BESIDE_WORDS["complex slope"], 'background = "slope"'),
+        (ONE + OTHER, 1, "pair", "", ""),
+        (ONE + OTHER + 0.3, 2, "pair", "", ""),
+        (ONE + 0.3, 1, "line", "complex", 'background = "constant"'),
+        (ONE + SLOPE, 2, "line", "complex slope", 'background = "slope"'),
     ],
     ids=["pair", "pair on a constant", "constant", "slope"],
 )
 def test_complex_values_of_more_than_was_fitted_are_not_described(
-    exact: ComplexArray, columns: int, against: str, remedy: str
+    exact: ComplexArray, columns: int, shape: str, background: str, key: str
 ) -> None:
     sigma = 1e-2
     y = exact + sigma * noise_of("white", np.random.default_rng(4), exact)
     left = best(y, GROUND[: columns - 1])
-    found = compared_complex(F, y, left, Fitted(columns=columns))
+    model = Model(left, 2 * columns + 2)
+    found = compared_complex(F, y, model, Fitted(columns=columns))
     assert found is not None
     assert not found.describes
-    assert found.against.endswith(against)
-    assert remedy in found.remedy
+    assert found.rival is not None
+    assert (found.rival.shape, found.rival.background) == (shape, background)
+    assert found.rival.remedy == ("background" if key else "output")
+    assert key in phrase("status", "remedy", found.rival, "")
     # what the true form leaves is the noise: chi square is what is left over its variance
     size = float(np.max(np.abs(y)))
     assert found.chi_square == pytest.approx(float(left @ left) * (size / sigma) ** 2, rel=0.3)
-    named = compared_complex(F, y, left, Fitted(columns=columns, label="b"))
+    named = compared_complex(F, y, model, Fitted(columns=columns, label="b"))
     assert named is not None
-    assert named.against.startswith(found.against)
-    assert named.against.endswith("'b'")
+    assert named.rival is not None
+    assert named.rival.label == "b"
 
 
 @pytest.mark.parametrize("kind", ["white", "drifting", "proportional"])
@@ -250,7 +256,8 @@ def test_a_model_that_describes_complex_values_is_not_told_not_to(
         exact = exact + 0.3j * (columns > 1) + SLOPE * (columns > 2)
         y = exact + 10.0 ** rng.uniform(-3.0, -1.0) * noise_of(kind, rng, exact)
         left = best(y, GROUND[: columns - 1], lines)
-        found = compared_complex(F, y, left, Fitted(columns=columns, moving=2 * lines))
+        model = Model(left, 2 * columns + 2 * lines)
+        found = compared_complex(F, y, model, Fitted(columns=columns))
         told += found is not None and not found.describes
     assert told == 0
 
@@ -258,8 +265,8 @@ def test_a_model_that_describes_complex_values_is_not_told_not_to(
 def test_what_the_simulation_may_be_off_by_is_no_misfit() -> None:
     """Values without noise, and a simulation that is 1e-4 off: no form says anything against it."""
     left = 1e-4 * np.tile(np.cos(np.arange(F.size) / 9.0), 2)
-    plain = compared_complex(F, ONE, left, Fitted())
-    excused = compared_complex(F, ONE, left, Fitted(resolved=1e-4))
+    plain = compared_complex(F, ONE, Model(left, 4), Fitted())
+    excused = compared_complex(F, ONE, Model(left, 4, resolved=1e-4), Fitted())
     assert plain is not None
     assert excused is not None
     assert (plain.describes, excused.describes) == (False, True)
@@ -269,17 +276,17 @@ def test_few_points_tell_no_pair() -> None:
     """Of 8 points a line alone is tried: a pair would go through most of what there is."""
     f = F[::11]
     y = ONE[::11] + OTHER[::11]
-    found = compared_complex(f, y, np.full(2 * f.size, 0.3), Fitted())
-    assert found is None or "pair" not in found.against
+    found = compared_complex(f, y, Model(np.full(2 * f.size, 0.3), 4), Fitted())
+    assert found is None or found.rival is None or found.rival.shape == "line"
 
 
 @pytest.mark.parametrize(
-    ("width", "second", "code", "words"),
-    [(12.0, 0.6, 4, MISFIT), (27.0, 0.0, 0, DESCRIBES), (12.0, 0.0, 4, MISFIT)],
+    ("width", "second", "code", "kind"),
+    [(12.0, 0.6, 4, "not_described"), (27.0, 0.0, 0, "described"), (12.0, 0.0, 4, "not_described")],
     ids=["two lines", "one line", "one that is too narrow"],
 )
 def test_a_sweep_of_two_lines_through_an_output_of_one(
-    tmp_path: Path, swift_fmu: Path, width: float, second: float, code: int, words: str
+    tmp_path: Path, swift_fmu: Path, width: float, second: float, code: int, kind: str
 ) -> None:
     """As a user has it: a file, `init`, `reconstruct`. The noise drifts, of 1 % of the top.
 
@@ -296,5 +303,7 @@ def test_a_sweep_of_two_lines_through_an_output_of_one(
     ended = command("reconstruct", campaign, *plain, "--out", tmp_path / "out")
     assert ended.code == code, ended.out
     result = read_result(tmp_path / "out" / "result.json")
-    assert result.ending.words == words
-    assert (LINES[2] in result.ending.ground) is (second > 0.0)
+    ending = result.ending
+    rival = None if ending.adequacy is None else ending.adequacy.rival
+    assert ending.kind == kind
+    assert (rival is not None and rival.shape == "pair") is (second > 0.0)

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import fitting as ff
-from fitting.inference.line_values import values_of_line
+from fitting.inference.line_fits import LineFits
+from fitting.inference.sweep_line import values_of_line
 from fitting.text.estimate import FittedEstimate
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.judge import by_closed_form
@@ -33,7 +34,7 @@ def test_the_line_is_that_of_the_mode_that_was_swept(series: str, mode: str) -> 
     widths = {n: replace(v, unit="Hz") for n, v in inferred.derived.items() if "width" in n}
     values: dict[str, FittedEstimate]
     values = {**inferred.parameters, **inferred.derived, **widths}
-    found = values_of_line(inferred.fit.problem, inferred.fit.solution, values)
+    found = values_of_line(inferred.fit.problem, inferred.fit.solution, values, LineFits())
     assert found == {f"width_{mode}": "width", f"Q_{mode}": "q"}
 
 

@@ -10,10 +10,15 @@ import pytest
 
 from fitting.campaign import Experiment
 from fitting.fit.fit import Fit, Status
-from fitting.inference.consistency import contradicted
-from fitting.inference.findings import pair_findings
 from fitting.inference.infer import Inference
-from fitting.inference.joint_result import JointResult, PairTest, SeriesPart, ValueAlone
+from fitting.inference.joint import (
+    JointResult,
+    PairTest,
+    SeriesPart,
+    ValueAlone,
+    contradicted,
+    pair_findings,
+)
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +17,10 @@ import fitting as ff
 from fitting.campaign import SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Status
+from fitting.inference.checks.sweep_faults import bounds_off_line
 from fitting.inference.infer import Inference, InferenceRequest, infer
-from fitting.inference.mistakes import SweepFindings, slipped_findings
 from fitting.inference.sweep_line import line_of_sweep
+from fitting.inference.sweeps import SweepFindings
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.sentences import sentence
@@ -101,13 +101,11 @@ def test_a_box_a_thousand_times_off_the_line_is_named(place: float, said: bool) 
         source=Path("mine.csv"),
     )
     factor = 1e3 if place > 1e6 else 1.0
-    boxes = [
+    boxes = tuple(
         Parameter(name=n, unit="Hz", lower=a, upper=b, start=a, reference=a, scale=1.0)
         for n, a, b in (("f1", 0.995 * place, 1.005 * place), ("d1", 5.0 * factor, 500.0 * factor))
-    ]
-    problem = SimpleNamespace(campaigns={"": SimpleNamespace(sweep=sweep)}, parameters=boxes)
-    lines = {"": line_of_sweep(sweep)}
-    found = [*slipped_findings(problem, lines)]  # type: ignore[arg-type]
+    )
+    found = [*bounds_off_line(boxes, line_of_sweep(sweep), "mine.csv")]
     assert bool(found) is said
     for each in found:
         assert (each.subject, each.names["file"]) == ("f1", ("mine.csv",))

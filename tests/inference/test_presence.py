@@ -9,7 +9,6 @@ from scipy.stats import chi2, f
 
 import fitting as ff
 from fitting.fit.search import evolution
-from fitting.inference.ending import ABSENT, DESCRIBES
 from fitting.signal.presence import SURELY, chance
 from tests.bench.bench_crossing import METHOD
 from tests.support.virtual.crossing import CrossingLaboratory, laboratory
@@ -37,15 +36,15 @@ def test_of_noise_nothing_is_said(fmu: ff.Fmu, seed: int, monkeypatch: pytest.Mo
     assert found.inferred.status.value != "converged"
     knowledge = found.inferred.knowledge
     assert knowledge is not None
-    assert knowledge.adequacy.absent
-    assert found.inferred.ending.words == ABSENT
+    assert knowledge.adequacy.no_line
+    assert found.inferred.ending.kind == "no_line"
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.nightly) for k in (1, 2))])
 def test_lines_in_noise_that_is_most_of_the_variance_are_described(fmu: ff.Fmu, seed: int) -> None:
     """A fifth of the largest amplitude hides no line; it is half of what the map varies by."""
     found = told(laboratory(seed, noise=0.2, spectra=7, points=61), fmu)
-    assert found.inferred.ending.words == DESCRIBES
+    assert found.inferred.ending.kind == "described"
     assert found.inferred.status.value == "converged"
 
 

@@ -106,9 +106,7 @@ def test_a_value_beyond_its_box_is_told_as_such_with_what_is_left_there(
     assert " 12." in advice
     # the distance of X + iY from the model, rms over the largest value, as those squares leave it
     left = math.sqrt(2.0 * (1.0 - 3.0 / SEEN.size)) * scatter / float(np.max(np.abs(y)))
-    share = re.search(r"to ([\d.]+) % of the largest", found.result.ending.extent)
-    assert share is not None
-    assert float(share[1]) == pytest.approx(100.0 * left, rel=0.03)
+    assert found.result.ending.share == pytest.approx(left, rel=0.03)
 
 
 def test_the_measured_cantilever_is_that_of_least_squares(tmp_path: Path) -> None:

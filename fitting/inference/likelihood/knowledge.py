@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from fitting.signal.misfit import CORRELATED
+from fitting.signal.residual_tests import NOTABLE, Structure
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import (
     Closed,
@@ -40,9 +41,33 @@ CLOSED: Mapping[str, Closed] = {
     "lost": "",
     "cost": "",
 }
+#: Disagreement of campaigns, in standard deviations, that is worth a warning; and that no noise
+#: explains, among as many tests as people make.
+WORTH_A_WARNING, CONTRADICT = 3.0, 4.0
+#: Probability from which chi square is smaller than the noise lets it be.
+TOO_SMALL = 1.0 - 1e-4
 #: Why a scan ended before anything closed its side: no further point was found, or chi square
 #: jumps; or it had spent its share of the budget.
 STOPPED = {"lost": "search", "cost": "budget"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rival:
+    """Lines of another form that describe a measurement far better than the model.
+
+    `shape` is one line, two, three, or a sum of decays; of a line and of complex values
+    `background` is what is beside it, as in `fitting.signal.peaks`; `label` is the sweep's,
+    `frequencies_hz` are those of the decays. `remedy` is what would describe the data so: the
+    `key` of the campaign, an output that shows all lines, a coupling between the lines, or more
+    states; empty where it is not known.
+    """
+
+    shape: Literal["line", "pair", "three_lines", "decays"]
+    background: str = ""
+    label: str = ""
+    frequencies_hz: Floats = ()
+    remedy: Literal["", "background", "output", "coupling", "states"] = ""
+    key: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,22 +83,21 @@ class Adequacy:
     not, and `is_uneven` where only a part of them does, which is no noise; `outliers` are the
     numbers of single rows far beyond the rest, without which the noise explains it.
     `converged` is False where the fit has not converged: then there are no values, either.
-    `against` names the form of a line whose residuals the noise was taken from, where they are a
-    sweep's own (`fitting.inference.closer_form`); empty where the noise is known. `remedy` is what
-    would describe them so: a key of the campaign, or an output; empty where nobody knows one.
+    `rival` are lines of another form by which the noise was estimated and the model refused
+    (`fitting.inference.closer_form`); None where there are none.
     `scale_off` is the factor by which the scale that peaks take from a sweep may be off, where its
-    top is so wrong that no value is trusted (`fitting.inference.mistakes`); else NaN. `absent`
-    names the curves out of whose noise no line stands (`fitting.inference.adequacy`).
+    top is so wrong that no value is trusted (`fitting.inference.sweeps`); else NaN. `no_line`:
+    nothing exceeds the noise of the curves of some `series` (`fitting.inference.adequacy`).
     """
 
     chi_square: float
     freedom: float
     p_value: float
     describes: bool
-    against: str = ""
-    remedy: str = ""
+    rival: Rival | None = None
     scale_off: float = math.nan
-    absent: str = ""
+    no_line: bool = False
+    series: tuple[str, ...] = ()
     correlated_p: float = math.nan
     share: float = math.nan
     curve: str = ""
@@ -97,7 +121,7 @@ class Adequacy:
         """Why there are no values, in a clause."""
         if not self.converged:
             return phrase("status", "unconverged")
-        return phrase("status", "no_line" if self.absent else "undescribed")
+        return phrase("status", "no_line" if self.no_line else "undescribed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,24 +266,84 @@ class Knowledge:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ending:
-    """How it ended, in `words`; `ground`: what that rests on, empty where there is nothing more.
+class PairTest:
+    """Test of the numbers that two sets of campaigns both determine.
 
-    `extent` is how far the data are described, where residuals are no noise of one size or no
-    noise was stated: the residual of the curve that is described worst, root mean square, over its
-    largest amplitude; of complex values it is their distance from the model. `whole`: chi square is
-    what the noise explains, so that nothing need be added.
+    `chi_square` of their difference, against `freedom` of them; `sigmas` the same as standard
+    deviations of a normal distribution (NaN where they determine nothing in common).
     """
 
-    words: str = ""
-    ground: str = ""
-    whole: bool = False
-    extent: str = ""
+    one: str
+    other: str
+    chi_square: float
+    freedom: int
+    p_value: float
+    sigmas: float
 
     @property
-    def clause(self) -> str:
-        """The words, and how far they hold."""
-        return f"{self.words} {self.extent}".rstrip()
+    def level(self) -> Literal["agreement", "tension", "contradiction"]:
+        """Whether both sets of campaigns agree, as far as noise explains."""
+        if self.sigmas > CONTRADICT:
+            return "contradiction"
+        return "tension" if self.sigmas > WORTH_A_WARNING else "agreement"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ending:
+    """How a fit ended and what that rests on; a sentence is made of it by a template.
+
+    `adequacy` is None where the residuals were not tested, `inflation` the factor on all errors for
+    residuals beyond the noise, `structure` that of the residuals of curves, `noise` what chi square
+    is compared with. `share` is the residual of the curve that is described worst, root mean
+    square, over its largest amplitude, of complex values the distance from the model; it `is_part`
+    where there are other rows, too. `contradictions` are those of campaigns.
+    """
+
+    kind: Literal["described", "not_described", "no_line", "contradiction", "not_converged"] = (
+        "not_converged"
+    )
+    adequacy: Adequacy | None = None
+    inflation: float = 1.0
+    structure: Structure | None = None
+    noise: Literal["stated", "estimated"] = "stated"
+    share: float = math.nan
+    is_part: bool = False
+    contradictions: tuple[PairTest, ...] = ()
+
+    @property
+    def is_tested(self) -> bool:
+        """Whether chi square is compared with its distribution."""
+        return self.adequacy is not None and math.isfinite(self.adequacy.p_value)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether chi square is smaller than the noise lets it be."""
+        return self.adequacy is not None and self.adequacy.p_value > TOO_SMALL
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether errors are scaled for the residuals of all rows."""
+        factor = 1.0 if self.adequacy is None else self.adequacy.noise_factor
+        return self.inflation > NOTABLE or factor > 1.0
+
+    @property
+    def is_structured(self) -> bool:
+        """Whether errors are scaled for the structure of the residuals of curves."""
+        return self.structure is not None and self.structure.widening > NOTABLE
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether chi square is what the noise explains, so that nothing need be added."""
+        scaled = self.is_scaled or self.is_structured
+        return self.kind == "described" and self.is_tested and not (scaled or self.is_small)
+
+    @property
+    def shows_share(self) -> bool:
+        """Whether residuals of curves are no noise of one size, or no noise was stated."""
+        if self.kind != "described" or not math.isfinite(self.share):
+            return False
+        unstated = self.adequacy is not None and math.isnan(self.adequacy.chi_square)
+        return self.is_structured or (unstated and not self.is_scaled)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,7 +361,7 @@ class Values:
     knowledge: Knowledge | None
     """What the data determine beside values: profiles, directions, other minima."""
     ending: Ending = field(default_factory=Ending)
-    """Whether the model describes the data, in words, and what that rests on."""
+    """Whether the model describes the data, and what that rests on."""
 
     @property
     def scans(self) -> Mapping[str, Scan]:

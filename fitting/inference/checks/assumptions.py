@@ -22,14 +22,14 @@ import numpy as np
 from fitting.campaign.bound import Assumption
 from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import prior_sigmas, to_model, to_search
-from fitting.fit.fit import Fit
 from fitting.fit.likelihood.descent import most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
-from fitting.inference.conditions import left_of
+from fitting.inference.checks.assumed_values import left_of
 from fitting.inference.equivalent_fits import turned_to
+from fitting.inference.solved import Solved
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, OutOfBudget
@@ -38,7 +38,7 @@ from fitting.text.finding import Finding, Kind
 
 #: Steps at most by the derivatives at the solution, and share of a standard error that ends them.
 STEPS, SMALL = 8, 0.05
-#: What the shift of a value is called among the numbers of a finding.
+#: Prefix of the shift of a value among the numbers of a finding.
 SHIFT = "shift_"
 
 
@@ -51,60 +51,48 @@ class _Moved:
     chi_square: float
 
 
-def assumption_findings(fit: Fit, values: Mapping[str, FittedEstimate]) -> tuple[Finding, ...]:
-    """By how much every value that has one would shift without an assumption, a finding for each.
+def check_assumptions(solved: Solved) -> Iterator[Finding]:
+    """Shift of every value without an assumption of the campaigns, a finding for each of these.
 
-    The subject says what is assumed and what might be instead. Numbers are ``shift_NAME`` of each
+    The subject names what is assumed and what might be instead. Numbers are ``shift_NAME`` of each
     value, in SI units, and ``chi_square``, by which that of the data would be larger. Assumptions
     under which the model fails have none.
-
-    Args:
-        fit: a solved problem, whose model describes the data.
-        values: parameters and derived outputs, as they are reported.
     """
-    solution = fit.solution
-    known = {name: v for name, v in values.items() if v.status.has_value and v.std > 0.0}
-    if not known or not isinstance(solution.objective.response, FmuResponse):
-        return ()
-    found = []
-    for words, by_series in _assumptions(fit).items():
+    solution = solved.fit.solution
+    known = {n: v for n, v in solved.values.items() if v.status.has_value and v.std > 0.0}
+    if not (solved.describes and known and isinstance(solution.objective.response, FmuResponse)):
+        return
+    by_words: dict[str, dict[str, Assumption]] = {}  # several campaigns may share one
+    for series, bound in solved.problem.campaigns.items():
+        for assumption in bound.assumptions:
+            by_words.setdefault(assumption.words, {})[series] = assumption
+    for words, by_series in by_words.items():
         try:
             moved = _moved(solution, by_series)
-            shifts = _shifts(solution, moved, known)
+            numbers = _shifts(solution, moved, known)
         except (FmuFailure, BadInput, OutOfBudget, np.linalg.LinAlgError):
             continue
-        numbers = {f"{SHIFT}{name}": shift for name, shift in shifts}
         numbers["chi_square"] = moved.chi_square
-        found.append(Finding(kind=Kind.assumption, severity="note", subject=words, numbers=numbers))
-    return tuple(found)
-
-
-def _assumptions(fit: Fit) -> dict[str, dict[str, Assumption]]:
-    """What all campaigns assume, by its words, and by series: several may share one."""
-    found: dict[str, dict[str, Assumption]] = {}
-    for series, bound in fit.problem.campaigns.items():
-        for assumption in bound.assumptions:
-            found.setdefault(assumption.words, {})[series] = assumption
-    return found
+        yield Finding(kind=Kind.assumption, severity="note", subject=words, numbers=numbers)
 
 
 def _moved(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
     first, x = next(iter(assumed.values())), solution.final.x
-    if first.setup is None:
-        return _fitted(solution, solution.objective, _started(solution, first))
-    other = _otherwise(solution.objective, assumed)
-    return _followed(solution, other) or _fitted(solution, other, x)
-
-
-def _otherwise(objective: Objective, assumed: Mapping[str, Assumption]) -> Objective:
-    """The objective of a model for which something else holds, in the series that assume it."""
-    response = objective.response
+    if first.setup is None:  # another start of the same model
+        parameters = solution.parameters
+        fitted = dict(zip((p.name for p in parameters), solution.final.parameters, strict=True))
+        other = {name: law.value(fitted) for name, law in first.start.items()}
+        start = [other.get(p.name, float(fitted[p.name])) for p in parameters]
+        begin = to_search(parameters, np.array(start, dtype=float))
+        return _fitted(solution, solution.objective, begin)
+    response = solution.objective.response
     assert isinstance(response, FmuResponse)  # noqa: S101 - asked by the caller
     models = dict(response.models)
     for series, assumption in assumed.items():
         if assumption.setup is not None:
             models[series] = replace(models[series], setup=assumption.setup)
-    return replace(objective, response=replace(response, models=models))
+    objective = replace(solution.objective, response=replace(response, models=models))
+    return _followed(solution, objective) or _fitted(solution, objective, x)
 
 
 def _followed(solution: Solution, other: Objective) -> _Moved | None:
@@ -115,14 +103,14 @@ def _followed(solution: Solution, other: Objective) -> _Moved | None:
     whitened = solution.noise.covariance.whitened
     prior = prior_sigmas(solution.parameters, solution.nu)
     matrix = np.vstack([whitened(solution.seen), np.diag(1.0 / prior)])
-    begun, here = solution.final.x, solution.final.residuals
+    start, here = solution.final.x, solution.final.residuals
     errors = np.sqrt(np.diag(solution.errors.covariance))
 
     def rows_at(x: FloatArray) -> FloatArray:
         [point] = evaluate_many(other, [x])
-        return np.append(whitened(point.residuals - here), (x - begun) / prior)
+        return np.append(whitened(point.residuals - here), (x - start) / prior)
 
-    x, rows = begun, rows_at(begun)
+    x, rows = start, rows_at(start)
     for _ in range(STEPS):
         _, step = left_of(matrix, rows)
         try:
@@ -150,40 +138,32 @@ def _fitted(solution: Solution, objective: Objective, x: FloatArray) -> _Moved:
 
 
 def _rise(solution: Solution, change: FloatArray) -> float:
-    """By how much chi square of the data rises with a ``change`` (m,) of the whitened rows."""
+    """Rise of chi square of the data with a ``change`` (m,) of the whitened rows."""
     before = solution.noise.covariance.whitened(solution.final.residuals)
     return float(change @ (change + 2.0 * before))
 
 
-def _started(solution: Solution, assumption: Assumption) -> FloatArray:
-    """The place that an assumption names, from the fitted values, as a search vector (n,)."""
-    parameters = solution.parameters
-    fitted = dict(zip((p.name for p in parameters), solution.final.parameters, strict=True))
-    other = {name: law.value(fitted) for name, law in assumption.start.items()}
-    values = [other.get(p.name, float(fitted[p.name])) for p in parameters]
-    return to_search(parameters, np.array(values, dtype=float))
-
-
 def _shifts(
     solution: Solution, moved: _Moved, known: Mapping[str, FittedEstimate]
-) -> Iterator[tuple[str, float]]:
-    """Name and shift of every value, in SI units."""
-    parameters, here = solution.parameters, solution.final.parameters
-    there = to_model(parameters, moved.x)
+) -> dict[str, float]:
+    """Shift of every value in SI units, by its prefixed name."""
+    parameters, x = solution.parameters, solution.final.x
+    here, there = solution.final.parameters, to_model(parameters, moved.x)
+
+    def outputs(objective: Objective, at: FloatArray) -> dict[str, float]:
+        means = output_means(objective.response, parameters, [at])
+        return {name: float(values[0]) for name, values in means.items()}
+
     before = {p.name: float(value) for p, value in zip(parameters, here, strict=True)}
     after = {
         p.name: turned_to(float(value), float(old), p.period)
         for p, value, old in zip(parameters, there, here, strict=True)
     }
-    before |= _outputs(solution, solution.objective, solution.final.x)
-    after |= _outputs(solution, moved.objective, moved.x)
+    before |= outputs(solution.objective, x)
+    after |= outputs(moved.objective, moved.x)
+    shifts = {}
     for name, value in known.items():
         shift = after.get(name, np.nan) - before.get(name, np.nan)
         if np.isfinite(shift):
-            factor = in_base(value.unit, name)[0]
-            yield name, factor * shift
-
-
-def _outputs(solution: Solution, objective: Objective, x: FloatArray) -> dict[str, float]:
-    means = output_means(objective.response, solution.parameters, [x])
-    return {name: float(values[0]) for name, values in means.items()}
+            shifts[f"{SHIFT}{name}"] = in_base(value.unit, name)[0] * shift
+    return shifts

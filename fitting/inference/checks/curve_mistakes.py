@@ -1,0 +1,347 @@
+"""A mistake of one kind that one number a curve corrects: gain, offset, shift, noise level.
+
+    min_(x, c) |r(x, c)|^2        c: a gain, an offset, a shift of the axis, a level of noise
+
+r are the whitened rows of all measurements, the mistake corrected in one curve, or in every curve
+by a number of its own: curves share parameters, so that a mistake in one shows in others. A cause
+is named where it removes most of the chi square beyond its degrees of freedom, no other kind
+removes nearly as much, and what it leaves is noise by the rule of `fitting.signal.misfit`. A shift
+may be many line widths: its search starts at the best one of a scan. Shifts that differ between
+curves are tried only for curves with the same settings: a wrong law of the settings shifts curves,
+too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.special import lambertw
+
+from fitting.campaign.parameters import inverse_priors, search_bounds
+from fitting.fit.objective import evaluate_many, jacobian
+from fitting.fit.solution import Solution
+from fitting.measurements.measurement import Measurement
+from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.tones import Tones
+from fitting.signal.chi_square import tail
+from fitting.signal.misfit import Misfit, correlation, excess_share, misfit_of, scaled_solution
+from fitting.signal.residual_tests import innovations
+from fitting.text.arrays import FloatArray, IntArray, Scalar
+from fitting.text.finding import Finding, Kind
+
+#: Share of the misfit that a cause may leave, and how many times as much every other kind leaves.
+MOST_LEFT, CLEARLY = 0.3, 2.0
+#: Share that a linear step may leave where a fit with the mistake follows; of how many kinds, of
+#: how many parameters at most, steps of all and of its sizes alone, and halvings of a step.
+WORTH_A_FIT, CANDIDATES, MOST_FITTED, STEPS, SIZE_STEPS, HALVINGS = 0.8, 2, 12, 6, 6, 4
+#: Shifts that are tried, over the whole length of a curve.
+SCANNED = 81
+#: Curves of which each may have a mistake of its own, and from how many on not all are named.
+MOST_CURVES, NAMED = 12, 4
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A curve of a measurement, the `order`-th, with the numbers of its rows among all."""
+
+    measurement: Measurement
+    rows_of: slice
+    order: int
+    curve: ResidualCurve
+
+    @property
+    def rows(self) -> IntArray:
+        return np.asarray(self.rows_of.start + self.curve.rows)
+
+    @property
+    def name(self) -> str:
+        what = "experiments" if isinstance(self.measurement, Tones) else self.curve.name
+        return "/".join(filter(None, (self.measurement.series, what))) or "measurement"
+
+    @property
+    def settings(self) -> Mapping[str, Scalar]:
+        places = self.measurement.places
+        return places[self.order][1] if self.order < len(places) else {}
+
+    def at(self, residuals: FloatArray) -> ResidualCurve:
+        """The curve for other residuals of all rows (m,)."""
+        return self.measurement.residual_curves(residuals[self.rows_of])[self.order]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A mistake of one kind in some curves, its sizes, and parameters x (n,): what is left.
+
+    `rows` (m,) are whitened and corrected, `slopes` (m, k) theirs by the sizes, then by what
+    measurements are solved for inside.
+    """
+
+    kind: Kind
+    curves: tuple[_Curve, ...]
+    sizes: FloatArray
+    x: FloatArray
+    chi_square: float = 0.0
+    rows: FloatArray = field(default_factory=lambda: np.empty(0))
+    slopes: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+
+def curve_mistake(solution: Solution, *, tones: bool) -> Iterator[Finding]:
+    """The mistake that mends curves, if it is of one kind alone.
+
+    Args:
+        solution: the end of a fit.
+        tones: of peaks of experiments, else of all other curves.
+    """
+    data, residuals = solution.objective.data, solution.final.residuals
+    curves = [
+        _Curve(m, at, order, curve)
+        for m, at in zip(data.measurements, data.slices, strict=True)
+        for order, curve in enumerate(m.residual_curves(residuals[at]))
+        if curve.columns and isinstance(m, Tones) is tones
+    ]
+    if not curves:
+        return
+    search, count = Search(solution, curves), residuals.size
+    by_kind = _candidates(curves, solution.final.x)
+    none = Trial(Kind.gain, (), np.empty(0), solution.final.x)
+    before = search.linear(none).chi_square
+    tried = sorted(map(search.promising, by_kind.values()), key=_left)
+    if excess_share(tried[0].chi_square, before, count) > WORTH_A_FIT:
+        return
+    if len(solution.parameters) <= MOST_FITTED:
+        before = search.fitted(none).chi_square
+        fits = [search.corrected_fit(by_kind[t.kind], before) for t in tried[:CANDIDATES]]
+        tried = sorted([*fits, *tried[CANDIDATES:]], key=_left)
+    shares = [excess_share(trial.chi_square, before, count) for trial in tried]
+    clear = shares[0] <= MOST_LEFT and min(shares[1:], default=1.0) >= CLEARLY * shares[0]
+    if clear and search.leaves_noise(tried[0]):
+        yield _finding(tried[0], 1.0 - shares[0])
+
+
+def _left(trial: Trial) -> float:
+    return trial.chi_square
+
+
+def _candidates(curves: Sequence[_Curve], x: FloatArray) -> dict[Kind, list[Trial]]:
+    """By kind: a mistake of each curve alone; last one of all curves, each of its own size."""
+    candidates = {}
+    for kind in dict.fromkeys(kind for each in curves for kind in each.curve.columns):
+        mine = tuple(each for each in curves if kind in each.curve.columns)
+        groups = [(each,) for each in mine]
+        alike = kind is not Kind.shift or all(c.settings == mine[0].settings for c in mine)
+        if 1 < len(mine) <= MOST_CURVES and alike:
+            groups.append(mine)
+        candidates[kind] = [Trial(kind, group, np.zeros(len(group)), x) for group in groups]
+    return candidates
+
+
+def _finding(trial: Trial, removed: float) -> Finding:
+    names = [curve.name for curve in trial.curves]
+    size = float(trial.sizes[np.argmax(np.abs(trial.sizes))])
+    if trial.kind is Kind.noise_level:
+        # the factor q on a density whose deviance 2 (q - 1 - ln q) has this signed root
+        branch = -1 if size > 0.0 else 0
+        size = float(-lambertw(-np.exp(-1.0 - 0.5 * size**2), branch).real) - 1.0
+    numbers = {"size": size, "removed": removed, "curves": float(len(names))}
+    if trial.kind is Kind.shift:
+        is_trace = trial.curves[0].measurement.is_trace
+        numbers["time_s" if is_trace else "frequency_hz"] = size
+    return Finding(
+        kind=trial.kind,
+        severity="warning",
+        subject=", ".join(names) if len(names) < NAMED else f"{names[0]} to {names[-1]}",
+        numbers=numbers,
+    )
+
+
+class Search:
+    """Fits with a mistake corrected, from the end of a fit."""
+
+    def __init__(self, solution: Solution, curves: Sequence[_Curve]) -> None:
+        self.solution, self.curves = solution, curves
+        self.bounds = search_bounds(solution.parameters)
+        self.inside = solved_inside(solution, solution.final.parameters)
+        self.known = solution.objective.data.sigma > 0.0
+        self.sigma = solution.noise.sigma.copy()
+        for rows in (each.rows for each in curves):
+            if not np.all(self.known[rows]):  # innovations estimate a noise that is not stated
+                _, news = innovations(solution.final.residuals[rows])
+                self.sigma[rows] = float(np.sqrt(np.mean(news**2))) or 1.0
+
+    # --- one step of the linearised problem ---
+
+    def promising(self, candidates: Sequence[Trial]) -> Trial:
+        """The candidate of which the linearised problem leaves least."""
+        return min(map(self.started, candidates), key=_left)
+
+    def started(self, trial: Trial) -> Trial:
+        """A linear step from no mistake, or from the best shift of a scan."""
+        starts = [trial]
+        if trial.kind is Kind.shift:
+            starts.append(replace(trial, sizes=np.array([self._scanned(c) for c in trial.curves])))
+        return min(map(self.linear, starts), key=_left)
+
+    def linear(self, trial: Trial) -> Trial:
+        """One step of all parameters and sizes, of the linearised problem."""
+        point = self.solution.final
+        here = self._corrected(trial, point.residuals, self.inside)
+        step, chi_square = self._step(here, self.solution.matrix)
+        return replace(self._moved(here, step, 1.0), chi_square=chi_square)
+
+    def _scanned(self, place: _Curve) -> float:
+        """Shift of a curve that leaves least of it, parameters as they are."""
+        curve, sigma = place.curve, self.sigma[place.rows]
+        rows = self.solution.final.residuals[place.rows] / sigma
+        course, columns = curve.course / sigma, (self.inside / self.sigma[:, None])[place.rows]
+        columns = columns[:, np.any(columns != 0.0, axis=0)]
+
+        def left(shift: float) -> float:
+            moved = rows + curve.moved(course, shift) - course
+            turned = curve.moved(columns, shift)
+            residuals = moved - turned @ scaled_solution(turned, moved)
+            return float(residuals @ residuals)
+
+        half = 0.5 * float(np.ptp(curve.axis))
+        return float(min(np.linspace(-half, half, SCANNED), key=left))
+
+    def _step(self, here: Trial, matrix: FloatArray) -> tuple[FloatArray, float]:
+        """Step of parameters, sizes and what is solved inside; chi square that it leaves."""
+        slopes = _carried(here, matrix) / self.sigma[:, None]
+        prior = inverse_priors(self.solution.parameters)
+        priors = np.hstack([np.diag(prior), np.zeros((prior.size, here.slopes.shape[1]))])
+        stacked = np.vstack([np.column_stack([slopes, here.slopes]), priors])
+        target = np.append(here.rows, prior * here.x)
+        step = -scaled_solution(stacked, target)
+        left = (target + stacked @ step)[: here.rows.size]
+        return step, float(left @ left)
+
+    def _moved(self, here: Trial, step: FloatArray, part: float) -> Trial:
+        count = here.x.size
+        x = np.clip(here.x + part * step[:count], *self.bounds)
+        return replace(here, x=x, sizes=here.sizes + part * step[count : count + here.sizes.size])
+
+    # --- fits ---
+
+    def corrected_fit(self, candidates: Sequence[Trial], before: float) -> Trial:
+        """A fit with the mistake of one curve, or of all where that does not explain the misfit."""
+        alone = [trial for trial in candidates if len(trial.curves) == 1]
+        fit = self.fitted(self.promising(alone))
+        share = excess_share(fit.chi_square, before, self.sigma.size)
+        if len(candidates) == len(alone) or share <= MOST_LEFT:
+            return fit
+        return self.fitted(self.started(candidates[-1]))
+
+    def fitted(self, trial: Trial) -> Trial:
+        """A fit of parameters and sizes, from a trial or from no mistake, whichever is better."""
+        nothing = replace(trial, sizes=np.zeros(trial.sizes.size), x=self.solution.final.x)
+
+        def direction(here: Trial) -> Callable[[float], Trial]:
+            step, _ = self._step(here, jacobian(self.solution.objective, here.x))
+            return lambda part: self.sized(self._moved(here, step, part))
+
+        return _descend(min(map(self.sized, (trial, nothing)), key=_left), direction, STEPS)
+
+    def sized(self, trial: Trial) -> Trial:
+        """The best sizes, and the best values of what is solved inside, at parameters x."""
+        [point] = evaluate_many(self.solution.objective, [trial.x])
+        inside, count = solved_inside(self.solution, point.parameters), trial.sizes.size
+
+        def at(sizes: FloatArray) -> Trial:
+            here = self._corrected(replace(trial, sizes=sizes), point.residuals, inside)
+            turned = here.slopes[:, count:]
+            rows = here.rows - turned @ scaled_solution(turned, here.rows)
+            return replace(here, rows=rows, chi_square=float(rows @ rows))
+
+        def direction(here: Trial) -> Callable[[float], Trial]:
+            step = -scaled_solution(here.slopes, here.rows)[:count]
+            return lambda part: at(here.sizes + part * step)
+
+        return _descend(at(trial.sizes), direction, SIZE_STEPS if count else 0)
+
+    def _corrected(self, trial: Trial, residuals: FloatArray, inside: FloatArray) -> Trial:
+        """The trial with its rows and slopes, for residuals of all rows."""
+        rows, slopes = residuals.copy(), np.zeros((residuals.size, len(trial.curves)))
+        for k, place in enumerate(trial.curves):
+            curve, size = place.at(residuals), float(trial.sizes[k])
+            column = curve.columns[trial.kind]
+            if trial.kind is Kind.shift:
+                rows[place.rows] += curve.moved(curve.course, size) - curve.course
+                column = curve.moved(column, size)
+            else:
+                rows[place.rows] += size * column
+            slopes[place.rows, k] = column
+        columns = np.column_stack([slopes, _carried(trial, inside)])
+        return replace(trial, rows=rows / self.sigma, slopes=columns / self.sigma[:, None])
+
+    def leaves_noise(self, trial: Trial) -> bool:
+        """Whether noise explains all curves once the mistake is corrected.
+
+        A mistake that is corrected to first order alone always leaves something.
+        """
+        if any(trial.kind in place.curve.first_order for place in trial.curves):
+            return True
+        here = self.sized(trial)
+        noise, least = np.zeros(self.known.size, dtype=bool), 1.0
+        for place in self.curves:
+            rows, curve = place.rows, place.curve
+            white = here.rows[rows] - curve.centre / self.sigma[rows]
+            along = correlation(white, white * self.sigma[rows] * curve.share)
+            if not along.misfit.describes:
+                return False
+            if along.misfit is Misfit.NONE:
+                noise[rows] = self.known[rows]
+                least = min(least, along.p_value)
+        freedom = np.count_nonzero(noise) - trial.x.size - here.slopes.shape[1]
+        if freedom < 1:
+            return True
+        square = float(np.sum(here.rows[noise] ** 2))
+        return misfit_of(square, freedom, tail(square, freedom), least) is Misfit.NONE
+
+
+def _descend(
+    start: Trial, direction: Callable[[Trial], Callable[[float], Trial]], steps: int
+) -> Trial:
+    """So many steps, each halved until chi square falls; less than one is no gain."""
+    here = start
+    for _ in range(steps):
+        move = direction(here)
+        tries = (move(0.5**k) for k in range(HALVINGS))
+        better = next((trial for trial in tries if trial.chi_square < here.chi_square), None)
+        if better is None:
+            break
+        gain, here = here.chi_square - better.chi_square, better
+        if gain < 1.0:
+            break
+    return here
+
+
+def _carried(trial: Trial, columns: FloatArray) -> FloatArray:
+    """Slopes (m, k) of all rows, those of shifted curves moved with them."""
+    if trial.kind is not Kind.shift:
+        return columns
+    moved = columns.copy()
+    for place, size in zip(trial.curves, trial.sizes, strict=True):
+        moved[place.rows] = place.curve.moved(columns[place.rows], float(size))
+    return moved
+
+
+def solved_inside(solution: Solution, parameters: FloatArray) -> FloatArray:
+    """Derivatives (m, k) of all rows by what measurements are solved for inside.
+
+    Args:
+        solution: the end of a fit.
+        parameters: where, in their units, shape (n,).
+    """
+    data = solution.objective.data
+    if not data.solved_inside:
+        return np.empty((data.sigma.size, 0))
+    [answer] = solution.objective.response.evaluate_many([parameters])
+    blocks = []
+    for m, at, prediction in zip(data.measurements, data.slices, answer.predictions, strict=True):
+        columns = m.solved_columns(prediction) if m.rows else np.empty((0, 0))
+        block = np.zeros((data.sigma.size, columns.shape[1]))
+        block[at] = columns
+        blocks.append(block)
+    return np.hstack(blocks)
