@@ -35,7 +35,7 @@ from fitting.inference.joint import consistency, contradicted, contradictions, w
 from fitting.inference.likelihood.knowledge import Adequacy, Determined, Equivalent
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.likelihood.outside import Model
-from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
+from fitting.inference.quadratures import Quadratures, quadratures_of
 from fitting.inference.solved import Solved
 from fitting.inference.sweep_line import values_of_line
 from fitting.inference.sweeps import SweepFindings, sweep_findings
@@ -231,10 +231,10 @@ def _quadratures(
 ) -> Quadratures:
     """What complex values tell, of values that there are; nothing where the model fails nearby."""
     try:
-        found = quadratures_of(solution, request.units)
+        stds = {name: value.std for name, value in named.items()}
+        return quadratures_of(solution, request.units, stds)
     except (FmuFailure, np.linalg.LinAlgError):
         return Quadratures()
-    return replace(found, gains=as_reported(found.gains, {n: v.std for n, v in named.items()}))
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,9 @@
 """What phases gain, and what follows from gains and backgrounds that are solved inside the rows.
 
-With W the whitened derivatives of the rows by the parameters, what is solved inside taken out of
-them, the linearised problem has two errors of a value: s of all rows, and s' of amplitudes alone,
-which are the changes along the values themselves. Told are the error e that the value is reported
-with, of its profile and widened by what its residuals ask for, and e s'/s: amplitudes of the same
-residuals.
+With W the whitened derivatives of the rows by the parameters, what is solved inside projected out,
+the linearised problem has two errors of a value: s of all rows, and s' of amplitudes alone, which
+are the changes along the values themselves. Reported are the error e of the value, of its profile
+and as wide as its residuals require, and e s'/s: amplitudes of the same residuals.
 
 A quality Q(x, c) of parameters x and coefficients c has the variance g^T C g + s^2, g = dQ/dx with
 the best c at every x, C the covariance of x and s its error at fixed x: the errors of x and those
@@ -15,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,6 +33,8 @@ from fitting.text.notation import number
 STEP = 1e-3
 #: Standard deviations of a Gaussian between which 95 % lie.
 NINETY_FIVE = 1.959964
+#: Share of the largest size or singular value below which a column is none.
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,138 +77,108 @@ class Quadratures:
         return list(groups.values())
 
 
-def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
-    """What the phases of complex measurements tell at the end of a fit.
+def quadratures_of(
+    solution: Solution, units: Mapping[str, str], stds: Mapping[str, float]
+) -> Quadratures:
+    """What the phases of complex measurements determine at the end of a fit.
 
     Args:
         solution: end of the fit.
         units: of the derived outputs, by name.
+        stds: errors that are reported, by name; NaN where there is no value.
 
     Raises:
         FmuFailure: the model failed near the solution.
     """
-    objective = solution.objective
+    objective, parameters, x = solution.objective, solution.parameters, solution.final.x
     measurements = objective.data.measurements
     phased = any(m.has_phases for m in measurements)
     if not phased and not any(m.solved_inside for m in measurements):
         return Quadratures()
-    x = solution.final.x
-    around = central(x, objective.steps, *search_bounds(solution.parameters))
-    points = [to_model(solution.parameters, each) for each in (x, *around.nodes)]
+    around = central(x, objective.steps, *search_bounds(parameters))
+    points = [to_model(parameters, each) for each in (x, *around.nodes)]
     answers = [e.predictions for e in objective.response.evaluate_many(points)]
-    gains = _gains(solution, answers[0], units) if phased else ()
-    tables = [_qualities(solution, answer) for answer in answers]
-    found = []
+    gains = []
+    if phased:
+        both, amplitudes = (_errors(solution, answers[0], alone) for alone in (False, True))
+        for name, unit, gradient in _values(solution, units):
+            one, two, std = amplitudes.of(gradient)[0], both.of(gradient)[0], stds.get(name, 0.0)
+            if two > 0.0 and 0.0 < std < math.inf:
+                gain = PhaseGain(name=name, unit=unit, amplitudes=std * one / two, phases=std)
+                gains.append(gain)
+    tables, qualities = [_qualities(solution, answer) for answer in answers], []
     for name, here in tables[0].items():
         steps = [np.array([t[name].value if name in t else math.nan]) for t in tables[1:]]
         of_parameters = solution.errors.of(around.quotients(steps)[0])[0]
-        error = math.hypot(of_parameters, here.sigma)
-        made = _of_loss if here.is_loss else _of_value
-        found.append(made(name, here.value, error))
-    return Quadratures(gains=gains, qualities=tuple(found))
+        qualities.append(_quality(name, here, math.hypot(of_parameters, here.sigma)))
+    return Quadratures(gains=tuple(gains), qualities=tuple(qualities))
 
 
-def _of_value(name: str, value: float, std: float) -> Estimate:
-    reach = math.exp(min(NINETY_FIVE * std / value, 50.0))
-    return Estimate(name=name, value=value, unit="", std=std, ci95=(value / reach, value * reach))
-
-
-def _of_loss(name: str, loss: float, error: float) -> Estimate:
-    """1/loss, with an interval whose ends are those of the loss."""
-    most, least = loss + NINETY_FIVE * error, loss - NINETY_FIVE * error
-    there = loss > 0.0
+def _quality(name: str, here: Estimated, error: float) -> Estimate:
+    """A value, or one over a loss with an interval whose ends are those of the loss."""
+    value = here.value
+    if not here.is_loss:
+        reach = math.exp(min(NINETY_FIVE * error / value, 50.0))
+        ci95 = (value / reach, value * reach)
+        return Estimate(name=name, value=value, unit="", std=error, ci95=ci95)
+    most, least = value + NINETY_FIVE * error, value - NINETY_FIVE * error
+    there = value > 0.0
     return Estimate(
         name=name,
-        value=1.0 / loss if there else math.nan,
+        value=1.0 / value if there else math.nan,
         unit="",
-        std=error / loss**2 if there else math.nan,
+        std=error / value**2 if there else math.nan,
         ci95=(1.0 / most if most > 0.0 else math.nan, 1.0 / least if least > 0.0 else math.inf),
         status=Verdict.LINEARISED if there else Verdict.UNKNOWN,
     )
 
 
-def as_reported(gains: Sequence[PhaseGain], stds: Mapping[str, float]) -> tuple[PhaseGain, ...]:
-    """The gains with the errors that are reported; without values that have none.
-
-    Args:
-        gains: of the linearised problem, noise as it is stated or scatters.
-        stds: errors that are reported, by name; NaN where there is no value.
-    """
-    return tuple(
-        replace(gain, phases=std, amplitudes=std * gain.amplitudes / gain.phases)
-        for gain in gains
-        if (std := stds.get(gain.name, math.nan)) > 0.0 and math.isfinite(std) and gain.phases > 0.0
-    )
-
-
 def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, Estimated]:
-    """Values by name with their errors at fixed parameters, as wide as the residuals ask for."""
-    noise = noise_of(solution.objective, solution.final)
+    """Values by name with their errors at fixed parameters, as wide as the residuals require."""
+    noise, data = noise_of(solution.objective, solution.final), solution.objective.data
     if solution.structure is not None:
-        noise = noise.widened(solution.objective.data.curve_rows, solution.structure.widening)
+        noise = noise.widened(data.curve_rows, solution.structure.widening)
     sigma = noise.sigma * solution.errors.inflation
-    data = solution.objective.data
-    found = {}
-    for m, q, rows in zip(data.measurements, answer, data.slices, strict=True):
-        tag = f"[{m.series}]" if m.series else ""
-        for name, each in m.qualities(q, sigma[rows]).items():
-            found[f"{name}{tag}"] = each
-    return found
-
-
-def _gains(
-    solution: Solution, answer: Sequence[Prediction], units: Mapping[str, str]
-) -> tuple[PhaseGain, ...]:
-    with_phases, amplitudes = (_errors(solution, answer, alone) for alone in (False, True))
-    found = []
-    for name, unit, gradient in _values(solution, units):
-        one, two = (errors.of(gradient)[0] for errors in (amplitudes, with_phases))
-        found.append(PhaseGain(name=name, unit=unit, amplitudes=one, phases=two))
-    return tuple(found)
+    return {
+        f"{name}[{m.series}]" if m.series else name: each
+        for m, q, rows in zip(data.measurements, answer, data.slices, strict=True)
+        for name, each in m.qualities(q, sigma[rows]).items()
+    }
 
 
 def _errors(solution: Solution, answer: Sequence[Prediction], alone: bool) -> Linearisation:
-    """The problem of all rows, or of amplitudes alone; what is solved inside is taken out."""
-    data = solution.objective.data
-    noise = noise_of(solution.objective, solution.final)
-    slopes = []
+    """The problem of all rows, or of amplitudes alone; what is solved inside is projected out."""
+    data, slopes = solution.objective.data, []
+    sigma = noise_of(solution.objective, solution.final).sigma[:, None]
     for m, q, rows in zip(data.measurements, answer, data.slices, strict=True):
-        white = 1.0 / noise.sigma[rows][:, None]
-        pair = [white * solution.matrix[rows], white * m.solved_columns(q)]
+        matrix, columns = solution.matrix[rows] / sigma[rows], m.solved_columns(q) / sigma[rows]
         if alone:
-            pair = [m.amplitude_rows(q, each) for each in pair]
-        slopes.append(_without(*pair))  # what is solved inside is of one measurement's rows alone
+            matrix, columns = m.amplitude_rows(q, matrix), m.amplitude_rows(q, columns)
+        sizes = np.linalg.norm(columns, axis=0)
+        columns = columns[:, sizes > NOTHING * np.max(sizes, initial=1e-300)]
+        if columns.shape[1]:  # of one measurement's rows alone
+            scaled = columns / np.linalg.norm(columns, axis=0)
+            left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
+            basis = left[:, singular > NOTHING * np.max(singular, initial=1e-300)]
+            matrix = matrix - basis @ (basis.T @ matrix)
+        slopes.append(matrix)
     matrix = np.concatenate(slopes)
-    return Linearisation(
-        rows=np.zeros(matrix.shape[0]),
-        matrix=matrix,
-        prior=prior_sigmas(solution.parameters, solution.nu),
-    )
-
-
-def _without(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """A matrix without its share along some columns, if there are any."""
-    if not columns.shape[1]:
-        return matrix
-    sizes = np.linalg.norm(columns, axis=0)
-    kept = columns[:, sizes > 1e-9 * np.max(sizes, initial=1e-300)]
-    left, singular, _ = np.linalg.svd(kept / np.linalg.norm(kept, axis=0), full_matrices=False)
-    basis = left[:, singular > 1e-9 * np.max(singular, initial=1e-300)]
-    return np.asarray(matrix - basis @ (basis.T @ matrix))
+    prior = prior_sigmas(solution.parameters, solution.nu)
+    return Linearisation(rows=np.zeros(matrix.shape[0]), matrix=matrix, prior=prior)
 
 
 def _values(solution: Solution, units: Mapping[str, str]) -> list[tuple[str, str, FloatArray]]:
     """Name, unit and gradient in x of parameters of the model and of derived outputs."""
     parameters, x = solution.parameters, solution.final.x
-    found = [
+    values = [
         (p.name, p.unit, p.scale * np.eye(x.size)[i])
         for i, p in enumerate(parameters)
         if p.moves_model and not p.experiments
     ]
     around = central(x, np.full(x.size, STEP), *search_bounds(parameters))
     means = output_means(solution.objective.response, parameters, list(around.nodes))
-    for name, values in means.items():
-        gradient = around.quotients(list(values))
+    for name, each in means.items():
+        gradient = around.quotients(list(each))
         if np.all(np.isfinite(gradient)):
-            found.append((name, units.get(name, ""), gradient))
-    return found
+            values.append((name, units.get(name, ""), gradient))
+    return values
