@@ -24,6 +24,15 @@ OF_A_LINE = {
 COMPUTED = ("identifiable", "bars", "boxes", "box", "mean", "precision", "parameter")
 
 
+#: How a fit ended by the words that were stored, and with them as a kind.
+ENDINGS = {
+    "converged and describes the data": "described",
+    "converged but does not describe the data": "not_described",
+    "converged, but no line exceeds the noise": "no_line",
+    "converged, but the campaigns contradict each other": "contradiction",
+}
+
+
 def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     """A result of schema 1 with the keys of schema 2; one of schema 2 as it is.
 
@@ -39,6 +48,7 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     made = {key: _without_texts(item) if key in WITH_TEXTS else item for key, item in data.items()}
     if "frequency_hz" in (data.get("line") or {}):
         made["line"] = _line(data["line"])
+    _rename_ending(made)
     if data.get("schema", 1) != 1:
         _rename_ends(made)
         return made
@@ -59,6 +69,20 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     ]
     _rename_ends(made)
     return made
+
+
+def _rename_ending(made: dict[str, Any]) -> None:
+    """How the fit ended as a kind, and its residuals without words, in place."""
+    knowledge, ending = made.get("knowledge") or {}, made.get("ending") or {}
+    adequacy = knowledge.get("adequacy")
+    if adequacy and "absent" in adequacy:
+        old = {"against", "remedy", "absent"}
+        adequacy = {key: item for key, item in adequacy.items() if key not in old}
+        adequacy["no_line"] = bool(knowledge["adequacy"]["absent"])
+        made["knowledge"] = {**knowledge, "adequacy": adequacy}
+    if "words" in ending:
+        kind = ENDINGS.get(ending["words"], "not_converged")
+        made["ending"] = {"kind": kind, "adequacy": adequacy}
 
 
 def _without_texts(node: Any) -> Any:
