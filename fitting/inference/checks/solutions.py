@@ -44,7 +44,8 @@ def check_correlation(solved: Solved) -> Iterator[Finding]:
     """Pairs of parameters of the whole campaign whose errors are strongly correlated."""
     if not solved.describes:
         return
-    parameters, covariance = solved.solution.parameters, solved.solution.errors.covariance
+    solution = solved.fit.solution
+    parameters, covariance = solution.parameters, solution.errors.covariance
     shared = [k for k, p in enumerate(parameters) if not p.experiments]
     for k, i in enumerate(shared):
         for j in shared[:k]:
