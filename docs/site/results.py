@@ -11,8 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from docs.site.markdown import code, escaped, table
-from fitting.design.result import Design
-from fitting.design.ways import Ways
+from fitting.design.result import Design, Ways
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.posterior.summary import PosteriorSummary
 from fitting.resonance.line import Line

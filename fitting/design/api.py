@@ -11,32 +11,22 @@ from pathlib import Path
 import numpy as np
 
 from fitting import Problem
-from fitting.api.choices import CRITERIA
 from fitting.design import FILES, WAYS_FILES
 from fitting.design.campaign import CAMPAIGN_NAME, campaign_files
-from fitting.design.candidates import MOST_NUMBER, Limits
 from fitting.design.limits import (
+    MOST_NUMBER,
+    DesignTable,
+    Limits,
     check_names,
     limits_of,
     read_candidates,
     read_design_table,
     refuse_wider,
 )
-from fitting.design.proposal import Choice, expected_of, propose, proposed
-from fitting.design.result import Design, Proposal, design_csv, write_design
-from fitting.design.table import DesignTable
-from fitting.design.ways import (
-    TOGETHER,
-    Kind,
-    Ways,
-    alone,
-    in_order,
-    sentences_of,
-    together,
-    way_of,
-    write_ways,
-)
-from fitting.design.weighing import DesignGoal, weigh, weigh_ways
+from fitting.design.proposal import proposed
+from fitting.design.result import Design, Proposal, Ways, design_csv, write_design
+from fitting.design.ways import TOGETHER, Choice, alone, in_order, together, way_of
+from fitting.design.weighing import DesignGoal, weigh
 from fitting.extension.problem import (
     Result,
     Valued,
@@ -46,7 +36,9 @@ from fitting.extension.problem import (
     require_same_data,
 )
 from fitting.extension.records import BoundCampaign, bind
+from fitting.extension.report import phrases
 from fitting.text.arguments import checked
+from fitting.text.choices import CRITERIA
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -62,13 +54,13 @@ class Goal:
     """What the next measurements are for.
 
     Args:
-        target: A parameter or derived output; empty: as the campaign says, else its first output.
+        target: A parameter or derived output; empty: as the campaign states, else its first output.
         criterion: "target": error of the target; "D" or "A" of all parameters; empty: as the
-            campaign says, else the target's.
-        number: Measurements at most, 1 to 50; None: as the limits say.
+            campaign states, else the target's.
+        number: Measurements at most, 1 to 50; None: as the limits state.
         seed: Of points of equal fit, at least 0.
         time_s: What the measurements may take of the laboratory together, s; None: as the limits
-            say.
+            state.
 
     Raises:
         BadInput: a criterion, number, seed or time that there is not.
@@ -105,11 +97,7 @@ class NextMeasurements:
         return self.design.proposals
 
     def made_by(self, command: str) -> NextMeasurements:
-        """The same, said to be made by a command.
-
-        Args:
-            command: command line, for the record.
-        """
+        """The same, with a command line for the record."""
         provenance = {**self.design.provenance, "command": command}
         return replace(self, design=replace(self.design, provenance=provenance))
 
@@ -128,10 +116,8 @@ class NextMeasurements:
                 wrote, or that were filled in since.
         """
         folder, design = Path(out), self.design
-        campaign = folder / CAMPAIGN_FOLDER
-        command = design.provenance["command"]
-        bound = _bound(self.problem)[0]
-        variables = self.problem.fmu.variables
+        campaign, bound = folder / CAMPAIGN_FOLDER, _bound(self.problem)[0]
+        variables, command = self.problem.fmu.variables, design.provenance["command"]
         files = campaign_files(design, bound, variables, self.limits, campaign, command)
         with results_folder(folder, "design", FILES):
             written = [write_design(design, folder), folder / TABLE_NAME, campaign / CAMPAIGN_NAME]
@@ -139,16 +125,60 @@ class NextMeasurements:
             write_all(campaign, files)
             if report:
                 # matplotlib takes a second to import: only where something is drawn
-                drawn = importlib.import_module("fitting.design.figure")
+                figure = importlib.import_module("fitting.design.figure")
                 page = importlib.import_module("fitting.design.report")
-                figures = drawn.save_figures(design, folder / "figures")
+                figures = figure.save_figures(design, folder / "figures")
                 written.append(page.write_report(design, figures, folder))
             remove_earlier(folder, FILES)
         return written
 
 
+@dataclass(frozen=True)
+class WaysToMeasure:
+    """Ways to spend the same time: the table ``ways``, and what to measure ``by_name``.
+
+    Each has what is to be measured of every kind, by the name of the kind: one, of the mixture
+    "together" several.
+    """
+
+    ways: Ways
+    by_name: Mapping[str, Mapping[str, NextMeasurements]]
+
+    def made_by(self, command: str) -> WaysToMeasure:
+        """The same, with a command line for the record."""
+        provenance = {**self.ways.provenance, "command": command}
+        named = {
+            name: {kind: each.made_by(command) for kind, each in kinds.items()}
+            for name, kinds in self.by_name.items()
+        }
+        return WaysToMeasure(replace(self.ways, provenance=provenance), named)
+
+    def write(self, out: str | Path, *, report: bool = True) -> list[Path]:
+        """Write a folder for each way and kind, and the table of the ways.
+
+        Args:
+            out: Folder, made where there is none.
+            report: Draw figures and report.html of each, too.
+
+        Returns:
+            The path of ways.json, then the campaigns of the best way.
+
+        Raises:
+            BadInput: a folder cannot be written, or holds files of these names that no design
+                wrote, or that were filled in since.
+        """
+        folder, campaigns = Path(out), []
+        for name, kinds in self.by_name.items():
+            for kind, each in kinds.items():
+                own = folder / name / kind if len(kinds) > 1 else folder / name
+                written = each.write(own, report=report)
+                campaigns += [written[2]] * (name == self.ways.best.name)
+        with results_folder(folder, "design", WAYS_FILES):
+            return [write_design(self.ways, folder), *campaigns]
+
+
 def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
-    """What the instrument can do: as the campaign's table [design] says, else as it kept to.
+    """What the instrument can do: as the campaign's table [design] states, else as it kept to.
 
     ``dataclasses.replace`` of what it returns gives other limits to `design`.
 
@@ -161,15 +191,7 @@ def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
         BadInput: no campaign, something wrong with a table, or limits in the file that are wider
             than the campaign's own.
     """
-    bound = _bound(problem)[0]
-    own = read_design_table(bound.path)
-    if candidates is None:
-        return _limits(problem, bound, own)
-    table = own.with_keys_of(read_candidates(Path(candidates)))
-    found = _limits(problem, bound, table)
-    kept = own.beside(table)
-    refuse_wider(found, _limits(problem, bound, kept), own, table.where, bound.amplitude_unit)
-    return found
+    return _limits(problem, _bound(problem)[0], candidates)[0]
 
 
 @one_thread()
@@ -199,64 +221,14 @@ def design(
             fit of another problem or of other data.
         FmuFailure: the FMU failed.
     """
-    asked = Goal(goal) if isinstance(goal, str) else goal
+    wanted = Goal(goal) if isinstance(goal, str) else goal
     bound, *also = _bound(problem)
-    kept, table = _kept(problem, bound, limits)
-    kept = _asked(kept, table, asked)
-    wanted = _wanted(bound, table, asked, at)
-    weighed = weigh(bound, problem.fmu.workers, kept, wanted, progress, also)
-    unit, provenance = _unit(problem, bound, wanted.target), _provenance(problem, asked, "design")
-    found = propose(bound, weighed, kept, wanted, unit, provenance)
-    return NextMeasurements(found, problem, kept)
-
-
-@dataclass(frozen=True)
-class WaysToMeasure:
-    """Ways to spend the same time: the table ``ways``, and what to measure ``by_name``.
-
-    Each has what is to be measured of every kind, by the name of the kind: one, of the mixture
-    "together" several.
-    """
-
-    ways: Ways
-    by_name: Mapping[str, Mapping[str, NextMeasurements]]
-
-    def made_by(self, command: str) -> WaysToMeasure:
-        """The same, said to be made by a command.
-
-        Args:
-            command: command line, for the record.
-        """
-        provenance = {**self.ways.provenance, "command": command}
-        named = {
-            name: {kind: found.made_by(command) for kind, found in kinds.items()}
-            for name, kinds in self.by_name.items()
-        }
-        return WaysToMeasure(replace(self.ways, provenance=provenance), named)
-
-    def write(self, out: str | Path, *, report: bool = True) -> list[Path]:
-        """Write a folder for each way and kind, and the table of the ways.
-
-        Args:
-            out: Folder, made where there is none.
-            report: Draw figures and report.html of each, too.
-
-        Returns:
-            The path of ways.json, then the campaigns of the best way.
-
-        Raises:
-            BadInput: a folder cannot be written, or holds files of these names that no design
-                wrote, or that were filled in since.
-        """
-        folder, campaigns = Path(out), []
-        for name, kinds in self.by_name.items():
-            for kind, found in kinds.items():
-                own = folder / name / kind if len(kinds) > 1 else folder / name
-                written = found.write(own, report=report)
-                campaigns += [written[2]] * (name == self.ways.best.name)
-        with results_folder(folder, "design", WAYS_FILES):
-            path = write_ways(self.ways, folder)
-        return [path, *campaigns]
+    instrument, target = _asked_for(problem, bound, wanted, limits, at)
+    [weighed] = weigh(bound, problem.fmu.workers, [instrument], target, progress, also)
+    unit, provenance = _unit(problem, bound, target.target), _provenance(problem, wanted, "design")
+    chosen = weighed.chosen_by(target.criterion)
+    made = proposed(bound, weighed, chosen, target, unit, provenance)
+    return NextMeasurements(made, problem, instrument)
 
 
 @one_thread()
@@ -268,11 +240,11 @@ def ways(
     at: Valued | Result | str | Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> WaysToMeasure:
-    """Which kind of measurement tells a value best in the same time of the laboratory.
+    """Which kind of measurement determines a value best in the same time of the laboratory.
 
     Args:
         problem: Of campaigns; the first is to be continued, the others count as measured.
-        goal: What is to be known, and the time, if the limits do not say it.
+        goal: What is to be known, and the time, if the limits do not state it.
         limits: Of each kind of measurement by its name, two at least, as `design` takes them.
         at: A fit to set out from, or its result.json; None: the fit nearest to the references.
         progress: Is called with a line of what is under way.
@@ -284,113 +256,114 @@ def ways(
         BadInput: see `design`; fewer than two kinds, no time or several of them.
         FmuFailure: the FMU failed.
     """
-    asked = Goal(goal) if isinstance(goal, str) else goal
+    wanted = Goal(goal) if isinstance(goal, str) else goal
     bound, *also = _bound(problem)
     if len(limits) < 2 or TOGETHER in limits:
         raise BadInput(
             f"ways: found {', '.join(limits) or 'none'}, wanted two kinds of measurement at least, "
             f"none of them called '{TOGETHER}'"
         )
-    given = {name: _kept(problem, bound, one) for name, one in limits.items()}
-    kept = {name: _asked(one, table, asked) for name, (one, table) in given.items()}
-    goals = {name: _wanted(bound, table, asked, at) for name, (_, table) in given.items()}
-    time_s, wanted = _one_of_all(kept, goals)
+    kinds = {name: _asked_for(problem, bound, wanted, one, at) for name, one in limits.items()}
+    time_s, target = _same(kinds)
     progress("ways")
-    weighed = weigh_ways(bound, problem.fmu.workers, list(kept.values()), wanted, progress, also)
-    kinds = [
-        Kind(name=name, limits=one, weighed=w)
-        for (name, one), w in zip(kept.items(), weighed, strict=True)
-    ]
+    every = [instrument for instrument, _ in kinds.values()]
+    weighed = weigh(bound, problem.fmu.workers, every, target, progress, also)
     progress("choosing")
-    chosen: dict[str, tuple[list[Kind], tuple[Choice, ...]]] = {
-        kind.name: ([kind], (alone(kind, wanted.criterion),)) for kind in kinds
-    }
-    mixed = together(kinds, wanted.criterion)
-    if mixed is not None:
-        chosen[TOGETHER] = (kinds, mixed)
-    unit, provenance = _unit(problem, bound, wanted.target), _provenance(problem, asked, "ways")
-    found = Ways(
-        title=bound.title,
-        synthetic=bound.synthetic,
-        target=wanted.target,
-        unit=unit,
-        criterion=wanted.criterion,
-        time_s=time_s,
-        before=expected_of(weighed[0].sigmas([])),
-        ways=in_order([way_of(name, *each) for name, each in chosen.items()]),
-        sentences=sentences_of(kinds, mixed=mixed is not None),
-        provenance=provenance,
-    )
-    made = {
+    criterion = target.criterion
+    single = {name: alone(name, w, criterion) for name, w in zip(kinds, weighed, strict=True)}
+    chosen: dict[str, dict[str, Choice]] = {name: {name: c} for name, c in single.items()}
+    mixture = together(list(single.values()), criterion)
+    if mixture is not None:
+        chosen[TOGETHER] = dict(zip(kinds, mixture, strict=True))
+    unit, provenance = _unit(problem, bound, target.target), _provenance(problem, wanted, "ways")
+    by_name = {
         name: {
-            kind.name: NextMeasurements(
-                proposed(bound, choice, kind.limits, wanted, unit, provenance), problem, kind.limits
+            kind: NextMeasurements(
+                proposed(bound, choice.weighed, choice.chosen, target, unit, provenance),
+                problem,
+                choice.weighed.limits,
             )
-            for kind, choice in zip(*each, strict=True)
+            for kind, choice in choices.items()
             if choice.chosen
         }
-        for name, each in chosen.items()
+        for name, choices in chosen.items()
     }
-    return WaysToMeasure(found, made)
+    instruments = dict(zip(kinds, every, strict=True))
+    table = Ways(
+        title=bound.title,
+        synthetic=bound.synthetic,
+        target=target.target,
+        unit=unit,
+        criterion=criterion,
+        time_s=time_s,
+        before=weighed[0].expected([]),
+        ways=in_order([way_of(name, each) for name, each in chosen.items()]),
+        sentences=phrases("design/text", "times", instruments, mixture is not None),
+        provenance=provenance,
+    )
+    return WaysToMeasure(table, by_name)
 
 
-def _one_of_all(
-    kept: Mapping[str, Limits], goals: Mapping[str, DesignGoal]
-) -> tuple[float, DesignGoal]:
-    """The time and the goal, which are the same for all kinds.
-
-    Raises:
-        BadInput: they are not.
-    """
-    times = {one.time_s for one in kept.values()}
-    [(_, wanted), *others] = goals.items()
-    for name, other in others:
-        if (other.target, other.criterion) != (wanted.target, wanted.criterion):
-            raise BadInput(
-                f"ways: {name} is for {other.target} by {other.criterion}, another for "
-                f"{wanted.target} by {wanted.criterion}; wanted one target and criterion"
-            )
-    [time_s, *more] = times
-    if time_s is None or more:
-        raise BadInput(
-            "ways: wanted the time that all kinds have, --time or one [design] time for all"
-        )
-    return time_s, wanted
+def _bound(problem: Problem) -> list[BoundCampaign]:
+    check_problem("design", problem)
+    if not problem.campaigns:
+        raise BadInput("design: wanted a problem made of a campaign, Problem.of(...)")
+    return [bind(campaign, problem.fmu.variables) for campaign in problem.campaigns]
 
 
-def _asked(kept: Limits, table: DesignTable, asked: Goal) -> Limits:
-    """The limits with number and time as they are asked for."""
-    if asked.time_s is not None:
-        number = kept.number if table.keys.number is not None else MOST_NUMBER
-        kept = replace(kept, time_s=asked.time_s, number=number)
-    return kept if asked.number is None else replace(kept, number=asked.number)
+def _limits(
+    problem: Problem, bound: BoundCampaign, given: Limits | str | Path | None
+) -> tuple[Limits, DesignTable]:
+    """The limits that hold, no wider than the campaign's own, and the table that states the rest."""
+    own, drive = read_design_table(bound.path), problem.campaigns[0].file.drive
+    lines, unit = () if drive is None else drive.lines, bound.amplitude_unit
+    variables = problem.fmu.variables
+    if isinstance(given, Limits):
+        check_names(given, variables, bound.setup.laws.controls)
+        if own.written or (given.sweeps is None and given.traces is None):
+            known = limits_of(bound, variables, own, lines)
+            refuse_wider(given, known, own, lambda key: f"limits: {key}", unit)
+        return given, own
+    if given is None:
+        return limits_of(bound, variables, own, lines), own
+    table = own.with_keys_of(read_candidates(Path(given)))
+    found = limits_of(bound, variables, table, lines)
+    known = limits_of(bound, variables, own.of_kind(table), lines)
+    refuse_wider(found, known, own, table.where, unit)
+    return found, table
 
 
-def _wanted(
+def _asked_for(
+    problem: Problem,
     bound: BoundCampaign,
-    table: DesignTable,
-    asked: Goal,
+    goal: Goal,
+    given: Limits | str | Path | None,
     at: Valued | Result | str | Path | None,
-) -> DesignGoal:
-    """Target and criterion: as requested, else as the campaign has them, else the first value.
+) -> tuple[Limits, DesignGoal]:
+    """Limits, target and criterion: as requested, else as the campaign has them.
 
     Raises:
-        BadInput: a fit of another campaign or of other data.
+        BadInput: limits that mean nothing, a fit of another campaign or of other data.
     """
+    instrument, table = _limits(problem, bound, given)
+    if goal.time_s is not None:
+        number = instrument.number if table.keys.number is not None else MOST_NUMBER
+        instrument = replace(instrument, time_s=goal.time_s, number=number)
+    if goal.number is not None:
+        instrument = replace(instrument, number=goal.number)
     names = [*bound.derived, *(parameter.name for parameter in bound.parameters)]
-    goal = DesignGoal(
-        target=asked.target or table.keys.target or names[0],
-        criterion=asked.criterion or table.keys.criterion or CRITERIA[0],
-        seed=asked.seed,
+    target = DesignGoal(
+        target=goal.target or table.keys.target or names[0],
+        criterion=goal.criterion or table.keys.criterion or CRITERIA[0],
+        seed=goal.seed,
     )
     if at is None:
-        return goal
+        return instrument, target
     where = str(at) if isinstance(at, str | Path) else "at"
     fitted = read_result(Path(at)) if isinstance(at, str | Path) else at
     result = fitted.result if isinstance(fitted, Valued) else fitted
     require_same_data(result, [bound])
-    values = {name: e.value for name, e in result.parameters.items()}
-    start = []
+    values, start = {name: e.value for name, e in result.parameters.items()}, []
     for parameter in bound.parameters:
         if parameter.name not in values and not parameter.experiments:
             raise BadInput(
@@ -399,11 +372,32 @@ def _wanted(
         start.append(values.get(parameter.name, parameter.reference))
     for alternative in bound.alternatives:
         if dict(alternative) == dict(result.alternative):
-            return replace(goal, start=(alternative, np.array(start)))
+            return instrument, replace(target, start=(alternative, np.array(start)))
     raise BadInput(
         f"{where}: alternative {dict(result.alternative)} is none of those of {bound.path}; wanted "
         "a result of that campaign"
     )
+
+
+def _same(kinds: Mapping[str, tuple[Limits, DesignGoal]]) -> tuple[float, DesignGoal]:
+    """The time and the goal, which are the same for all kinds.
+
+    Raises:
+        BadInput: they are not.
+    """
+    (instrument, goal), *_ = kinds.values()
+    for name, (_, other) in kinds.items():
+        if (other.target, other.criterion) != (goal.target, goal.criterion):
+            raise BadInput(
+                f"ways: {name} is for {other.target} by {other.criterion}, another for "
+                f"{goal.target} by {goal.criterion}; wanted one target and criterion"
+            )
+    time_s = instrument.time_s
+    if time_s is None or any(other.time_s != time_s for other, _ in kinds.values()):
+        raise BadInput(
+            "ways: wanted the time that all kinds have, --time or one [design] time for all"
+        )
+    return time_s, goal
 
 
 def _unit(problem: Problem, bound: BoundCampaign, target: str) -> str:
@@ -415,39 +409,11 @@ def _unit(problem: Problem, bound: BoundCampaign, target: str) -> str:
     return "" if own is None else own.unit  # a coefficient of laws is no variable of the FMU
 
 
-def _provenance(problem: Problem, asked: Goal, verb: str) -> dict[str, str]:
+def _provenance(problem: Problem, goal: Goal, function: str) -> dict[str, str]:
     description = problem.fmu.description
     return {
-        "command": f"fitting.{verb}",
+        "command": f"fitting.{function}",
         "FMU": description.model_name,
         "FMU sha256": description.sha256,
-        "seed": str(asked.seed),
+        "seed": str(goal.seed),
     }
-
-
-def _bound(problem: Problem) -> list[BoundCampaign]:
-    check_problem("design", problem)
-    if not problem.campaigns:
-        raise BadInput("design: wanted a problem made of a campaign, Problem.of(...)")
-    return [bind(campaign, problem.fmu.variables) for campaign in problem.campaigns]
-
-
-def _limits(problem: Problem, bound: BoundCampaign, table: DesignTable) -> Limits:
-    drive = problem.campaigns[0].file.drive
-    lines = () if drive is None else drive.lines
-    return limits_of(bound, problem.fmu.variables, table, lines)
-
-
-def _kept(
-    problem: Problem, bound: BoundCampaign, given: Limits | str | Path | None
-) -> tuple[Limits, DesignTable]:
-    """The limits, and the table that says what else is asked."""
-    own = read_design_table(bound.path)
-    if isinstance(given, Limits):
-        check_names(given, problem.fmu.variables, bound.setup.laws.controls)
-        if own.said or (given.sweeps is None and given.traces is None):
-            known = _limits(problem, bound, own)
-            refuse_wider(given, known, own, lambda key: f"limits: {key}", bound.amplitude_unit)
-        return given, own
-    table = own if given is None else own.with_keys_of(read_candidates(Path(given)))
-    return limits(problem, given), table

@@ -14,7 +14,6 @@ search would trust gains from before; and exchanges follow the greedy choice.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -25,10 +24,8 @@ from fitting.text.choices import CRITERIA
 
 #: How much of the best criterion (a ratio of errors) may be given up for cheaper measurements.
 AS_GOOD = 0.02
-#: An exchange has to gain at least this much; so many are made at most.
-LEAST_GAIN, MOST_EXCHANGES = 1e-6, 200
-#: Rounds of exchanges within a time, each over all that is chosen; a share of it that is none.
-ROUNDS, NO_TIME = 10, 1e-5
+#: An exchange has to gain at least this much; rounds of exchanges; a share of a time that is none.
+LEAST_GAIN, ROUNDS, NO_TIME = 1e-6, 50, 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +55,8 @@ class DesignProblem:
         """Number of candidates."""
         return int(self.gains.shape[1])
 
-    def beside(self, other: DesignProblem) -> DesignProblem:
-        """Its candidates, and behind them those of another with the same variables.
-
-        Args:
-            other: with the same `base`, `gradients` and `shown`.
-        """
+    def joined(self, other: DesignProblem) -> DesignProblem:
+        """Its candidates, and after them those of another with the same variables and base."""
         return replace(
             self,
             gains=np.concatenate([self.gains, other.gains], axis=1),
@@ -72,21 +65,33 @@ class DesignProblem:
         )
 
     def with_known(self, chosen: Sequence[int], of: DesignProblem) -> DesignProblem:
-        """What the chosen of another problem say counts as known.
-
-        Args:
-            chosen: candidates of the other.
-            of: with the same variables.
-        """
+        """The problem to which chosen candidates of one with the same variables are known data."""
         return replace(self, base=self.base + of.gains[:, list(chosen)].sum(axis=1))
 
     def information(self, chosen: Sequence[int]) -> FloatArray:
-        """F of prior, data and the chosen, (k, n, n).
+        """F of prior, data and the chosen (repeated where measured again), (k, n, n)."""
+        return np.asarray(self.base + self.gains[:, list(chosen)].sum(axis=1))
+
+    def loss(self, chosen: Sequence[int], criterion: str) -> float:
+        """The criterion with these candidates measured."""
+        return float(losses(self, self.information(chosen), criterion))
+
+    def losses_with(
+        self, chosen: Sequence[int], criterion: str, time_s: float | None = None
+    ) -> FloatArray:
+        """The criterion with each candidate added to the chosen, (c,); inf: it is not allowed.
 
         Args:
-            chosen: candidates, repeated where measured again.
+            chosen: candidates.
+            criterion: one of `CRITERIA`.
+            time_s: that all of them may take, s; None: any.
         """
-        return np.asarray(self.base + self.gains[:, list(chosen)].sum(axis=1))
+        information = self.information(chosen) + np.swapaxes(self.gains, 0, 1)
+        allowed = ~(np.isin(np.arange(self.candidates), chosen) & self.singles)
+        if time_s is not None:
+            rest_s = time_s * (1.0 + NO_TIME) - float(self.costs[list(chosen)].sum())
+            allowed &= self.costs <= rest_s
+        return np.where(allowed, losses(self, information, criterion), np.inf)
 
 
 def losses(problem: DesignProblem, information: FloatArray, criterion: str) -> FloatArray:
@@ -103,7 +108,10 @@ def losses(problem: DesignProblem, information: FloatArray, criterion: str) -> F
         ValueError: an unknown criterion, or no point where the target has a gradient.
     """
     if criterion == "target":
-        return np.asarray(np.nanmean(_finite(np.log(target_sigmas(problem, information))), axis=-1))
+        logs = np.log(target_sigmas(problem, information))
+        if not np.any(np.isfinite(logs)):
+            raise ValueError("the target has no gradient at any point")
+        return np.asarray(np.nanmean(np.where(np.isfinite(logs), logs, np.nan), axis=-1))
     inner = np.linalg.inv(information)[..., : problem.shown, : problem.shown]
     if criterion == "D":
         return np.asarray(np.mean(np.linalg.slogdet(inner)[1], axis=-1) / (2.0 * problem.shown))
@@ -127,223 +135,110 @@ def target_sigmas(problem: DesignProblem, information: FloatArray) -> FloatArray
     return np.where(known, np.sqrt(np.einsum("ki,...ki->...k", safe, solved[..., 0])), np.nan)
 
 
-def _finite(values: FloatArray) -> FloatArray:
-    if not np.any(np.isfinite(values)):
-        raise ValueError("the target has no gradient at any point")
-    return np.where(np.isfinite(values), values, np.nan)
+def choose(
+    problem: DesignProblem, number: int, criterion: str, time_s: float | None = None
+) -> list[int]:
+    """The best candidates, in the order in which each adds the most.
 
-
-def greedy(problem: DesignProblem, number: int, criterion: str) -> list[int]:
-    """`number` candidates, one after the other, each the best beside those before it.
-
-    A candidate may be chosen again: then it is measured again.
-
-    Args:
-        problem: candidates and what is known.
-        number: of measurements.
-        criterion: one of `CRITERIA`.
-    """
-    chosen: list[int] = []
-    for _ in range(number):
-        found = _each_added(problem, chosen, criterion, range(problem.candidates))
-        chosen.append(int(np.argmin(found)))
-    return chosen
-
-
-def _each_added(
-    problem: DesignProblem, chosen: Sequence[int], criterion: str, tried: Sequence[int]
-) -> FloatArray:
-    """The criterion with each of the tried beside the chosen, shape (tried,); inf: not allowed."""
-    gains = problem.gains[:, list(tried)]
-    found = losses(problem, problem.information(chosen) + np.swapaxes(gains, 0, 1), criterion)
-    again = np.isin(tried, chosen) & problem.singles[list(tried)]
-    return np.where(again, np.inf, found)
-
-
-def exchange(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
-    """Swap a chosen candidate for another as long as that betters the criterion, best swap first.
-
-    Args:
-        problem: candidates and what is known.
-        chosen: candidates to begin with.
-        criterion: one of `CRITERIA`.
-
-    Source: V. Fedorov, Theory of Optimal Experiments (1972), on a finite set with repetition.
-    """
-    current = list(chosen)
-    value = float(losses(problem, problem.information(current), criterion))
-    everything = range(problem.candidates)
-    for _ in range(MOST_EXCHANGES):
-        best, swap = value - LEAST_GAIN, None
-        for place in range(len(current)):
-            rest = current[:place] + current[place + 1 :]
-            found = _each_added(problem, rest, criterion, everything)
-            if float(np.min(found)) < best:
-                best, swap = float(np.min(found)), (rest, int(np.argmin(found)))
-        if swap is None:
-            break
-        current, value = [*swap[0], swap[1]], best
-    return current
-
-
-def economise(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
-    """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay for them.
-
-    Args:
-        problem: candidates, their costs, and what is known.
-        chosen: candidates to begin with.
-        criterion: one of `CRITERIA`.
-    """
-    current = list(chosen)
-    bound = float(losses(problem, problem.information(current), criterion)) + AS_GOOD
-    for place in range(len(current)):
-        rest = current[:place] + current[place + 1 :]
-        found = _each_added(problem, rest, criterion, range(problem.candidates))
-        allowed = np.flatnonzero((found <= bound) & (problem.costs < problem.costs[current[place]]))
-        if allowed.size:
-            costs = problem.costs[allowed]
-            cheapest = allowed[costs <= np.min(costs)]
-            current[place] = int(cheapest[np.argmin(found[cheapest])])
-    return current
-
-
-def choose(problem: DesignProblem, number: int, criterion: str) -> list[int]:
-    """Greedy choice bettered by exchanges, made cheaper, in the order in which each adds the most.
-
-    Exchanges start from the greedy choice of the criterion and from that of D, which also gathers
-    what is of use only together; the better end counts.
-
-    Args:
-        problem: candidates, their costs, and what is known.
-        number: of measurements.
-        criterion: one of `CRITERIA`.
-    """
-    number = min(number, problem.candidates) if np.all(problem.singles) else number
-    starts = [greedy(problem, number, criterion)]
-    if criterion != "D":
-        starts.append(greedy(problem, number, "D"))
-    ends = [exchange(problem, start, criterion) for start in starts]
-    values = [float(losses(problem, problem.information(end), criterion)) for end in ends]
-    best = ends[int(np.argmin(values))]
-    return ordered(problem, economise(problem, best, criterion), criterion)
-
-
-def choose_within(problem: DesignProblem, time_s: float, number: int, criterion: str) -> list[int]:
-    """The best that a time allows, in the order in which each adds the most.
-
-    Begun greedily by what each adds, and by what it adds per second, of the criterion and of D,
-    which also gathers what is of use only together. Each end is bettered: one of the chosen for
-    another or for several that the time allows. The best end counts.
+    Filled greedily, by what each candidate adds and, within a time, by what it adds per second, of
+    the criterion and of D, which also gathers what is of use only together; each start is bettered
+    by exchanges and the best end counts. Without a time there are as many as asked for, and cheaper
+    ones replace them as far as 2 % of the criterion pay for that.
 
     Args:
         problem: candidates, their costs in s, and what is known.
-        time_s: that they may take together, s.
-        number: of measurements at most.
+        number: of measurements; within a time at most.
         criterion: one of `CRITERIA`.
+        time_s: that they may take together, s; None: any.
+
+    Source: V. Fedorov, Theory of Optimal Experiments (1972), on a finite set with repetition.
     """
-    best, value = list[int](), np.inf
-    for how in dict.fromkeys((criterion, "D")):
-        for per_second in (False, True):
-            chosen = _filled(problem, [], time_s, number, how, per_second=per_second)
-            end = _exchanged_within(problem, chosen, time_s, number, criterion)
-            found = float(losses(problem, problem.information(end), criterion))
-            if found < value:
-                best, value = end, found
+    search = _Search(problem, number, time_s)
+    ends = [
+        search.exchanged(search.filled([], rule, per_second=per_second), criterion)
+        for rule in dict.fromkeys((criterion, "D"))
+        for per_second in ((False,) if time_s is None else (False, True))
+    ]
+    best = ends[int(np.argmin([problem.loss(end, criterion) for end in ends]))]
+    if time_s is None:
+        best = search.cheaper(best, criterion)
     return ordered(problem, best, criterion)
 
 
-def _each_within(
-    problem: DesignProblem, chosen: Sequence[int], time_s: float, criterion: str
-) -> FloatArray:
-    """The criterion with each candidate beside the chosen, (c,); inf: no time is left for it."""
-    left = time_s * (1.0 + NO_TIME) - float(problem.costs[list(chosen)].sum())
-    found = _each_added(problem, chosen, criterion, range(problem.candidates))
-    return np.where(problem.costs <= left, found, np.inf)
+@dataclass(frozen=True)
+class _Search:
+    """Greedy choice and exchanges of at most `number` candidates, within `time_s` if there is one."""
 
+    problem: DesignProblem
+    number: int
+    time_s: float | None
 
-def _filled(
-    problem: DesignProblem,
-    chosen: Sequence[int],
-    time_s: float,
-    number: int,
-    criterion: str,
-    *,
-    per_second: bool,
-) -> list[int]:
-    """The chosen with more of what is left of the time, the best or the best per second first."""
-    filled = list(chosen)
-    value = float(losses(problem, problem.information(filled), criterion))
-    while len(filled) < number:
-        found = _each_within(problem, filled, time_s, criterion)
-        seconds = np.where(np.isfinite(problem.costs), problem.costs, 1.0)
-        merits = (found - value) / (seconds if per_second else 1.0)
-        best = int(np.argmin(merits))
-        if not found[best] < value - LEAST_GAIN:
-            break
-        filled, value = [*filled, best], float(found[best])
-    return filled
+    def filled(
+        self, chosen: Sequence[int], criterion: str, *, per_second: bool = False
+    ) -> list[int]:
+        """The chosen with more, the best or the best per second first."""
+        filled = list(chosen)
+        value = self.problem.loss(filled, criterion)
+        seconds = np.where(np.isfinite(self.problem.costs), self.problem.costs, 1.0)
+        while len(filled) < self.number:
+            each = self.problem.losses_with(filled, criterion, self.time_s)
+            best = int(np.argmin((each - value) / (seconds if per_second else 1.0)))
+            # where their number is asked for, one that adds nothing is better than none
+            if not each[best] < (np.inf if self.time_s is None else value - LEAST_GAIN):
+                break
+            filled, value = [*filled, best], float(each[best])
+        return filled
 
+    def exchanged(self, chosen: Sequence[int], criterion: str) -> list[int]:
+        """Every chosen one in turn for the best that is allowed, then, in a time, for several."""
+        current = list(chosen)
+        value = self.problem.loss(current, criterion)
+        for _ in range(ROUNDS):
+            before = value
+            for place in range(len(current)):
+                rest = current[:place] + current[place + 1 :]
+                each = self.problem.losses_with(rest, criterion, self.time_s)
+                if float(np.min(each)) < value - LEAST_GAIN:
+                    current[place], value = int(np.argmin(each)), float(np.min(each))
+            if self.time_s is not None:
+                current = self._one_for_several(current, criterion)
+                value = self.problem.loss(current, criterion)
+            if value > before - LEAST_GAIN:
+                break
+        return current
 
-def _exchanged_within(
-    problem: DesignProblem, chosen: Sequence[int], time_s: float, number: int, criterion: str
-) -> list[int]:
-    """Every chosen one in turn for the best that the time allows, then for several."""
-    current = list(chosen)
-    value = float(losses(problem, problem.information(current), criterion))
-    for _ in range(ROUNDS):
-        before = value
+    def _one_for_several(self, chosen: Sequence[int], criterion: str) -> list[int]:
+        """The rest of the time filled, once as it is and once with each of the chosen left out."""
+        best, value = list(chosen), self.problem.loss(chosen, criterion)
+        for excluded in [None, *dict.fromkeys(chosen)]:
+            rest = list(chosen)
+            if excluded is not None:
+                rest.remove(excluded)
+            for per_second in (False, True):
+                filled = self.filled(rest, criterion, per_second=per_second)
+                loss = self.problem.loss(filled, criterion)
+                if loss < value - LEAST_GAIN:
+                    best, value = filled, loss
+        return best
+
+    def cheaper(self, chosen: Sequence[int], criterion: str) -> list[int]:
+        """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay for them."""
+        current, costs = list(chosen), self.problem.costs
+        bound = self.problem.loss(current, criterion) + AS_GOOD
         for place in range(len(current)):
-            rest = current[:place] + current[place + 1 :]
-            found = _each_within(problem, rest, time_s, criterion)
-            if float(np.min(found)) < value - LEAST_GAIN:
-                current[place], value = int(np.argmin(found)), float(np.min(found))
-        current = _one_for_several(problem, current, time_s, number, criterion)
-        value = float(losses(problem, problem.information(current), criterion))
-        if value > before - LEAST_GAIN:
-            break
-    return current
-
-
-def _one_for_several(
-    problem: DesignProblem, chosen: Sequence[int], time_s: float, number: int, criterion: str
-) -> list[int]:
-    """The rest of the time filled, once as it is and once with each of the chosen left out."""
-    best, value = list(chosen), np.inf
-    for left_out in [None, *dict.fromkeys(chosen)]:
-        rest = list(chosen)
-        if left_out is not None:
-            rest.remove(left_out)
-        for per_second in (False, True):
-            filled = _filled(problem, rest, time_s, number, criterion, per_second=per_second)
-            found = float(losses(problem, problem.information(filled), criterion))
-            if found < value - LEAST_GAIN:
-                best, value = filled, found
-    return best
+            each = self.problem.losses_with(current[:place] + current[place + 1 :], criterion)
+            allowed = np.flatnonzero((each <= bound) & (costs < costs[current[place]]))
+            if allowed.size:
+                cheapest = allowed[costs[allowed] <= np.min(costs[allowed])]
+                current[place] = int(cheapest[np.argmin(each[cheapest])])
+        return current
 
 
 def ordered(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
-    """The same candidates, each the best of what is left beside those before it.
-
-    Args:
-        problem: candidates and what is known.
-        chosen: candidates in any order.
-        criterion: one of `CRITERIA`.
-    """
-    left, order = list(chosen), list[int]()
-    while left:
-        found = _each_added(problem, order, criterion, left)
-        order.append(left.pop(int(np.argmin(found))))
+    """The same candidates, each the best of those that remain after those before it."""
+    remaining, order = list(chosen), list[int]()
+    while remaining:
+        gains = np.swapaxes(problem.gains[:, remaining], 0, 1)
+        each = losses(problem, problem.information(order) + gains, criterion)
+        order.append(remaining.pop(int(np.argmin(each))))
     return order
-
-
-def exhaustive(problem: DesignProblem, number: int, criterion: str) -> list[int]:
-    """The best of all choices of `number` candidates with repetition; for small cases.
-
-    Args:
-        problem: candidates and what is known.
-        number: of measurements.
-        criterion: one of `CRITERIA`.
-    """
-    every = list(itertools.combinations_with_replacement(range(problem.candidates), number))
-    sums = problem.base + np.stack([problem.gains[:, list(s)].sum(axis=1) for s in every])
-    return list(every[int(np.argmin(losses(problem, sums, criterion)))])

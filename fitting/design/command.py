@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fitting as ff
-from fitting.api.choices import CRITERIA
 from fitting.design import FILES, WAYS_FILES
 from fitting.extension.command import (
     add_at,
@@ -24,6 +23,7 @@ from fitting.extension.command import (
     worker_count,
     writes,
 )
+from fitting.text.choices import CRITERIA
 from fitting.text.results_folder import remove_earlier, results_folder
 
 if TYPE_CHECKING:

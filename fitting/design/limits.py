@@ -1,11 +1,12 @@
-"""The limits of an instrument: what [design] says, else what the campaign itself kept to."""
+"""What the instrument can do: as a table [design] has it, else as the campaign itself kept to it."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
@@ -13,34 +14,307 @@ from typing import Annotated
 
 import numpy as np
 
-from fitting import Drive
 from fitting.campaign.binder import Binder
-from fitting.design.candidates import MOST_NUMBER, Limits
-from fitting.design.sweep_limits import HEADROOM, asked_of, sweep_limits, with_unit
-from fitting.design.table import DesignTable, most_of, timed
-from fitting.design.trace_limits import trace_limits, traces_asked_of
-from fitting.extension.records import BoundCampaign, WrittenCampaign, WrittenDesign
+from fitting.campaign.control_table import LEAST_POINTS
+from fitting.design.continued import (
+    SWEEPS,
+    TRACES,
+    Continued,
+    continued,
+    longest_s,
+    repeatable,
+    required,
+)
+from fitting.design.result import DriveChoice
+from fitting.extension.records import (
+    BoundCampaign,
+    WrittenCampaign,
+    WrittenDesign,
+    WrittenSweeps,
+    WrittenTraces,
+)
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
-from fitting.text.arrays import Scalar
+from fitting.text.arguments import checked
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.keys import Keys, Missing
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import convert, same_kind
-from fitting.text.written import Written, as_written, difference_in, in_unit, positive_in
+from fitting.text.written import Written, difference_in, in_unit, positive_in
 
-#: Drive levels and numbers of averaged spectra that are tried where nothing is said.
-LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)
-#: Noise of a peak in proportion to it.
-RELATIVE_NOISE = 0.01
-#: Departure of what drifts from the line between its two measured values, as a share of the drift.
-OFF_THE_LINE = 0.05
-#: Relative difference of two limits that are the same one, written in two units.
-ROUNDING = 1e-12
+#: Measurements that are proposed, and samples of a recording, at most: it is simulated many times.
+MOST_NUMBER, MOST_SAMPLES = 50, 200_000
+#: Drive levels and numbers of averaged spectra that are tried where nothing is stated; lengths of
+#: recordings, in units of the longest trace; values of all controls together, at most.
+LEVELS, REPEATS, LENGTHS, TRIED = (1.0, 10.0, 100.0), (1, 10, 100), (0.25, 0.5, 1.0, 2.0), 41
+#: Noise of a peak in proportion to it; departure of what drifts from the line between its two
+#: measured values, as a share of the drift; largest amplitude that is proposed over that observed.
+RELATIVE_NOISE, OFF_THE_LINE, HEADROOM = 0.01, 0.05, 2.0
+#: Relative difference of two limits that are the same one, in two units; share of noise that is none.
+ROUNDING, NO_NOISE = 1e-12, 1e-6
 #: Tables by which a file is known as a campaign.
 OF_A_CAMPAIGN = ("fmu", "drive", "parameters")
+#: Keys of [design] that place tones; that mean nothing for traces.
+OF_TONES = frozenset(
+    [
+        "outputs",
+        "frequency_step",
+        "least_spacing",
+        "farthest",
+        "both_sides",
+        "tones",
+        "levels",
+        "repeats",
+        "phases",
+        "settings",
+        "setting_sigma",
+    ]
+)
+NOT_OF_TRACES = OF_TONES | {"centres", "relative_noise"}
+
+
+def combinations(settings: Mapping[str, Sequence[Scalar]]) -> list[dict[str, Scalar]]:
+    """All combinations of values, by name."""
+    values = itertools.product(*settings.values())
+    return [dict(zip(settings, combination, strict=True)) for combination in values]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepLimits:
+    """Sweeps of a control sweep as candidates, instead of tones, each at values of its controls.
+
+    Args:
+        span_hz: From the first to the last frequency, Hz.
+        points: Frequencies of a sweep, at least 8, evenly spaced.
+        controls: Values of the controls to try, in the units of the campaign's control sweep;
+            one that is not named keeps that of the last spectrum.
+
+    Raises:
+        BadInput: no span, or fewer points.
+    """
+
+    span_hz: float
+    points: int
+    controls: Mapping[str, tuple[Scalar, ...]]
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.span_hz < math.inf:
+            raise BadInput(f"limits: sweeps: span_hz {self.span_hz!r}, wanted a positive number")
+        if self.points < LEAST_POINTS:
+            raise BadInput(f"limits: sweeps: {self.points} points, wanted {LEAST_POINTS} at least")
+        if len(combinations(self.controls)) < 2:
+            raise BadInput(
+                "limits: sweeps: one place of the controls, wanted two at least: a control sweep "
+                "has several"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceLimits:
+    """Recordings over time as candidates: each repeats a trace of the campaign.
+
+    Args:
+        of: Names of the traces whose start or drive is repeated.
+        lengths_s: From the first to the last sample, s.
+        spacings_s: Spacings of the samples, s, by the name of the trace.
+        samples: That the recorder keeps, at most.
+
+    Raises:
+        BadInput: nothing to try, times that are not positive, fewer than 8 samples, or more than
+            a design simulates.
+    """
+
+    of: tuple[str, ...]
+    lengths_s: tuple[float, ...]
+    spacings_s: Mapping[str, tuple[float, ...]]
+    samples: int
+
+    def __post_init__(self) -> None:
+        if not self.of or set(self.spacings_s) != set(self.of):
+            raise BadInput("limits: traces: wanted one trace at least, and spacings of each")
+        for values in (self.lengths_s, *self.spacings_s.values()):
+            if not values or not all(0.0 < v < math.inf for v in values):
+                raise BadInput(
+                    f"limits: traces: found times {values!r}, wanted positive ones, one at least"
+                )
+        if not LEAST_SAMPLES <= self.samples <= MOST_SAMPLES:
+            raise BadInput(
+                f"limits: traces: {self.samples} samples, wanted {LEAST_SAMPLES} to {MOST_SAMPLES}"
+            )
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What the instrument can do.
+
+    A peak of amplitude A, averaged over n of ``repeats`` spectra, is known to
+
+        sigma^2 = noise_floor_v^2/n + (relative_noise A)^2
+
+    Args:
+        outputs: FMU outputs that can be observed.
+        centres_hz: Resonances, Hz, around which the tones are placed.
+        frequency_step_hz: Of the grid on which tones lie, Hz.
+        least_spacing_hz: Least distance of two tones, Hz.
+        farthest_hz: Largest distance of a tone from a resonance, Hz.
+        both_sides: Tones of one measurement lie on both sides of the resonance.
+        levels: Factors on the campaign's drive level.
+        repeats: Numbers of spectra that are averaged.
+        noise_floor_v: Of a peak in one spectrum, in the detector's unit.
+        relative_noise: Of a peak as a share of it; averaging does not lower it.
+        largest_v: Largest amplitude that is proposed, in the detector's unit.
+        settings: Values of further FMU parameters to try, in their units.
+        setting_sigmas: Errors, in the FMU's unit, of what is assumed of quantities that drift:
+            common to the tones of one experiment, new in the next.
+        number: Measurements, at most, 1 to 50.
+        tones: That are driven at once, 1 or 2.
+        lines: Read at combinations of the tones; empty: at the tones.
+        phases: The detector measures phases as well, against a reference phase that is unknown.
+        sweeps: Whole sweeps are measured instead of tones, around the only one of the centres.
+        traces: Recordings over time are made instead of tones, which have a noise of
+            ``noise_floor_v``, 0 for that of the traces so far; what places tones is not used.
+        time_s: Of the laboratory for all next measurements, s; None: their number alone counts.
+        spectrum_s: What a spectrum takes, s.
+        point_s: What a point of a sweep takes, s.
+        change_s: What the change to another measurement takes, s.
+
+    Raises:
+        BadInput: a limit that no instrument can have.
+    """
+
+    outputs: tuple[str, ...]
+    centres_hz: tuple[float, ...] = (1.0,)
+    frequency_step_hz: float = 1.0
+    least_spacing_hz: float = 1.0
+    farthest_hz: float = 1.0
+    both_sides: bool = True
+    levels: tuple[float, ...] = (1.0,)
+    repeats: tuple[int, ...] = (1,)
+    noise_floor_v: float
+    relative_noise: float = 0.0
+    largest_v: float
+    settings: Mapping[str, tuple[Scalar, ...]] = field(default_factory=dict)
+    setting_sigmas: Mapping[str, float] = field(default_factory=dict)
+    number: int = 6
+    tones: int = 2
+    lines: tuple[Combination, ...] = ()
+    phases: bool = False
+    sweeps: SweepLimits | None = None
+    traces: TraceLimits | None = None
+    time_s: float | None = None
+    spectrum_s: float = 1.0
+    point_s: float = 1.0
+    change_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
+        for name in (*above, "spectrum_s", "point_s"):
+            self._check(name, getattr(self, name) > 0.0, "a positive number")
+        self._check("time_s", self.time_s is None or self.time_s > 0.0, "a positive number")
+        for name in ("noise_floor_v", "relative_noise", "change_s"):
+            self._check(name, getattr(self, name) >= 0.0, "zero or more")
+        for name in ("centres_hz", "levels", "repeats"):
+            values = getattr(self, name)
+            good = len(values) > 0 and all(0.0 < v < math.inf for v in values)
+            self._check(name, good, "positive numbers, one at least")
+        self._check("outputs", len(self.outputs) > 0, "one name at least")
+        self._check("repeats", all(v == int(v) for v in self.repeats), "whole numbers")
+        self._check("tones", self.tones in (1, 2), "1 or 2")
+        self._check("number", 1 <= self.number <= MOST_NUMBER, f"1 to {MOST_NUMBER}")
+        if self.sweeps is not None:
+            self._check("number", self.number >= 2, f"2 to {MOST_NUMBER} sweeps")
+            self._check("centres_hz", len(self.centres_hz) == 1, "one, the middle of the sweeps")
+            noisy = max(self.noise_floor_v, self.relative_noise) > 0.0
+            self._check("noise_floor_v", noisy, "noise of the sweeps' points")
+            self._check("sweeps", self.traces is None, "sweeps or traces, not both")
+        for name in ("levels", "repeats"):
+            object.__setattr__(self, name, tuple(sorted(set(getattr(self, name)))))
+
+    def _check(self, name: str, good: bool, wanted: str) -> None:
+        value = getattr(self, name)
+        if not good or (isinstance(value, float) and not math.isfinite(value)):
+            raise BadInput(f"limits: {name}: found {value!r}, wanted {wanted}")
+
+    def sigmas(self, amplitudes_v: FloatArray, repeats: int) -> FloatArray:
+        """Standard deviations of peaks of any shape, in the detector's unit.
+
+        Args:
+            amplitudes_v: of the peaks, in the detector's unit.
+            repeats: number of spectra averaged.
+        """
+        floor = self.noise_floor_v / math.sqrt(repeats)
+        return np.asarray(np.hypot(floor, self.relative_noise * amplitudes_v))
+
+    def takes_s(self, choice: DriveChoice, repeats: int) -> float:
+        """What a measurement takes of the laboratory, s.
+
+        Args:
+            choice: what is measured.
+            repeats: number of spectra averaged.
+        """
+        if choice.recording is not None:
+            return self.change_s + choice.recording.length_s
+        points = choice.points
+        return self.change_s + (points * self.point_s if points else repeats * self.spectrum_s)
+
+
+# --- the table [design] -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DesignTable:
+    """A table [design]: its keys, the file that it is in, and the keys that are written there.
+
+    `elsewhere` are the files of keys that were taken over from another table.
+    """
+
+    path: Path
+    keys: WrittenDesign
+    written: frozenset[str] = frozenset()
+    elsewhere: Mapping[str, Path] = field(default_factory=dict)
+
+    def where(self, key: str) -> str:
+        """The place of a key, for errors."""
+        return f"{self.elsewhere.get(key, self.path)}: [design] {key}"
+
+    def with_keys_of(self, other: DesignTable) -> DesignTable:
+        """The table with all that the other one states; what that leaves out stays."""
+        new = {key: getattr(other.keys, key) for key in other.written}
+        for key in ("settings", "setting_sigma"):  # tables themselves, by variable
+            if key in new:
+                new[key] = {**getattr(self.keys, key), **new[key]}
+        for asked_for, given_up in (("sweeps", "traces"), ("traces", "sweeps")):
+            if asked_for in new:  # another kind of measurement
+                new.setdefault(given_up, None)
+        return DesignTable(
+            path=self.path,
+            keys=replace(self.keys, **new),
+            written=self.written | other.written,
+            elsewhere={**self.elsewhere, **dict.fromkeys(other.written, other.path)},
+        )
+
+    def of_kind(self, other: DesignTable) -> DesignTable:
+        """The table for the kind of measurement of another one, to be compared with it.
+
+        The noise is the other's, too: it is no limit, and without it sweeps have no limits.
+        """
+        keys = ("sweeps", "traces", "noise_floor", "relative_noise")
+        return replace(
+            self, keys=replace(self.keys, **{name: getattr(other.keys, name) for name in keys})
+        )
+
+    @property
+    def number(self) -> int:
+        """Measurements at most; where a time is given that counts, and their number hardly."""
+        number = self.keys.number or (Limits.number if self.keys.time is None else MOST_NUMBER)
+        if number > MOST_NUMBER:
+            raise BadInput(f"{self.where('number')}: found {number}, wanted at most {MOST_NUMBER}")
+        return number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +326,7 @@ class WrittenCandidates(Keys):
 
 
 def read_design_table(path: Path) -> DesignTable:
-    """The table [design] of a campaign file, empty where there is none.
-
-    Args:
-        path: of the campaign file.
-
-    Raises:
-        BadInput: no such file, not TOML, or something wrong with the table.
-    """
+    """The table [design] of a campaign file, empty where there is none; BadInput names what is wrong."""
     table = read_toml(path).get("design", {})
     return DesignTable(path, read_record(WrittenDesign, table, path, "design"), frozenset(table))
 
@@ -67,19 +334,14 @@ def read_design_table(path: Path) -> DesignTable:
 def read_candidates(path: Path) -> DesignTable:
     """The table [design] of a file that has to have one: nothing else, or a whole campaign.
 
-    Args:
-        path: of the file.
-
     Raises:
         BadInput: no such file, not TOML, no such table, or a table or key that there is not.
     """
     tables = read_toml(path)
-    if any(name in tables for name in OF_A_CAMPAIGN):
-        read_record(WrittenCampaign, tables, path)
-        if "design" not in tables:
-            raise BadInput(f"{path}: has no table [design], wanted one with limits")
-    else:
+    if not any(name in tables for name in OF_A_CAMPAIGN):
         read_record(WrittenCandidates, tables, path)
+    elif read_record(WrittenCampaign, tables, path) and "design" not in tables:
+        raise BadInput(f"{path}: has no table [design], wanted one with limits")
     return read_design_table(path)
 
 
@@ -90,37 +352,37 @@ def refuse_wider(
     where: Callable[[str], str],
     amplitude_unit: str,
 ) -> None:
-    """Complain of limits that go beyond what the campaign says that its instrument bears.
+    """Refuse limits that go beyond what the campaign states of its instrument.
 
     Args:
         limits: that are to hold.
         own: the campaign's.
-        table: the campaign's [design]; what it does not say is no limit.
-        where: place of a key of `limits`, for complaints.
+        table: the campaign's [design]; what it leaves out is no limit.
+        where: place of a key of `limits`, for errors.
         amplitude_unit: the detector's.
 
     Raises:
         BadInput: one is wider.
     """
-    for key, found, most, unit in (
+    for key, value, most, unit in (
         ("levels", max(limits.levels), max(own.levels), ""),
         ("largest", limits.largest_v, own.largest_v, amplitude_unit),
         ("farthest", limits.farthest_hz, own.farthest_hz, "Hz"),
         ("least_spacing", -limits.least_spacing_hz, -own.least_spacing_hz, "Hz"),
     ):
-        if key in table.said and found - most > ROUNDING * abs(most):
+        if key in table.written and value - most > ROUNDING * abs(most):
             wanted = "at most" if most > 0.0 else "at least"
-            high, low = (f"{abs(value):.9g} {unit}".rstrip() for value in (found, most))
+            high, low = (f"{abs(v):.9g} {unit}".rstrip() for v in (value, most))
             raise BadInput(
                 f"{where(key)}: found {high}, wanted {wanted} the {low} of {table.where(key)}"
             )
-    if "phases" in table.said and limits.phases and not own.phases:
+    if "phases" in table.written and limits.phases and not own.phases:
         raise BadInput(
             f"{where('phases')}: found true, wanted false as in {table.where('phases')}: the "
             "detector measures none"
         )
     more = [name for name in limits.outputs if name not in own.outputs]
-    if "outputs" in table.said and more:
+    if "outputs" in table.written and more:
         raise BadInput(
             f"{where('outputs')}: '{more[0]}' is none of those of {table.where('outputs')}, wanted "
             f"some of {', '.join(own.outputs)}"
@@ -130,7 +392,7 @@ def refuse_wider(
 def check_names(
     limits: Limits, variables: Mapping[str, VariableLike], controls: Mapping[str, str]
 ) -> None:
-    """Complain of names and values that neither the FMU nor a law has.
+    """Refuse names and values of limits made by a program that neither FMU nor laws have.
 
     Args:
         limits: made by a program.
@@ -145,10 +407,26 @@ def check_names(
         binder.real(name, "limits: outputs", READABLE, "observed")
     for name, values in limits.settings.items():
         for value in values:
-            written = as_written(value, f"limits: settings '{name}'")
-            binder.setting(name, with_unit(written, controls.get(name, "")))
+            written = Written(value, None, f"limits: settings '{name}'")
+            binder.setting(name, _with_unit(written, controls.get(name, "")))
     for name in limits.setting_sigmas:
         binder.real(name, "limits: setting_sigmas", SETTABLE, "set")
+
+
+def _binder(variables: Mapping[str, VariableLike], controls: Mapping[str, str]) -> Binder:
+    """Of the FMU's variables, and of control quantities in their units."""
+    binder = Binder(variables, controls)
+    binder.control_units.update({name: unit for name, unit in controls.items() if unit})
+    return binder
+
+
+def _with_unit(written: Written, unit: str) -> Written:
+    """A plain number in the unit of a control quantity; what has a unit stays."""
+    plain = written.unit is None and not isinstance(written.value, str)
+    return replace(written, unit=unit or None) if plain else written
+
+
+# --- from the table to limits -------------------------------------------------------------------
 
 
 def limits_of(
@@ -159,11 +437,11 @@ def limits_of(
 ) -> Limits:
     """Limits of a bound campaign's instrument from a table [design].
 
-    What it does not say is taken from the campaign: outputs like the observed one (same unit, same
+    What it leaves out is taken from the campaign: outputs like the observed one (same unit, same
     name but for digits), resonances at the sweep's maximum and at every drifting frequency, the
     grid, least spacing and largest detuning of its own drive frequencies, the noise of its peaks.
     Of a campaign of a map alone sweeps are proposed, at the values of its controls so far, of one
-    of traces alone recordings like these.
+    of traces alone recordings like these; unless tones are asked for.
 
     Args:
         bound: campaign, bound to its FMU.
@@ -174,91 +452,90 @@ def limits_of(
     Raises:
         BadInput: a value of the wrong kind or unit, an unknown variable, nothing to place tones by.
     """
-    said = asked_of(bound, table.keys, table.said)
-    if said.sweeps is None and traces_asked_of(bound, said, table.said):
-        return timed(trace_limits(bound, replace(table, keys=said)), said)
-    if said.sweeps is not None:
-        return timed(sweep_limits(bound, variables, replace(table, keys=said)), said)
-    if bound.setup.drive.kind == "none":
+    keys, measured = table.keys, set(bound.measurements)
+    alone = not (bound.experiments or bound.sweep or table.written & {*OF_TONES, "centres"})
+    by_itself = alone and keys.sweeps is None and keys.traces is None
+    if keys.sweeps is not None or (by_itself and continued(bound, SWEEPS)):
+        limits = _of_sweeps(bound, variables, table)
+    elif keys.traces is not None or (by_itself and measured and measured <= set(TRACES)):
+        limits = _of_traces(bound, table)
+    else:
+        limits = _of_tones(bound, variables, table, read)
+    times = {
+        "time_s": keys.time,
+        "spectrum_s": keys.spectrum_time,
+        "point_s": keys.point_time,
+        "change_s": keys.change_time,
+    }
+    return replace(limits, **{name: t for name, t in times.items() if t is not None})
+
+
+def _of_tones(
+    bound: BoundCampaign,
+    variables: Mapping[str, VariableLike],
+    table: DesignTable,
+    read: tuple[Combination, ...],
+) -> Limits:
+    keys, drive, sweep = table.keys, bound.setup.drive, bound.sweep
+    if drive.kind == "none":
         raise BadInput(
             f"{bound.path}: has no [drive], wanted one: tones are proposed where [design] asks for "
             "neither sweeps nor traces"
         )
+    levels = _ascending(keys.levels or (LEVELS if drive.kind == "tones" else (1.0,)))
+    if drive.kind != "tones" and levels != (1.0,):
+        raise BadInput(f"{table.where('levels')}: has no meaning with a drive through the input")
+    repeats = _ascending(keys.repeats or REPEATS)
+    if any(v != int(v) for v in repeats):
+        raise BadInput(f"{table.where('repeats')}: found {repeats!r}, wanted whole numbers")
+    relative = keys.relative_noise
+    if relative is not None and relative < 0.0:
+        raise BadInput(f"{table.where('relative_noise')}: found {relative}, wanted zero or more")
+    # tones at once: the campaign's, one where it has a sweep only
+    driven = len(drive.frequency_names)
+    tones = keys.tones or (driven if bound.experiments else 1)
+    if tones > min(2, driven):
+        raise BadInput(
+            f"{table.where('tones')}: {tones} tones; a design places one or two, as many as "
+            "[drive] has at most"
+        )
     centres = _centres(bound, variables, table)
-    own = _own_grid(bound, centres)
-    found = Limits(
+    step, spacing, farthest = _own_grid(bound, centres)
+    controls, unit = bound.setup.laws.controls, bound.amplitude_unit
+    binder = _binder(variables, controls)
+    peaks = [e.peaks_v for e in bound.experiments] + ([] if sweep is None else [sweep.amplitude_v])
+    return Limits(
         outputs=_outputs(bound, variables, table),
         centres_hz=centres,
-        frequency_step_hz=said.frequency_step or own[0],
-        least_spacing_hz=said.least_spacing or own[1],
-        farthest_hz=said.farthest or own[2],
-        both_sides=said.both_sides,
-        levels=_levels(bound.setup.drive, table),
-        repeats=_repeats(table),
-        noise_floor_v=_amplitude(bound, said.noise_floor, _own_noise(bound)),
-        relative_noise=_relative_noise(bound, table),
-        largest_v=_amplitude(bound, said.largest, HEADROOM * _largest(bound)),
-        settings=_settings(bound, variables, said),
-        setting_sigmas=_setting_sigmas(bound, variables, said),
-        number=_number(table),
-        tones=_tones(bound, table),
+        frequency_step_hz=keys.frequency_step or step,
+        least_spacing_hz=keys.least_spacing or spacing,
+        farthest_hz=keys.farthest or farthest,
+        both_sides=keys.both_sides,
+        levels=levels,
+        repeats=tuple(int(v) for v in repeats),
+        noise_floor_v=_amplitude(keys.noise_floor, unit, _own_noise(bound)),
+        relative_noise=bound.noise.relative or RELATIVE_NOISE if relative is None else relative,
+        largest_v=_amplitude(keys.largest, unit, HEADROOM * float(np.max(np.concatenate(peaks)))),
+        settings={
+            name: tuple(binder.setting(name, _with_unit(w, controls.get(name, ""))) for w in values)
+            for name, values in keys.settings.items()
+        },
+        setting_sigmas=_setting_sigmas(bound, variables, table),
+        number=table.number,
+        tones=tones,
         lines=() if all(line.order == 1 for line in read) else read,
-        phases=_phases(bound, said),
+        phases=any(e.phases is not None for e in bound.experiments)
+        if keys.phases is None
+        else keys.phases,
     )
-    return timed(found, said)
-
-
-def _phases(bound: BoundCampaign, said: WrittenDesign) -> bool:
-    if said.phases is not None:
-        return said.phases
-    return any(e.phases is not None for e in bound.experiments)
-
-
-def _levels(drive: Drive, table: DesignTable) -> tuple[float, ...]:
-    tones = drive.kind == "tones"
-    levels = _ascending(table.keys.levels or (LEVELS if tones else (1.0,)))
-    if not tones and levels != (1.0,):
-        raise BadInput(f"{table.where('levels')}: has no meaning with a drive through the input")
-    return levels
-
-
-def _repeats(table: DesignTable) -> tuple[int, ...]:
-    values = _ascending(table.keys.repeats or REPEATS)
-    if any(v != int(v) for v in values):
-        raise BadInput(f"{table.where('repeats')}: found {values!r}, wanted whole numbers")
-    return tuple(int(v) for v in values)
 
 
 def _ascending(values: Iterable[float]) -> tuple[float, ...]:
     return tuple(sorted({float(v) for v in values}))
 
 
-def _relative_noise(bound: BoundCampaign, table: DesignTable) -> float:
-    relative = table.keys.relative_noise
-    if relative is None:
-        return bound.noise.relative or RELATIVE_NOISE
-    if relative < 0.0:
-        raise BadInput(f"{table.where('relative_noise')}: found {relative}, wanted zero or more")
-    return relative
-
-
-def _number(table: DesignTable) -> int:
-    number = most_of(table.keys)
-    if number > MOST_NUMBER:
-        raise BadInput(f"{table.where('number')}: found {number}, wanted at most {MOST_NUMBER}")
-    return number
-
-
-def _tones(bound: BoundCampaign, table: DesignTable) -> int:
-    """Tones that are driven at once: the campaign's, one where it has a sweep only."""
-    driven = len(bound.setup.drive.frequency_names)
-    tones = table.keys.tones or (driven if bound.experiments else 1)
-    if tones > min(2, driven):
-        raise BadInput(
-            f"{table.where('tones')}: {tones} tones; a design places one or two, as many as "
-            "[drive] has at most"
-        )
-    return tones
+def _amplitude(written: Written | None, unit: str, default: float) -> float:
+    return default if written is None else positive_in(written, unit)
 
 
 def _outputs(
@@ -271,27 +548,29 @@ def _outputs(
         for name in names:
             Binder(variables).real(name, table.where("outputs"), READABLE, "observed")
         return names
-    unit, shape = variables[bound.setup.output].unit, _without_digits(bound.setup.output)
+    observed = bound.setup.output
+
+    def shape(name: str) -> str:
+        return re.sub(r"\d+", "#", name)
+
     alike = [
         name
         for name, v in variables.items()
-        if v.causality == "output" and v.unit == unit and _without_digits(name) == shape
+        if v.causality == "output"
+        and v.unit == variables[observed].unit
+        and shape(name) == shape(observed)
     ]
-    used = dict.fromkeys([bound.setup.output, *(e.output for e in bound.experiments if e.output)])
+    used = [observed, *(e.output for e in bound.experiments if e.output)]
     return tuple(dict.fromkeys([*used, *alike]))
-
-
-def _without_digits(name: str) -> str:
-    return re.sub(r"\d+", "#", name)
 
 
 def _centres(
     bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
 ) -> tuple[float, ...]:
-    """Resonances in Hz: as written, or where the campaign knows some."""
+    """Resonances in Hz: as written, or what drifts and the sweep's maximum, or the drive's mean."""
     if table.keys.centres is not None:
         return tuple(sorted(in_unit(written, "Hz") for written in table.keys.centres))
-    found = [
+    centres = [
         convert(after, variables[name].unit or "Hz", "Hz", where="[drift]")
         for name, (_, after) in bound.drift.ends.items()
         if same_kind(variables[name].unit or "1", "Hz")
@@ -300,39 +579,31 @@ def _centres(
     if sweep is not None:
         top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v).frequency_hz
         reach = 2.0 * half_power_width(sweep.frequency_hz, sweep.amplitude_v)
-        drifts = [abs(b - a) for a, b in bound.drift.ends.values()]
-        if all(abs(top - f) > reach + max(drifts, default=0.0) for f in found):
-            found.append(top)
-    if not found and bound.experiments:
-        found.append(float(np.mean([f for e in bound.experiments for f in e.tones_hz])))
-    if not found:
+        reach += max((abs(b - a) for a, b in bound.drift.ends.values()), default=0.0)
+        if all(abs(top - f) > reach for f in centres):
+            centres.append(top)
+    if not centres and bound.experiments:
+        centres.append(float(np.mean([f for e in bound.experiments for f in e.tones_hz])))
+    if not centres:
         raise BadInput(f"{table.where('centres')}: wanted frequencies to place the tones around")
-    return tuple(sorted(found))
+    return tuple(sorted(centres))
 
 
 def _own_grid(bound: BoundCampaign, centres: tuple[float, ...]) -> tuple[float, float, float]:
     """Step, least spacing and farthest detuning of the campaign's own tones, Hz."""
     tones = sorted({round(f) for e in bound.experiments for f in e.tones_hz})
     steps = [b - a for a, b in pairwise(tones)]
-    spacings = [b - a for e in bound.experiments for a, b in pairwise(sorted(e.tones_hz))]
-    if not steps:
-        step = _round(0.1 * _width(bound))
+    if not steps:  # a tenth of a line width, down to one digit: a number that a dial shows
+        tenth = 0.1 * _width(bound)
+        place = 10.0 ** math.floor(math.log10(tenth))
+        step = math.floor(tenth / place) * place
         return step, 2.0 * step, 15.0 * step
-    step = float(reduce(math.gcd, steps))
-    middles = [0.5 * (min(e.tones_hz) + max(e.tones_hz)) for e in bound.experiments]
-    farthest = max(
-        abs(f - m) for e, m in zip(bound.experiments, middles, strict=True) for f in e.tones_hz
-    )
+    spacings = [b - a for e in bound.experiments for a, b in pairwise(sorted(e.tones_hz))]
+    farthest = max(0.5 * (max(e.tones_hz) - min(e.tones_hz)) for e in bound.experiments)
     if not spacings:  # single tones: how far they are from the nearest resonance
         farthest = max(min(abs(f - c) for c in centres) for f in tones)
-    step = max(step, farthest / 50.0)
+    step = max(float(reduce(math.gcd, steps)), farthest / 50.0)
     return step, min(spacings, default=step), max(farthest, 2.0 * step)
-
-
-def _round(value: float) -> float:
-    """Down to one digit, a number that a dial shows."""
-    place = 10.0 ** math.floor(math.log10(value))
-    return math.floor(value / place) * place
 
 
 def _width(bound: BoundCampaign) -> float:
@@ -360,53 +631,190 @@ def _own_noise(bound: BoundCampaign) -> float:
     return 0.0
 
 
-def _largest(bound: BoundCampaign) -> float:
-    peaks = [float(np.max(e.peaks_v)) for e in bound.experiments]
-    if bound.sweep is not None:
-        peaks.append(float(np.max(bound.sweep.amplitude_v)))
-    return max(peaks)
-
-
-def _amplitude(bound: BoundCampaign, written: Written | None, default: float) -> float:
-    return default if written is None else positive_in(written, bound.amplitude_unit)
-
-
-def _settings(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], said: WrittenDesign
-) -> dict[str, tuple[Scalar, ...]]:
-    """Lists of values of further FMU parameters or control quantities, in their units."""
-    controls = bound.setup.laws.controls
-    binder = _binder(variables, controls)
-    return {
-        name: tuple(binder.setting(name, with_unit(w, controls.get(name, ""))) for w in values)
-        for name, values in said.settings.items()
-    }
-
-
-def _binder(variables: Mapping[str, VariableLike], controls: Mapping[str, str]) -> Binder:
-    """Of the FMU's variables, and of control quantities in their units."""
-    binder = Binder(variables, controls)
-    binder.control_units.update(controls)
-    return binder
-
-
 def _setting_sigmas(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], said: WrittenDesign
+    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
 ) -> dict[str, float]:
-    """Errors of what is set to the value that the laboratory believes, by FMU variable."""
-    found = {
+    """Errors of what is set to the value that is assumed, by FMU variable."""
+    sigmas = {
         name: OFF_THE_LINE * abs(after - before)
         for name, (before, after) in bound.drift.ends.items()
         if after != before
     }
     for parameter in bound.offsets:  # that the campaign fits: their own prior
         if parameter.prior_sigma is not None:
-            found.update(dict.fromkeys(parameter.adds_to, parameter.prior_sigma))
+            sigmas.update(dict.fromkeys(parameter.adds_to, parameter.prior_sigma))
     binder = Binder(variables)
-    for name, written in said.setting_sigma.items():
+    for name, written in table.keys.setting_sigma.items():
         variable = binder.real(name, written.where, SETTABLE, "set")
         value = difference_in(written, variable.unit)
         if value < 0.0:
             raise BadInput(f"{written.where}: found {written.value!r}, wanted zero or more")
-        found[name] = value
-    return {name: sigma for name, sigma in found.items() if sigma > 0.0}
+        sigmas[name] = value
+    return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
+
+
+def _refuse_keys(bound: BoundCampaign, table: DesignTable, kind: str, keys: frozenset[str]) -> None:
+    """Refuse keys that mean nothing for a kind, and what is fitted to each of its records."""
+    for key in sorted(keys & table.written):
+        raise BadInput(
+            f"{table.where(key)}: has no meaning together with {kind}, which are proposed in place "
+            "of tones"
+        )
+    own = next((p.name for p in bound.parameters if p.experiments), None)
+    if own is not None:
+        raise BadInput(
+            f"{table.where(kind)}: '{own}' is fitted to single {kind}, and nothing is known of it "
+            f"in a new one; wanted parameters that all {kind} share"
+        )
+
+
+def _of_sweeps(
+    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
+) -> Limits:
+    like, keys = required(bound, SWEEPS), table.keys
+    _refuse_keys(bound, table, "sweeps", OF_TONES)
+    levels = [s.level for s in like.records if like.table == "control_sweep"]
+    if any(np.any(level != 1.0) for level in levels):
+        raise BadInput(
+            f"{table.where('sweeps')}: the spectra of [{like.table}] have a drive of their own; "
+            "wanted sweeps with one amplitude of the drive"
+        )
+    first = min(float(s.u_hz[0]) for s in like.records)
+    last = max(float(s.u_hz[-1]) for s in like.records)
+    centre_hz = 0.5 * (first + last)
+    if keys.centres is not None:
+        if len(keys.centres) != 1:
+            raise BadInput(
+                f"{table.where('centres')}: {len(keys.centres)} frequencies, wanted one, the "
+                "middle of the sweeps"
+            )
+        centre_hz = in_unit(keys.centres[0], "Hz")
+    asked_for = keys.sweeps or WrittenSweeps(controls={})
+    sweeps = SweepLimits(
+        span_hz=asked_for.span or last - first,
+        points=asked_for.points or max(s.u_hz.size for s in like.records),
+        controls=_own_controls(like)
+        if keys.sweeps is None
+        else _controls(bound, variables, table, like, asked_for),
+    )
+    step_hz = sweeps.span_hz / (sweeps.points - 1)
+    largest = max(float(np.max(np.abs(s.y))) for s in like.records)
+    floor, relative = _noise_of_sweeps(like, table, largest)
+    return Limits(
+        outputs=(like.kind.output_of(like.records[-1]),),
+        centres_hz=(centre_hz,),
+        frequency_step_hz=step_hz,
+        least_spacing_hz=step_hz,
+        farthest_hz=0.5 * sweeps.span_hz,
+        noise_floor_v=floor,
+        relative_noise=relative,
+        largest_v=_amplitude(keys.largest, like.unit, HEADROOM * largest),
+        number=table.number,
+        sweeps=sweeps,
+    )
+
+
+def _own_controls(like: Continued) -> dict[str, tuple[Scalar, ...]]:
+    """Values of the controls so far, some over the whole range of each."""
+    most = max(2, round(TRIED ** (1.0 / max(1, len(like.last)))))
+    controls = {}
+    for name in like.last:
+        values = sorted({s.settings[name] for s in like.records}, key=float)
+        some = np.unique(np.round(np.linspace(0, len(values) - 1, most)).astype(int))
+        controls[name] = tuple(values[k] for k in some)
+    return controls
+
+
+def _controls(
+    bound: BoundCampaign,
+    variables: Mapping[str, VariableLike],
+    table: DesignTable,
+    like: Continued,
+    asked_for: WrittenSweeps,
+) -> dict[str, tuple[Scalar, ...]]:
+    units = like.kind.units
+    binder = Binder(variables, bound.setup.laws.names)
+    binder.control_units.update({name: unit for name, unit in units.items() if unit})
+    check_controls(asked_for.controls, like, table.where("sweeps"))
+    return {
+        name: tuple(binder.setting(name, _with_unit(w, units.get(name, ""))) for w in values)
+        for name, values in asked_for.controls.items()
+    }
+
+
+def check_controls(names: Iterable[str], like: Continued, where: str) -> None:
+    """Refuse controls that the campaign's sweeps have no column for.
+
+    Args:
+        names: of controls.
+        like: sweeps that are continued.
+        where: what errors name.
+
+    Raises:
+        BadInput: an unknown control.
+    """
+    for name in names:
+        if name not in like.last:
+            raise BadInput(
+                f"{where}: '{name}' is no control of [{like.table}]; wanted some of "
+                f"{', '.join(like.last)}"
+            )
+
+
+def _noise_of_sweeps(like: Continued, table: DesignTable, largest: float) -> tuple[float, float]:
+    """Noise of a point of a sweep, and the part of it that is a share of the amplitude.
+
+    Least squares of sigma^2 = floor^2 + (relative A)^2 over the measured points, where it is
+    stated; the median of what the sweeps' scatter shows elsewhere.
+    """
+    keys, sigma = table.keys, like.sigmas()
+    squares = np.array([float(np.median(sigma / largest)) ** 2, 0.0])
+    if not like.is_estimated:
+        amplitude = np.concatenate([np.abs(s.y) for s in like.records])
+        matrix = np.column_stack([np.ones(amplitude.size), (amplitude / largest) ** 2])
+        squares = np.linalg.lstsq(matrix, (sigma / largest) ** 2, rcond=None)[0]
+    parts = np.sqrt(np.maximum(squares, 0.0))
+    parts[parts < NO_NOISE * parts.max()] = 0.0
+    floor = _amplitude(keys.noise_floor, like.unit, float(f"{largest * float(parts[0]):.9g}"))
+    relative = float(parts[1]) if keys.relative_noise is None else keys.relative_noise
+    if not (floor > 0.0 or relative > 0.0):
+        raise BadInput(
+            f"{table.where('noise_floor')}: is not there and [{like.table}] states no noise; "
+            "wanted that of a point of a sweep"
+        )
+    return floor, relative
+
+
+def _of_traces(bound: BoundCampaign, table: DesignTable) -> Limits:
+    like, keys = required(bound, TRACES), table.keys
+    asked_for = keys.traces or WrittenTraces()
+    _refuse_keys(bound, table, "traces", NOT_OF_TRACES)
+    of = tuple(dict.fromkeys(asked_for.of or like.labels))
+    records = repeatable(like, of, table.where("traces"))
+    unit = records[0].unit
+    lengths = asked_for.lengths
+    if lengths is None:
+        longest = max((record.y.size - 1) * record.spacing_s for record in records)
+        # of a recorded input no more is known than was recorded
+        endless = max(map(longest_s, records)) == math.inf
+        lengths = tuple(share * longest for share in LENGTHS if share <= 1.0 or endless)
+    samples = asked_for.samples
+    if samples is None:
+        own = round(HEADROOM * max(record.y.size for record in like.records))
+        samples = min(own, MOST_SAMPLES)
+    if not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
+        raise BadInput(
+            f"{table.where('traces')}: {samples} samples, wanted {LEAST_SAMPLES} to {MOST_SAMPLES}"
+        )
+    observed = max(float(np.max(np.abs(record.y))) for record in records)
+    spacings = {r.label: tuple(sorted(set(asked_for.spacings or (r.spacing_s,)))) for r in records}
+    return Limits(
+        outputs=tuple(dict.fromkeys(like.kind.output_of(record) for record in records)),
+        noise_floor_v=0.0 if keys.noise_floor is None else positive_in(keys.noise_floor, unit),
+        largest_v=_amplitude(keys.largest, unit, HEADROOM * observed),
+        number=table.number,
+        tones=1,
+        traces=TraceLimits(
+            of=of, lengths_s=tuple(sorted(set(lengths))), spacings_s=spacings, samples=samples
+        ),
+    )

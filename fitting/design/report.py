@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fitting.design.result import Design
-from fitting.design.ways import Ways
+from fitting.design.result import Design, Ways
 from fitting.extension.report import Figure, Table, phrase, printed_lines, table, write_page
 
 

@@ -1,4 +1,4 @@
-"""What a design says: the proposed measurements and what they should do for the target."""
+"""What a design proposes: the next measurements, and the error of the target that they promise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fitting.text.arrays import Scalar
 from fitting.text.csv_cells import csv_text
 from fitting.text.records import read_json, write_json
 
-NAME = "design.json"
+NAME, WAYS_NAME = "design.json", "ways.json"
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Recording:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveChoice:
-    """What tells a candidate from the others: where it is driven, what is read, how strongly.
+    """A candidate: where it is driven, what is observed, how strongly.
 
     `tones_hz` around the resonance `centre_hz`, `level` a factor on the campaign's drive,
     `settings` of further FMU parameters or controls. With `points` it is a sweep of that many
@@ -85,7 +85,7 @@ class Kind:
     Of recordings those that repeat one `trace` with one spacing, `spacing_s`.
 
     Expected sigma (average over points of equal fit) of the `best` and the `worst` of them if it
-    were the only measurement, and of the best beside all proposed ones but the last (`beside`).
+    were the only measurement, and of the best added to all proposed ones but the last (`beside`).
     """
 
     output: str
@@ -118,7 +118,7 @@ class PlacePoint:
 class Prospect:
     """What further measurements are weighed for, and by which `criterion`.
 
-    `before` is the target's error with the data so far; `sentences` say what was assumed.
+    `before` is the target's error with the data so far; `sentences` state what was assumed.
     """
 
     title: str
@@ -168,75 +168,88 @@ class Design(Prospect):
         return self.before.mean / self.proposals[-1].expected.mean if self.proposals else 1.0
 
 
-def write_design(design: Design, folder: Path) -> Path:
-    """Write `design.json` into a folder, whole or not at all.
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """One way to spend the time: what it takes, s, and the target's error that is expected then.
+
+    `counts` are its measurements by the name of the kind: one, of a mixture several.
+    """
+
+    name: str
+    counts: Mapping[str, int]
+    takes_s: float
+    expected: Expected
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ways(Prospect):
+    """Ways to spend `time_s`, s, the one with the least expected error first."""
+
+    time_s: float
+    ways: tuple[Way, ...]
+
+    @property
+    def best(self) -> Way:
+        """The one with the least expected error."""
+        return self.ways[0]
+
+
+def write_design(design: Design | Ways, folder: Path) -> Path:
+    """Write `design.json`, or `ways.json` of several ways, into a folder, whole or not at all.
 
     Args:
         design: what is written.
         folder: where it goes.
     """
-    path = folder / NAME
+    path = folder / (NAME if isinstance(design, Design) else WAYS_NAME)
     write_json(path, design)
     return path
 
 
 def read_design(path: Path) -> Design:
-    """Read it back; raises BadInput naming the key that is wrong.
-
-    Args:
-        path: of design.json.
-    """
+    """Read design.json back; raises BadInput naming the key that is wrong."""
     return read_json(path, Design)
 
 
+def read_ways(path: Path) -> Ways:
+    """Read ways.json back; raises BadInput naming the key that is wrong."""
+    return read_json(path, Ways)
+
+
 def design_csv(design: Design) -> str:
-    """The proposals as CSV text, a row each, units in the header.
-
-    Args:
-        design: what is proposed.
-    """
-    tones = len(design.proposals[0].tones_hz) if design.proposals else 0
-    peaks = len(design.proposals[0].peaks_v) if design.proposals else 0
-    driven = [f"tone {i + 1} (Hz)" for i in range(tones)]
-    if design.is_of_sweeps:
-        driven = ["first frequency (Hz)", "last frequency (Hz)", "points"]
-    if design.is_of_traces:
-        return _recordings_csv(design)
-    unit, volts = design.unit or "1", design.amplitude_unit or "1"
-    names = list(design.proposals[0].settings) if design.proposals else []
-    head = ["rank", *driven, "resonance (Hz)", "output"]
-    head += ["level", *names, "spectra", *(f"peak {i + 1} ({volts})" for i in range(peaks))]
-    head += [f"sigma {i + 1} ({volts})" for i in range(peaks)]
-    head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
-    before = design.before
-    lines = [head]
-    blank = [""] * (len(head) - 4)
-    lines.append(["0", *blank, *map(_number, (before.at, before.mean, before.worst))])
-    for p in design.proposals:
-        e = p.expected
-        cells = [str(p.rank), *map(repr, p.tones_hz), *([str(p.points)] if p.points else [])]
-        cells += [repr(p.centre_hz), p.output, repr(p.level)]
-        cells += [str(value) for value in p.settings.values()] + [str(p.repeats)]
-        cells += [*map(repr, p.peaks_v), *map(repr, p.sigmas_v)]
-        lines.append([*cells, *map(_number, (e.at, e.mean, e.worst))])
-    return csv_text(lines)
+    """The proposals as CSV text, a row each below that of the data so far, units in the header."""
+    unit, amplitude = design.unit or "1", design.amplitude_unit or "1"
+    rows = [_cells(p, amplitude) for p in design.proposals]
+    ends = [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
+    table = [["rank", *(rows[0] if rows else ()), *ends]]
+    table.append(["0", *[""] * (len(table[0]) - 4), *_numbers(design.before)])
+    for p, cells in zip(design.proposals, rows, strict=True):
+        table.append([str(p.rank), *cells.values(), *_numbers(p.expected)])
+    return csv_text(table)
 
 
-def _recordings_csv(design: Design) -> str:
-    unit, volts = design.unit or "1", design.amplitude_unit or "1"
-    head = ["rank", "trace", "output", "length (s)", "spacing (s)", "samples"]
-    head += [f"largest ({volts})", f"sigma ({volts})"]
-    head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
-    before = design.before
-    rows = [head, ["0", *[""] * 7, *map(_number, (before.at, before.mean, before.worst))]]
-    for p in design.proposals:
-        if p.recording is not None:
-            r, e = p.recording, p.expected
-            cells = [str(p.rank), r.trace, p.output, repr(r.length_s), repr(r.spacing_s)]
-            cells += [str(r.samples), *map(repr, (*p.peaks_v, *p.sigmas_v))]
-            rows.append([*cells, *map(_number, (e.at, e.mean, e.worst))])
-    return csv_text(rows)
+def _cells(p: Proposal, amplitude: str) -> dict[str, str]:
+    """Cells of a proposal by the heads of their columns."""
+    if p.recording is not None:
+        r = p.recording
+        cells = {"trace": r.trace, "output": p.output, "length (s)": repr(r.length_s)}
+        cells |= {"spacing (s)": repr(r.spacing_s), "samples": str(r.samples)}
+        return cells | {
+            f"largest ({amplitude})": repr(p.peaks_v[0]),
+            f"sigma ({amplitude})": repr(p.sigmas_v[0]),
+        }
+    heads = [f"tone {i + 1} (Hz)" for i in range(len(p.tones_hz))]
+    if p.points:
+        heads = ["first frequency (Hz)", "last frequency (Hz)"]
+    cells = dict(zip(heads, map(repr, p.tones_hz), strict=True))
+    cells |= {"points": str(p.points)} if p.points else {}
+    cells |= {"resonance (Hz)": repr(p.centre_hz), "output": p.output, "level": repr(p.level)}
+    cells |= {name: str(value) for name, value in p.settings.items()}
+    cells["spectra"] = str(p.repeats)
+    for name, values in (("peak", p.peaks_v), ("sigma", p.sigmas_v)):
+        cells |= {f"{name} {i + 1} ({amplitude})": repr(v) for i, v in enumerate(values)}
+    return cells
 
 
-def _number(value: float) -> str:
-    return "" if math.isnan(value) else repr(value)
+def _numbers(e: Expected) -> list[str]:
+    return ["" if math.isnan(v) else repr(v) for v in (e.at, e.mean, e.worst)]

@@ -1,67 +1,50 @@
-"""Whole sweeps as candidates: what each says of the parameters, through the FMU.
+"""Whole sweeps as next measurements, at values of their controls, through the FMU.
 
-With the rows y of a sweep, amplitudes or both quadratures (`fitting.design.continued`), their noise
-sigma and the mean M of magnitudes of noisy quadratures (`fitting.signal.magnitude`; the values
-themselves where rows are no magnitudes), its rows as a fit weighs them are
+Amplitudes, `[control_sweep]`, have one row for each point and a real scale; complex values,
+`[complex_control_sweep]`, a row for each quadrature, a complex gain, a background and a cable:
 
-    W = M'(y) dy/dx/sigma        s = M'(y) dy/dc/sigma
+    A = chi |P|                          S = e (a P + b + b' x)       e = exp(-i 2 pi (u - u0) tau)
 
-What is solved inside (c: a scale, a complex gain, a background) is projected out,
-F = W^T (1 - s s^+) W; what all new sweeps share is a variable of the choice.
+P is the response of the FMU, wirings as in `fitting.measurements.complex.wiring`. Gains, scales and
+backgrounds are unknown in a new sweep; where they enter derivatives they are taken to be those of
+the sweep so far whose scale is the median.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from fitting.design.candidates import Limits, combinations
-from fitting.design.continued import Continued, Responses, SweepRows, continued_of
-from fitting.design.information import Place, Series
+from fitting.design.continued import SWEEPS, Continued, required
+from fitting.design.information import Place, Rows, Series
+from fitting.design.limits import Limits, check_controls, combinations
 from fitting.design.result import DriveChoice
-from fitting.extension.problem import (
-    SMALLEST_SIGMA,
-    central,
-    planning_points,
-    search_bounds,
-    to_model,
-)
+from fitting.extension.problem import central, planning_points, search_bounds, to_model
 from fitting.extension.records import BoundCampaign, Prediction
+from fitting.measurements.complex.sweep import DELAY, ComplexSweep
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.curve_survey import plan_curve
-from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve
-from fitting.signal.magnitude import mean_magnitude
 from fitting.simulate.batch import Batch, answered, together
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 #: Candidates at most.
 MOST_SWEEPS = 1000
-#: Directions of what is solved inside that are smaller than this share of the largest are rounding.
-RANK = 1e-10
+#: Prior of the logarithm of a scale, and of a phase (rad), that all new measurements share.
+ANY_SCALE, ANY_PHASE = 10.0, math.pi / math.sqrt(3.0)
 
 
-def check_controls(names: Iterable[str], sweeps: Continued, where: str) -> None:
-    """Complain of what the campaign's sweeps have no column for.
-
-    Args:
-        names: of controls.
-        sweeps: that are continued.
-        where: what complaints name.
-
-    Raises:
-        BadInput: an unknown control.
-    """
-    known = list(sweeps.last)
-    for name in names:
-        if name not in known:
-            raise BadInput(
-                f"{where}: '{name}' is no control of [{sweeps.table}]; wanted some of "
-                f"{', '.join(known)}"
-            )
+def shared_sigmas(like: Continued) -> list[float]:
+    """Prior standard deviations of what new sweeps have in common: of a scale, of a phase."""
+    if isinstance(like.kind, ControlSweep):
+        return [ANY_SCALE] if like.kind.scaled_by == "shared" else []
+    last = like.records[-1]
+    if last.restarted:
+        return [ANY_SCALE]
+    return [ANY_SCALE, ANY_PHASE] if last.shared else []
 
 
 def sweep_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice, ...]:
@@ -74,143 +57,141 @@ def sweep_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice, ..
     Raises:
         BadInput: too many combinations.
     """
-    wanted = limits.sweeps
-    if wanted is None:
+    sweeps, like = limits.sweeps, required(bound, SWEEPS)
+    if sweeps is None:
         return ()
-    combined = combinations(wanted.controls)
+    combined = combinations(sweeps.controls)
     if len(combined) > MOST_SWEEPS:
         raise BadInput(
             f"{bound.path}: {len(combined)} sweeps lie within the limits, wanted at most "
             f"{MOST_SWEEPS}: fewer values in [design] sweeps"
         )
-    [centre_hz] = limits.centres_hz
-    so_far = continued_of(bound)
-    check_controls(wanted.controls, so_far, "limits: sweeps")
-    half = 0.5 * wanted.span_hz
+    check_controls(sweeps.controls, like, "limits: sweeps")
+    [centre_hz], half = limits.centres_hz, 0.5 * sweeps.span_hz
     return tuple(
         DriveChoice(
             centre_hz=centre_hz,
             tones_hz=(centre_hz - half, centre_hz + half),
             output=limits.outputs[0],
             level=1.0,
-            settings={**so_far.last, **chosen},
-            points=wanted.points,
+            settings={**like.last, **controls},
+            points=sweeps.points,
         )
-        for chosen in combined
+        for controls in combined
     )
 
 
 def frequencies_hz(choice: DriveChoice) -> FloatArray:
-    """Frequencies of a sweep, (points,), Hz.
+    """Frequencies of a sweep, (points,), Hz."""
+    return np.linspace(*choice.tones_hz, choice.points)
+
+
+class SweepCandidates:
+    """Sweeps at values of the controls, all of the same frequencies.
 
     Args:
-        choice: a sweep.
-    """
-    first, last = choice.tones_hz
-    return np.linspace(first, last, choice.points)
-
-
-def simulated_sweeps(
-    series: Series,
-    so_far: Continued,
-    choices: Sequence[DriveChoice],
-    places: Sequence[Place],
-    steps: FloatArray,
-) -> list[SweepRows]:
-    """Rows of all sweeps and their derivatives at every place.
-
-    Args:
-        series: the data so far, for the scale, the plan and the FMU.
-        so_far: its sweeps that are continued.
-        choices: sweeps, all of the same frequencies.
-        places: where they are wanted.
+        data: the campaign that is to be continued.
+        limits: of the instrument, with sweeps.
         steps: difference steps in x, shape (n,).
     """
-    series.plan = _planned(series, choices)
-    return [
-        so_far.rows(_prediction(series, so_far, place), _responses(series, choices, place, steps))
-        for place in places
-    ]
+
+    linear, noise = True, None
+
+    def __init__(self, data: Series, limits: Limits, steps: FloatArray) -> None:
+        self.data, self.steps = data, steps
+        self.like = required(data.bound, SWEEPS)
+        self.choices = sweep_choices(data.bound, limits)
+        self.frequency_hz = frequencies_hz(self.choices[0])
+        # few runs for each sweep where the FMU is linear
+        model = data.model(data.bound.alternatives[0])
+        points = planning_points(data.bound.parameters)
+        for choice in self.choices:
+            curve = ResponseCurve(model, choice.settings, choice.output)
+            plan = plan_curve(curve, self.frequency_hz, points, data.workers)
+            model = replace(model, plan=plan)
+        self.plan = model.plan
+
+    def rows(self, place: Place) -> list[Rows]:
+        """All sweeps at a place."""
+        parameters = self.data.bound.parameters
+        around = central(place.x, self.steps, *search_bounds(parameters))
+        table = np.array([to_model(parameters, x) for x in (place.x, *around.nodes)])
+        model, batch = replace(self.data.model(place.alternative), plan=self.plan), Batch()
+        curves = [ResponseCurve(model, c.settings, c.output) for c in self.choices]
+        task = together([curve.predict(table, self.frequency_hz, batch) for curve in curves])
+        responses = np.stack(answered(task, batch, self.data.workers), axis=1)  # (nodes, c, m)
+        now = self._measured(place, table[0])
+        if isinstance(self.like.kind, ControlSweep):
+            scale = _scale(self.like.kind, now)
+            (here, *nodes), kind = scale * np.abs(responses), self.like.kind
+            own, shared = (here[..., None][..., : kind.scaled_by == k] for k in ("each", "shared"))
+            rectified = kind.rectified and not kind.logarithmic
+        else:
+            (here, *nodes), own, shared = self._wired(responses, table, now)
+            rectified = False
+        nothing = np.zeros((*here.shape, 1))  # new sweeps say nothing of the scale so far
+        return [
+            Rows(
+                values=here,
+                by_x=around.quotients(nodes),
+                shared=np.concatenate([nothing, shared], axis=-1),
+                inside=own,
+                errors=nothing[..., :0],
+                rectified=rectified,
+            )
+        ]
+
+    def _measured(self, place: Place, p: FloatArray) -> Prediction:
+        """What the sweeps so far are predicted as."""
+        [answer] = self.data.response(place.alternative).evaluate_many([p])
+        pairs = zip(self.data.data.measurements, answer.predictions, strict=True)
+        kind = self.like.kind
+        return next(q for m, q in pairs if type(m) is type(kind) and m.places == kind.places)
+
+    def _wired(
+        self, responses: ComplexArray, table: FloatArray, now: Prediction
+    ) -> tuple[list[ComplexArray], ComplexArray, ComplexArray]:
+        """Values (c, m) at every node; there, columns of what each has of its own and of the rest."""
+        sweeps: ComplexSweep = self.like.kind
+        curve, u = sweeps.records[-1], self.frequency_hz
+        middle_hz, coefficients = 0.5 * float(u[0] + u[-1]), _coefficients(sweeps, now, u)
+        names = [q.name if q.role == DELAY else "" for q in self.data.bound.parameters]
+
+        def designs(values: ComplexArray, p: FloatArray) -> ComplexArray:
+            delay_s = curve.delay_s
+            if delay_s is None:
+                delay_s = float(p[names.index(sweeps.delay_name(curve))])
+            return np.stack([curve.wiring.design(u, h, delay_s, middle_hz) for h in values])
+
+        columns = designs(responses[0], table[0])  # (c, m, k)
+        nodes = [designs(h, p) @ coefficients for h, p in zip(responses, table, strict=True)]
+        gain = coefficients[0] * columns[..., :1]
+        own, shared = [columns[..., 1:], 1j * columns[..., 1:]], [gain[..., :0]]
+        (shared if curve.shared else own).append(gain)
+        (shared if curve.shared and not curve.restarted else own).append(1j * gain)
+        return nodes, np.concatenate(own, axis=-1), np.concatenate(shared, axis=-1)
 
 
-def _curves(model: DrivenModel, choices: Sequence[DriveChoice]) -> list[ResponseCurve]:
-    return [ResponseCurve(model, c.settings, c.output) for c in choices]
+def _scale(sweep: ControlSweep, now: Prediction) -> float:
+    """From simulated to measured amplitudes, the median of all measured spectra's."""
+    shared = sweep.scale(now)
+    values = np.asarray(now.values, dtype=float)
+    scaled = sweep.scaled(now, 1.0 if shared is None else shared.value)
+    return float(np.median(scaled[values > 0.0] / values[values > 0.0]))
 
 
-def _planned(series: Series, choices: Sequence[DriveChoice]) -> Plan:
-    """The plan with few runs for each sweep where the FMU is linear."""
-    parameters = series.bound.parameters
-    points = planning_points(parameters)
-    model = series.model(series.bound.alternatives[0])
-    for choice in choices:
-        [curve] = _curves(model, [choice])
-        plan = plan_curve(curve, frequencies_hz(choice), points, series.workers)
-        model = replace(model, plan=plan)
-    return model.plan
+def _coefficients(sweeps: ComplexSweep, now: Prediction, u_hz: FloatArray) -> ComplexArray:
+    """Gain and background (k,) for a sweep over u, those of the one whose gain is the median.
 
-
-def _responses(
-    series: Series, choices: Sequence[DriveChoice], place: Place, steps: FloatArray
-) -> Responses:
-    parameters = series.bound.parameters
-    around = central(place.x, steps, *search_bounds(parameters))
-    table = np.array([to_model(parameters, x) for x in (place.x, *around.nodes)])
-    frequency_hz, batch = frequencies_hz(choices[0]), Batch()
-    curves = _curves(series.model(place.alternative), choices)
-    task = together([curve.predict(table, frequency_hz, batch) for curve in curves])
-    here, *nodes = np.stack(answered(task, batch, series.workers), axis=1)
-    return Responses(
-        frequency_hz=frequency_hz,
-        values=here,
-        by_x=np.asarray(around.quotients(nodes), dtype=complex),
-        parameters=parameters,
-        p=table[0],
-    )
-
-
-def _prediction(series: Series, so_far: Continued, place: Place) -> Prediction:
-    """Of the sweeps so far, at a place."""
-    [answer] = series.response(place.alternative).evaluate_many(
-        [to_model(series.bound.parameters, place.x)]
-    )
-    pairs = zip(series.data.measurements, answer.predictions, strict=True)
-    [seen] = [prediction for m, prediction in pairs if so_far.is_made_of(m)]
-    return seen
-
-
-def information_of_sweeps(rows: SweepRows, sigmas: FloatArray, kept: Sequence[int]) -> FloatArray:
-    """Information (kept, n + 1 + l, n + 1 + l) of sweeps that have l unknowns in common.
-
-    The variable behind the parameters is the scale of what was measured before, of which new
-    sweeps say nothing; the last ones are what they share.
-
-    Args:
-        rows: of all sweeps at a place.
-        sigmas: standard deviations of all points, of each quadrature where both are rows, shape
-            (sweeps, m), in the detector's unit.
-        kept: sweeps.
+    A slope belongs to the middle and the span of its sweep: it is written for those of the new one.
     """
-    index = list(kept)
-    noise = np.maximum(sigmas[index], SMALLEST_SIGMA * rows.largest[index])
-    weights = 1.0 / noise
-    if rows.rectified:
-        flat = mean_magnitude(rows.amplitude[index].ravel(), sigmas[index].ravel())
-        weights = flat.slope.reshape(noise.shape) / noise
-    by_x = rows.by_x[index]
-    weights = np.tile(weights, (1, by_x.shape[1] // weights.shape[1]))[..., np.newaxis]
-    nothing = np.zeros((*by_x.shape[:-1], 1))
-    matrix = weights * np.concatenate([by_x, nothing, rows.shared[index]], axis=-1)
-    along = _directions(weights * rows.inside[index])
-    matrix = matrix - along @ (np.swapaxes(along, 1, 2) @ matrix)
-    return np.asarray(np.swapaxes(matrix, 1, 2) @ matrix)
-
-
-def _directions(columns: FloatArray) -> FloatArray:
-    """Orthonormal columns that span each sweep's, (sweeps, r, k); zero beyond their rank."""
-    sizes = np.linalg.norm(columns, axis=1, keepdims=True)
-    if not columns.size:
-        return columns
-    found, values, _ = np.linalg.svd(
-        columns / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False
-    )
-    return np.asarray(found * (values > RANK * values[:, :1])[:, np.newaxis])
+    order = np.argsort([abs(solved.coefficients[0]) for solved in now.solved])
+    k = int(order[(len(order) - 1) // 2])
+    coefficients, old = np.array(now.solved[k].coefficients), sweeps.records[k].u_hz
+    if coefficients.size > 2:
+        first = sweeps.records[0].u_hz
+        old_middle, new_middle = (0.5 * float(v[0] + v[-1]) for v in (first, u_hz))
+        by_hz = coefficients[2] / (0.5 * float(np.ptp(old)))
+        coefficients[1] += by_hz * (new_middle - old_middle)
+        coefficients[2] = by_hz * 0.5 * float(np.ptp(u_hz))
+    return coefficients

@@ -24,8 +24,7 @@ from fitting.cli.main import main
 from fitting.design import FILES as DESIGN_FILES
 from fitting.design import result as design_result
 from fitting.design.api import CAMPAIGN_FOLDER, TABLE_NAME
-from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME
-from fitting.design.sweep_campaign import SWEEPS_NAME
+from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME, SWEEPS_NAME
 from fitting.fit import checkpoint
 from fitting.lab import benches
 from fitting.lab.names import BENCHES, SCENES

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.design.ways import read_ways
+from fitting.design.result import read_ways
 from tests.support.crossing_refit import LAMBDA, refitted
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,8 +13,7 @@ import pytest
 
 from fitting.campaign import bind, read_campaign
 from fitting.cli.main import main
-from fitting.design.result import Design, read_design
-from fitting.design.ways import read_ways
+from fitting.design.result import Design, read_design, read_ways
 from fitting.fmu.description import read_description
 from fitting.lab.bench import Row, measure_rows
 from fitting.lab.drive import Drive

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenCampaign, read_campaign_file
 from fitting.design.campaign import campaign_files
-from fitting.design.candidates import Limits
+from fitting.design.limits import Limits
 from fitting.design.result import Design, Expected, Proposal
 from fitting.text.schema import read_record
 from tests.campaign.test_campaign import oscillator

@@ -41,4 +41,4 @@ def test_a_campaign_without_limits_is_no_file_of_limits(tmp_path: Path) -> None:
         read_candidates(path)
     path.write_text(toml_text(TABLES))
     assert read_candidates(path).keys.number == 2
-    assert read_candidates(path).said == {"number", "settings"}
+    assert read_candidates(path).written == {"number", "settings"}

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.design.continued import SweepRows
-from fitting.design.sweeps import information_of_sweeps
+from fitting.design.information import Rows
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.design.test_sweeps import (
     BOX,
@@ -155,18 +154,14 @@ def test_a_lorentzian_with_its_phase_says_what_its_fisher_information_says() -> 
     y = np.linspace(-400.0, 400.0, 80_001)
     line = 1.0 / (1.0 + 1j * y)
     by_x = np.column_stack([2j * line**2, 1j * y * line**2])  # f0 and w, in widths
-
-    def parts(values: ComplexArray) -> FloatArray:
-        return np.concatenate([values.real, values.imag])[None]
-
-    made = SweepRows(
-        amplitude=np.abs(line)[None],
-        by_x=parts(by_x),
-        inside=parts(np.column_stack([line, 1j * line])),
-        shared=np.zeros((1, 2 * y.size, 0)),
-        rectified=False,
+    made = Rows(
+        values=line[None],
+        by_x=by_x[None],
+        inside=np.column_stack([line, 1j * line])[None],
+        shared=np.zeros((1, y.size, 1)),
+        errors=np.zeros((1, y.size, 0)),
     )
-    [found] = information_of_sweeps(made, np.full((1, y.size), 1e-3), [0])
+    [found] = made.information(np.full((1, y.size), 1e-3))
     # integrals over y of |dS|^2, 2 pi and pi/2, less |<S, dS>|^2/<S, S>, pi and pi/4
     density = 1e6 / 0.01
     assert found == pytest.approx(density * np.diag([np.pi, np.pi / 4, 0.0]), rel=5e-3, abs=1e3)

@@ -16,16 +16,9 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenDesign
 from fitting.campaign.parameters import to_search
 from fitting.design.campaign import campaign_files
-from fitting.design.candidates import Limits, as_campaign, setups_of
-from fitting.design.information import (
-    Place,
-    Series,
-    information_of_data,
-    information_of_setups,
-    unmeasured,
-)
-from fitting.design.limits import limits_of, refuse_wider
-from fitting.design.table import DesignTable
+from fitting.design.information import Place, Series
+from fitting.design.limits import DesignTable, Limits, limits_of, refuse_wider
+from fitting.design.tones import ToneCandidates
 from fitting.fmu import FmuWorkers
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.measurements.complex.tones import ComplexTones
@@ -86,12 +79,14 @@ def test_rows_and_information_of_setups_with_phases(
 ) -> None:
     """Derivatives by parameters and by what drifts, and their information with both nuisances."""
     limits = limits_from(bound, workers, frequency_step="40 Hz", levels=[1], phases=True)
-    setups = list(setups_of(bound, limits))[::7]
-    series = Series(unmeasured(as_campaign(bound, setups)), workers, setups=True)
+    limits = replace(limits, setting_sigmas={"eta_plus": 5.0})
     count = len(bound.parameters)
     x = to_search(bound.parameters, np.append(TRUTH, np.zeros(count - 3)))
-    errors = {"eta_plus": 5.0}
-    [rows] = series.rows([Place({"reflection": False}, x)], np.full(count, 1e-4), errors)
+    place = Place({"reflection": False}, x)
+    made = ToneCandidates(Series(bound, workers), limits, place, np.full(count, 1e-4))
+    [rows] = made.rows(place)
+    setups, picked = made.choices[::7], slice(None, None, 7)
+    eta = made.series_of(setups).bound.experiments[0].settings
 
     assert bound.sweep is not None
     swept = (
@@ -106,7 +101,7 @@ def test_rows_and_information_of_setups_with_phases(
     def at(p: FloatArray, shift: float = 0.0) -> ComplexArray:
         found = []
         for s in setups:
-            plus, minus = (float(s.experiment.settings[f"eta_{n}"]) for n in ("plus", "minus"))
+            plus, minus = (float(eta[f"eta_{n}"]) for n in ("plus", "minus"))
             found.append(exact(s.tones_hz, (plus + shift, minus), s.output, p))
         return np.concatenate(found) - top(p)
 
@@ -115,11 +110,13 @@ def test_rows_and_information_of_setups_with_phases(
         above, below = (at(TRUTH + sign * h * np.eye(3)[i]) for sign in (1.0, -1.0))
         by_x[:, i] = bound.parameters[i].scale * (above - below) / (2.0 * h)
     by_setting = (at(TRUTH, 0.01) - at(TRUTH, -0.01)) / 0.02
-    assert rows.by_x == pytest.approx(by_x.real, rel=1e-3, abs=1e-6)
-    assert rows.phase_by_x == pytest.approx(by_x.imag, rel=1e-3, abs=1e-6)
-    assert rows.phase_by_setting[:, 0] == pytest.approx(by_setting.imag, rel=1e-3, abs=1e-7)
-    relative = np.full((1, 2), 0.01)
-    [found] = information_of_setups(rows, relative, [1], errors, phases=True)
+    values = rows.values[picked]
+    assert (rows.by_x[picked] / values[..., None]).reshape(-1, count) == pytest.approx(
+        by_x, rel=1e-3, abs=1e-6
+    )
+    moved_by = (rows.errors[picked][..., 0] / values).ravel() / 5.0
+    assert moved_by.imag == pytest.approx(by_setting.imag, rel=1e-3, abs=1e-7)
+    found = rows.information(0.01 * np.abs(rows.values))[7]
     mine = slice(2, 4)
     nuisances = np.array([[1.0, 0.0]] * 2 + [[0.0, 1.0]] * 2)
     parts = np.concatenate([by_x[mine].real, by_x[mine].imag])
@@ -137,12 +134,11 @@ def test_information_of_complex_data_is_that_of_their_rows(
     series = Series(bound, workers)
     count = len(bound.parameters)
     x = to_search(bound.parameters, np.append(TRUTH, np.zeros(count - 3)))
-    [rows] = series.rows([Place({"reflection": False}, x)], np.full(count, 1e-4), {})
-    assert rows.amplitude_v.size == 0
-    information, covariance, columns = information_of_data(series, rows, {})
+    rows = series.linearised(Place({"reflection": False}, x), np.full(count, 1e-4), {})
+    columns = rows.columns
     assert columns.shape == (20, count + 1)
-    assert covariance.row_sigma == pytest.approx(0.01, rel=1e-6)
-    assert information == pytest.approx(1e4 * columns.T @ columns, rel=1e-6, abs=1e-3)
+    assert rows.covariance.row_sigma == pytest.approx(0.01, rel=1e-6)
+    assert rows.information == pytest.approx(1e4 * columns.T @ columns, rel=1e-6, abs=1e-3)
     turned = columns[:, :-1].T @ np.repeat([0.0, 1.0], 10)
     assert np.max(np.abs(turned)) < 0.05 * np.max(np.abs(columns[:, :-1]))
 

@@ -17,9 +17,9 @@ import pytest
 import fitting as ff
 from fitting.cli.main import main
 from fitting.design.api import NextMeasurements
-from fitting.design.candidates import Limits, TraceLimits
 from fitting.design.information import Place, Series
-from fitting.design.recordings import RecordingsToSimulate, recording_choices, traces_of
+from fitting.design.limits import Limits, TraceLimits
+from fitting.design.recordings import RecordingCandidates, recording_choices
 from fitting.design.report import screen_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
@@ -160,15 +160,13 @@ def rows_at(
     bound = problem.record.together
     limits: Limits = replace(ff.limits(problem), traces=wanted)
     series = Series(bound, fmu.workers, refined=True)
-    choices = recording_choices(bound, limits)
-    made = RecordingsToSimulate(
-        series=series, so_far=traces_of(bound), choices=choices, steps=series.steps()
-    )
     scales = np.array([q.scale for q in bound.parameters])
     references = np.array([q.reference for q in bound.parameters])
     at = np.zeros(2) if x is None else (x - references) / scales
-    [rows] = made.rows([Place(bound.alternatives[0], at)])
-    found = rows.information(np.full(len(choices), SIGMA), range(len(choices)))
+    place = Place(bound.alternatives[0], at)
+    made = RecordingCandidates(series, limits, place, series.steps())
+    sigma = np.full((1, 1), SIGMA)
+    found = np.concatenate([rows.information(sigma) for rows in made.rows(place)])
     assert np.all(found[:, -1] == 0.0)
     return list(found[:, :-1, :-1] / np.outer(scales, scales)), series
 

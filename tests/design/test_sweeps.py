@@ -13,9 +13,8 @@ from scipy.special import ive
 
 import fitting as ff
 from fitting.design.api import NextMeasurements
-from fitting.design.continued import SweepRows
+from fitting.design.information import Rows
 from fitting.design.report import screen_lines
-from fitting.design.sweeps import information_of_sweeps
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.modal_workers import phasors
 
@@ -172,14 +171,14 @@ def test_a_lorentzian_of_known_noise_says_what_its_fisher_information_says(scale
     line = 1.0 / np.sqrt(1.0 + y**2)
     by_x = np.column_stack([2.0 * y * line**3, y**2 * line**3])  # f0 and w, in widths
     own, none = line[None, :, None], np.zeros((1, 4001, 0))
-    rows = SweepRows(
-        amplitude=line[None],
+    rows = Rows(
+        values=line[None],
         by_x=by_x[None],
         inside=own if scale == "each" else none,
-        shared=own if scale == "shared" else none,
-        rectified=False,
+        shared=np.concatenate([0.0 * own, own if scale == "shared" else none], axis=-1),
+        errors=none,
     )
-    [found] = information_of_sweeps(rows, np.full((1, 4001), 1e-3), [0])
+    [found] = rows.information(np.full((1, 4001), 1e-3))
     # integrals over y from -inf to inf of 4 y^2/(1+y^2)^3, y^4/(1+y^2)^3, y^2/(1+y^2)^2, 1/(1+y^2)
     centre, width, mixed, size = np.pi / 2, 3 * np.pi / 8, np.pi / 2, np.pi
     density = 1e6 / 0.02

@@ -12,10 +12,11 @@ import pytest
 
 import fitting as ff
 from fitting.campaign import bind
-from fitting.design.choice import DesignProblem, choose_within, losses
+from fitting.design.choice import DesignProblem, choose, losses
 from fitting.design.report import ways_lines
-from fitting.design.ways import TOGETHER, read_ways
-from fitting.design.weighing import DesignGoal, weigh_ways
+from fitting.design.result import read_ways
+from fitting.design.ways import TOGETHER
+from fitting.design.weighing import DesignGoal, weigh
 from fitting.text.arrays import FloatArray
 from tests.design.test_sweeps import (
     BOX,
@@ -138,7 +139,7 @@ def test_what_a_time_allows_is_nearly_the_best_of_all(criterion: str) -> None:
     worse = []
     for seed in range(20):
         made = problem(seed)
-        chosen = choose_within(made, 9.0, 50, criterion)
+        chosen = choose(made, 50, criterion, 9.0)
         assert made.costs[chosen].sum() <= 9.0
         assert all(chosen.count(i) == 1 for i in chosen if i >= 4)
         every = [
@@ -208,7 +209,7 @@ def test_what_sweeps_of_one_kind_share_is_theirs_alone(fmu: ff.Fmu, tmp_path: Pa
     grids = {"wide": NEW_HZ, "narrow": np.linspace(999_850.0, 1_000_650.0, 21)}
     limits = [ff.limits(made, file) for file in files.values()]
     bound = bind(made.campaigns[0], fmu.variables)
-    weighed = weigh_ways(bound, fmu.workers, limits, DesignGoal("d1"))
+    weighed = weigh(bound, fmu.workers, limits, DesignGoal("d1"))
     # behind five parameters and the scale so far stand that of one kind and that of the other
     for k, each in enumerate(weighed):
         diagonals = np.diagonal(each.problem.gains, axis1=2, axis2=3)

@@ -15,13 +15,13 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenDesign
 from fitting.campaign.parameters import Parameter, to_model, to_search
 from fitting.design.campaign import campaign_files
-from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
-from fitting.design.choice import exhaustive, greedy, losses
-from fitting.design.information import Place, Series, prior_sigmas_in_box, unmeasured
-from fitting.design.limits import limits_of
-from fitting.design.proposal import propose
-from fitting.design.table import DesignTable
-from fitting.design.weighing import DesignGoal, Weighed, chosen_by, weigh
+from fitting.design.choice import choose, losses
+from fitting.design.information import Place, Series, prior_sigmas_in_box
+from fitting.design.limits import DesignTable, Limits, limits_of
+from fitting.design.proposal import proposed
+from fitting.design.result import Design, DriveChoice
+from fitting.design.tones import ToneCandidates, tone_choices
+from fitting.design.weighing import DesignGoal, Weighed, weigh
 from fitting.fmu import FmuWorkers
 from fitting.lab.truth import read_bench
 from fitting.signal.peaks import fit_resonance
@@ -31,6 +31,7 @@ from fitting.text.schema import read_record
 from tests.support import closed_form
 from tests.support.datasets import linear
 from tests.support.design_laboratories import Laboratory
+from tests.support.exhaustive import exhaustive
 
 Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
 TRUTH = np.array([1.9498, 120.0, 90.0])
@@ -66,7 +67,13 @@ def limits(bound: BoundCampaign, workers: FmuWorkers) -> Limits:
 @pytest.fixture(scope="module")
 def weighed(bound: BoundCampaign, workers: FmuWorkers, limits: Limits) -> Weighed:
     start = (bound.alternatives[0], TRUTH)
-    return weigh(bound, workers, limits, DesignGoal("lambda", start=start))
+    [found] = weigh(bound, workers, [limits], DesignGoal("lambda", start=start))
+    return found
+
+
+def propose(bound: BoundCampaign, weighed: Weighed, goal: DesignGoal) -> Design:
+    """What is chosen of weighed candidates."""
+    return proposed(bound, weighed, weighed.chosen_by(goal.criterion), goal, "Hz", {})
 
 
 def test_limits_are_those_the_campaign_kept_to(bound: BoundCampaign, workers: FmuWorkers) -> None:
@@ -101,7 +108,7 @@ def test_offsets_that_are_fitted_bring_their_prior(
 
 
 def test_setups_keep_the_limits(bound: BoundCampaign, limits: Limits) -> None:
-    setups = setups_of(bound, limits)
+    setups = tone_choices(bound, limits)
     assert len(setups) == 2 * 2 * 2 * 25
     for setup in setups:
         low, high = setup.tones_hz
@@ -110,12 +117,14 @@ def test_setups_keep_the_limits(bound: BoundCampaign, limits: Limits) -> None:
         assert max(setup.centre_hz - low, high - setup.centre_hz) <= 110.0
         assert low % 20.0 == high % 20.0 == 0.0
     with pytest.raises(BadInput, match="drive frequencies"):
-        setups_of(bound, replace(limits, least_spacing_hz=500.0))
+        tone_choices(bound, replace(limits, least_spacing_hz=500.0))
     with pytest.raises(BadInput, match=r"\d+ setups"):
-        setups_of(bound, replace(limits, levels=tuple(map(float, range(1, 1000)))))
+        tone_choices(bound, replace(limits, levels=tuple(map(float, range(1, 1000)))))
 
 
-def log_amplitudes(setups: list[Setup], p: np.ndarray, shift_hz: float = 0.0) -> np.ndarray:
+def log_amplitudes(
+    setups: Sequence[DriveChoice], p: np.ndarray, shift_hz: float = 0.0
+) -> np.ndarray:
     """ln of amplitudes over the maximum of the first mode's sweep, by the closed form."""
     d = closed_form.damping(p[0], p[1], p[2], reflection=False)
     top = max(
@@ -132,18 +141,22 @@ def log_amplitudes(setups: list[Setup], p: np.ndarray, shift_hz: float = 0.0) ->
 
 def test_derivatives_of_setups(bound: BoundCampaign, workers: FmuWorkers, limits: Limits) -> None:
     """By parameters and by what drifts, against the closed form at another step."""
-    setups = list(setups_of(bound, limits))[::17]
-    series = Series(unmeasured(as_campaign(bound, setups)), workers)
     place = Place(bound.alternatives[0], to_search(bound.parameters, TRUTH))
-    rows = series.rows([place], np.full(3, 1e-4), {"eta_plus": 5.0})[0]
+    errors = replace(limits, setting_sigmas={"eta_plus": 5.0})
+    made = ToneCandidates(Series(bound, workers), errors, place, np.full(3, 1e-4))
+    setups = made.choices
+    [rows] = made.rows(place)
+    by_x = (rows.by_x / rows.values[..., None]).reshape(-1, 3)
+    by_setting = (rows.errors[..., 0] / rows.values / 5.0).ravel()
+    assert made.linear
     for i, h in enumerate((1e-3, 0.03, 0.03)):
         moved = [TRUTH + sign * h * np.eye(3)[i] for sign in (1.0, -1.0)]
         above, below = (log_amplitudes(setups, p) for p in moved)
         scale = bound.parameters[i].scale
         expected = scale * (above - below) / (2.0 * h)
-        assert rows.by_x[:, i] == pytest.approx(expected, rel=1e-4, abs=1e-5)
+        assert by_x[:, i] == pytest.approx(expected, rel=1e-4, abs=1e-5)
     above, below = (log_amplitudes(setups, TRUTH, t) for t in (1.0, -1.0))
-    assert rows.by_setting[:, 0] == pytest.approx((above - below) / 2.0, rel=1e-3, abs=1e-8)
+    assert by_setting == pytest.approx((above - below) / 2.0, rel=1e-3, abs=1e-8)
 
 
 @pytest.mark.nightly
@@ -151,20 +164,20 @@ def test_points_of_equal_fit_share_what_the_data_hold(
     bound: BoundCampaign, weighed: Weighed
 ) -> None:
     """The q1 series knows the line width of its own mode and nothing else."""
-    ps = np.array([to_model(bound.parameters, place.x) for place in weighed.places])
+    ps = np.array([to_model(bound.parameters, place.x) for place in weighed.known.places])
     widths = [closed_form.damping(p[0], p[1], p[2], reflection=False)[0, 0] for p in ps]
     assert widths == pytest.approx(np.full(len(ps), 94.1), abs=2.0)
     assert np.ptp(ps[:, 0] % math.pi) > 0.8
     assert np.ptp(ps[:, 1]) > 100.0
-    assert 0.0 < np.nanmin(weighed.spread_values) < 0.4e6
-    assert 0.7e6 < np.nanmax(weighed.spread_values) < 0.79e6
+    assert 0.0 < np.nanmin(weighed.known.spread_values) < 0.4e6
+    assert 0.7e6 < np.nanmax(weighed.known.spread_values) < 0.79e6
 
 
 def test_the_expected_error_falls_tenfold(
     bound: BoundCampaign, weighed: Weighed, limits: Limits
 ) -> None:
     """And by the measurements that determine lambda by their singular values."""
-    design = propose(bound, weighed, limits, DesignGoal("lambda"), "Hz", {})
+    design = propose(bound, weighed, DesignGoal("lambda"))
     last = design.proposals[-1].expected
     assert design.before.at / last.at > 10.0
     assert design.before.mean / last.mean > 10.0
@@ -185,31 +198,31 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     other = linear(bind(read_campaign(path), workers.description.variables))
     goal = DesignGoal("lambda", start=(bound.alternatives[0], TRUTH))
     one = replace(bound, alternatives=bound.alternatives[:1])
-    weighed = weigh(one, workers, limits, goal, also=[other])
-    design = propose(bound, weighed, limits, goal, "Hz", {})
+    [weighed] = weigh(one, workers, [limits], goal, also=[other])
+    design = propose(bound, weighed, goal)
     first = design.proposals[0]
     assert (first.output, first.centre_hz > 7e6) in (("q2_hybrid", False), ("q1_hybrid", True))
     assert design.before.at / first.expected.at > 5.0
-    ps = np.array([to_model(bound.parameters, place.x) for place in weighed.places])
+    ps = np.array([to_model(bound.parameters, place.x) for place in weighed.known.places])
     both = [np.diag(closed_form.damping(p[0], p[1], p[2], reflection=False)) for p in ps]
     assert np.array(both)[1:, 0] == pytest.approx(94.1, abs=2.0)
     assert np.ptp(np.array(both)[1:, 1]) < 8.0
     more = replace(other, parameters=other.parameters[:2])
     with pytest.raises(BadInput, match="d1, theta"):
-        weigh(bound, workers, limits, goal, also=[more])
+        weigh(bound, workers, [limits], goal, also=[more])
 
 
 @pytest.mark.parametrize("criterion", ["D", "target"])
-def test_greedy_is_near_the_best_of_all(weighed: Weighed, criterion: str) -> None:
+def test_the_choice_is_near_the_best_of_all(weighed: Weighed, criterion: str) -> None:
     """Nine tenths of it, on a dozen candidates of which three are taken."""
     problem = weighed.problem
     picked = np.linspace(0, problem.candidates - 1, 12).astype(int)
     small = replace(problem, gains=problem.gains[:, picked], costs=problem.costs[picked])
     values = {
         how.__name__: float(losses(small, small.information(how(small, 3, criterion)), criterion))
-        for how in (greedy, exhaustive)
+        for how in (choose, exhaustive)
     }
-    assert math.exp(values["exhaustive"] - values["greedy"]) >= 0.9
+    assert math.exp(values["exhaustive"] - values["choose"]) >= 0.9
 
 
 @pytest.mark.parametrize(
@@ -227,7 +240,7 @@ def test_laboratories_that_follow_the_advice(
 
     The benchmark tests/bench/bench_design.py does so for a hundred of them.
     """
-    design = propose(bound, weighed, limits, DesignGoal("lambda"), "Hz", {})
+    design = propose(bound, weighed, DesignGoal("lambda"))
     write_all(
         tmp_path / "plan", campaign_files(design, bound, {}, limits, tmp_path / "plan", "a test")
     )
@@ -260,7 +273,8 @@ def test_a_sweep_alone_asks_for_points_of_a_sweep(workers: FmuWorkers) -> None:
     assert limits.tones == 1
     assert limits.frequency_step_hz == 2.0
     goal = DesignGoal("width_plus")
-    design = propose(bound, weigh(bound, workers, limits, goal), limits, goal, "Hz", {})
+    [weighed] = weigh(bound, workers, [limits], goal)
+    design = propose(bound, weighed, goal)
     assert bound.sweep is not None
     line = fit_resonance(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
     # the line's own is Student's: its noise is told by residuals that are correlated
@@ -277,17 +291,17 @@ def test_nothing_measurable_is_said(
     deaf = replace(limits, noise_floor_v=1.0, outputs=("q1_hybrid",))
     one = replace(bound, alternatives=bound.alternatives[:1])
     with pytest.raises(BadInput, match=r"\d+ setups"):
-        weigh(one, workers, deaf, DesignGoal("lambda"))
+        weigh(one, workers, [deaf], DesignGoal("lambda"))
     with pytest.raises(BadInput, match="target 'nu'"):
-        weigh(bound, workers, limits, DesignGoal("nu"))
+        weigh(bound, workers, [limits], DesignGoal("nu"))
 
 
 def test_a_target_without_a_value_is_said(weighed: Weighed, limits: Limits) -> None:
     nowhere = np.full_like(weighed.problem.gradients, np.nan)
     without = replace(weighed, problem=replace(weighed.problem, gradients=nowhere))
     with pytest.raises(BadInput, match="no value"):
-        chosen_by(without, limits, "target")
-    assert len(chosen_by(without, limits, "D")) == limits.number
+        without.chosen_by("target")
+    assert len(without.chosen_by("D")) == limits.number
 
 
 def test_a_prior_over_more_than_a_period_counts_once(bound: BoundCampaign) -> None:

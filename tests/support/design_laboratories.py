@@ -14,13 +14,7 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import search_bounds, to_model, to_search
-from fitting.design.information import (
-    Place,
-    Series,
-    information_of_data,
-    prior_sigmas_in_box,
-    scale_sigma,
-)
+from fitting.design.information import Place, Series, prior_sigmas_in_box
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.linearisation import information
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
@@ -74,14 +68,11 @@ class Laboratory:
 
     def covariance(self, place: Place, errors: dict[str, float]) -> FloatArray:
         """V of all rows: both series', and the error of the scale that they share."""
-        blocks = [
-            dense(information_of_data(s, s.rows([place], self.steps, errors)[0], errors)[1])
-            for s in self.series
-        ]
+        blocks = [dense(s.linearised(place, self.steps, errors).covariance) for s in self.series]
         m, n = len(blocks[0]), len(blocks[1])
         whole = np.zeros((m + n, m + n))
         whole[:m, :m], whole[m:, m:] = blocks
-        return whole + scale_sigma(self.series[0].data) ** 2
+        return whole + self.series[0].scale_sigma ** 2
 
     def rows(self, place: Place) -> tuple[FloatArray, FloatArray]:
         """Residuals and their Jacobian in x of both series."""
