@@ -314,7 +314,7 @@ def _bound(problem: Problem) -> list[BoundCampaign]:
 def _limits(
     problem: Problem, bound: BoundCampaign, given: Limits | str | Path | None
 ) -> tuple[Limits, DesignTable]:
-    """The limits that hold, no wider than the campaign's own, and the table that states the rest."""
+    """The limits, no wider than the campaign's own, and the table that states the rest."""
     own, drive = read_design_table(bound.path), problem.campaigns[0].file.drive
     lines, unit = () if drive is None else drive.lines, bound.amplitude_unit
     variables = problem.fmu.variables

@@ -167,7 +167,7 @@ def choose(
 
 @dataclass(frozen=True)
 class _Search:
-    """Greedy choice and exchanges of at most `number` candidates, within `time_s` if there is one."""
+    """Greedy choice and exchanges of at most `number` candidates, perhaps within a time."""
 
     problem: DesignProblem
     number: int
@@ -222,7 +222,7 @@ class _Search:
         return best
 
     def cheaper(self, chosen: Sequence[int], criterion: str) -> list[int]:
-        """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay for them."""
+        """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay."""
         current, costs = list(chosen), self.problem.costs
         bound = self.problem.loss(current, criterion) + AS_GOOD
         for place in range(len(current)):

@@ -77,7 +77,7 @@ class Continued:
         return trace
 
     def sigmas(self) -> FloatArray:
-        """Noise of all points of sweeps, of each quadrature where both are measured; 0: unknown."""
+        """Noise of all points of sweeps, of each quadrature of complex ones; 0: unknown."""
         if isinstance(self.kind, ControlSweep):
             return np.concatenate([s.sigmas for s in self.records])
         each = [np.full(c.y.size, c.sigma or c.scatter()) for c in self.records]
@@ -103,8 +103,8 @@ def required(bound: BoundCampaign, tables: Mapping[str, type[Together[Any]]]) ->
         kind = "sweeps" if tables is SWEEPS else "traces"
         names = " or ".join(f"[[{n}]]" if kind == "traces" else f"[{n}]" for n in tables)
         raise BadInput(
-            f"{bound.path}: [design] {kind}: has no table {names}, which could be continued; wanted "
-            f"one, or no {kind}"
+            f"{bound.path}: [design] {kind}: has no table {names}, which could be continued; "
+            f"wanted one, or no {kind}"
         )
     return like
 

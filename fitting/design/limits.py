@@ -1,4 +1,4 @@
-"""What the instrument can do: as a table [design] has it, else as the campaign itself kept to it."""
+"""What the instrument can do: as a table [design] states, else as the campaign kept to it."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ LEVELS, REPEATS, LENGTHS, TRIED = (1.0, 10.0, 100.0), (1, 10, 100), (0.25, 0.5, 
 #: Noise of a peak in proportion to it; departure of what drifts from the line between its two
 #: measured values, as a share of the drift; largest amplitude that is proposed over that observed.
 RELATIVE_NOISE, OFF_THE_LINE, HEADROOM = 0.01, 0.05, 2.0
-#: Relative difference of two limits that are the same one, in two units; share of noise that is none.
+#: Relative difference of two equal limits in two units; share of noise that is none.
 ROUNDING, NO_NOISE = 1e-12, 1e-6
 #: Tables by which a file is known as a campaign.
 OF_A_CAMPAIGN = ("fmu", "drive", "parameters")
@@ -326,7 +326,7 @@ class WrittenCandidates(Keys):
 
 
 def read_design_table(path: Path) -> DesignTable:
-    """The table [design] of a campaign file, empty where there is none; BadInput names what is wrong."""
+    """The table [design] of a campaign file, empty where there is none; may raise BadInput."""
     table = read_toml(path).get("design", {})
     return DesignTable(path, read_record(WrittenDesign, table, path, "design"), frozenset(table))
 

@@ -151,7 +151,7 @@ class SweepCandidates:
     def _wired(
         self, responses: ComplexArray, table: FloatArray, now: Prediction
     ) -> tuple[list[ComplexArray], ComplexArray, ComplexArray]:
-        """Values (c, m) at every node; there, columns of what each has of its own and of the rest."""
+        """Values (c, m) at every node; at the first columns of own and of shared unknowns."""
         sweeps: ComplexSweep = self.like.kind
         curve, u = sweeps.records[-1], self.frequency_hz
         middle_hz, coefficients = 0.5 * float(u[0] + u[-1]), _coefficients(sweeps, now, u)
