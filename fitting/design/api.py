@@ -97,7 +97,11 @@ class NextMeasurements:
         return self.design.proposals
 
     def made_by(self, command: str) -> NextMeasurements:
-        """The same, with a command line for the record."""
+        """The same, with a command line for the record.
+
+        Args:
+            command: that made it.
+        """
         provenance = {**self.design.provenance, "command": command}
         return replace(self, design=replace(self.design, provenance=provenance))
 
@@ -145,7 +149,11 @@ class WaysToMeasure:
     by_name: Mapping[str, Mapping[str, NextMeasurements]]
 
     def made_by(self, command: str) -> WaysToMeasure:
-        """The same, with a command line for the record."""
+        """The same, with a command line for the record.
+
+        Args:
+            command: that made it.
+        """
         provenance = {**self.ways.provenance, "command": command}
         named = {
             name: {kind: each.made_by(command) for kind, each in kinds.items()}

@@ -151,7 +151,7 @@ def repeatable(like: Continued, labels: Sequence[str], where: str) -> list[TimeR
 
 
 def longest_s(record: TimeRecord) -> float:
-    """How long a recording like a trace may be, s: as long as its recorded inputs, else any time."""
+    """How long a recording like a trace may be, s: as its recorded inputs, else any time."""
     if not isinstance(record, TraceRecord):
         return math.inf
     ends = [float(w.time_s[-1]) for w in record.waveforms.values() if isinstance(w, Recorded)]
