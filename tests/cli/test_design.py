@@ -71,7 +71,7 @@ def test_what_is_written(proposed: Path, design: Design) -> None:
     assert {"design.json", "design.csv", "report.html", *campaign} <= names
     figures = [name for name in names if name.startswith("figures/")]
     stems = ("figures/1_design_steps", "figures/2_design_candidates")
-    kinds = ("csv", "pdf", "png", "svg")
+    kinds = ("csv", "svg")
     assert sorted(figures) == [f"{stem}.{kind}" for stem in stems for kind in kinds]
     page = (proposed / "report.html").read_text()
     assert "SYNTHETIC DATA" in page
