@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import difflib
 import hashlib
 import importlib
 import importlib.metadata
@@ -277,7 +278,9 @@ def module_of(model: str, source: Path = SOURCE) -> str:
         if model in (f"{family}{number}" for number in range(least, most + 1)):
             return str(module)
         names.append(f"{family}{least} to {family}{most}")
-    raise BuildError(f"there is no model {model!r}; there are {', '.join(names)}")
+    near = difflib.get_close_matches(model, names, n=1)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    raise BuildError(f"there is no model {model!r}{hint}; there are {', '.join(names)}")
 
 
 class Built(NamedTuple):

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import itertools
+import re
+import shutil
+import textwrap
+from collections.abc import Iterator
 from pathlib import Path
 
 from fitting.cli.words.parser import COMMANDS, parsed
@@ -13,6 +18,10 @@ NAME = "help"
 EXAMPLE = "fmu-fit help control-sweep"
 #: Folders of pages; of two pages with one name that of the first folder has it alone.
 FOLDERS = ("reference", "how-to", "tutorials", "explanation")
+#: Columns of a terminal's line that tables are fit into, at most and at least.
+WIDTH, LEAST_WIDTH = 100, 40
+_LINK = re.compile(r"!?\[(?P<text>[^\]]*)\]\((?P<to>[^)]*)\)")
+_CELL = re.compile(r"\s(?<!\\)\|\s")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,9 +56,45 @@ def run(args: argparse.Namespace) -> int:
     elif topic in COMMANDS and topic not in listed:
         parsed([topic, "--help"])
     elif topic in listed or topic in every:
-        lines = (listed.get(topic) or every[topic]).read_text("utf-8").splitlines()
-        print(*(line for line in lines if not line.startswith("<!--")), sep="\n")
+        print(*_on_terminal((listed.get(topic) or every[topic]).read_text("utf-8")), sep="\n")
     else:
         hint = did_you_mean(topic, [*listed, *COMMANDS], listed=False)
         raise BadInput(f"no page {topic!r}{hint} (see fmu-fit help)")
     return 0
+
+
+def _on_terminal(page: str) -> Iterator[str]:
+    """A page of Markdown as a terminal shows it: tables in columns, links by what they lead to."""
+    width = max(LEAST_WIDTH, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
+    page = re.sub(r"<!--.*?-->\n?", "", page, flags=re.DOTALL)
+    page = _LINK.sub(_named, page)
+    for is_table, block in itertools.groupby(page.splitlines(), lambda line: line.startswith("|")):
+        if not is_table:
+            yield from block
+            continue
+        rows = [[cell.strip() for cell in _CELL.split(row.strip("| "))] for row in block]
+        heads, *body = [row for row in rows if not set("".join(row)) <= set("-: |")]
+        wide = [
+            max(map(len, column)) for column in itertools.zip_longest(heads, *body, fillvalue="")
+        ]
+        if sum(wide) + 2 * len(wide) <= width:
+            for row in (heads, *body):
+                yield "  ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=False)).rstrip()
+            continue
+        for first, *others in body:  # too wide: each row by itself, its cells below its first one
+            yield first
+            for head, cell in zip(heads[1:], others, strict=False):
+                text = f"{head}: {cell}" if len(heads) > 2 else cell
+                if cell:
+                    yield from textwrap.wrap(
+                        text, width, initial_indent="    ", subsequent_indent="    "
+                    )
+
+
+def _named(link: re.Match[str]) -> str:
+    """The text of a link, and how what it leads to is read."""
+    path, _, _ = link["to"].partition("#")
+    if path.startswith("http"):
+        return f"{link['text']} ({path})"
+    name = Path(path).stem
+    return f"{link['text']} (fmu-fit help {name})" if path.endswith(".md") else link["text"]

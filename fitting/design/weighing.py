@@ -34,7 +34,7 @@ from fitting.extension.problem import (
 from fitting.extension.records import BoundCampaign
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import FloatArray, IntArray, Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, did_you_mean
 
 #: Points at which a design is judged, the given one included.
 PLACES = 8
@@ -194,10 +194,8 @@ def weigh(
     """
     names = (*(parameter.name for parameter in bound.parameters), *bound.derived)
     if goal.target not in names:
-        raise BadInput(
-            f"{bound.path}: target '{goal.target}' is neither fitted nor derived; wanted one of "
-            f"{', '.join(names)}"
-        )
+        hint = did_you_mean(goal.target, names)
+        raise BadInput(f"{bound.path}: target '{goal.target}' is neither fitted nor derived{hint}")
     refined = any(way.sweeps is not None or way.traces is not None for way in ways)
     data = Series(bound, workers, refined=refined)
     series = (data, *(_alike(other, data) for other in also))

@@ -199,7 +199,7 @@ class FmuDescription:
             lower = {known.lower(): known for known in self.variables}
             near = [lower[key] for key in difflib.get_close_matches(name.lower(), lower, n=3)]
             hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise BadInput(f"{self.path}: no variable {name!r} in this FMU{hint}")
+            raise BadInput(f"{self.model_name}: no variable {name!r} in this FMU{hint}")
         return variable
 
 

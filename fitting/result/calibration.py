@@ -78,6 +78,12 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
     parameters = tuple(
         _handed(name, value, description, name in also) for name, value in result.parameters.items()
     )
+    if not any(not p.left for p in parameters) and not result.alternative:
+        reasons = ", ".join(f"{p.name}: {p.left}" for p in parameters)
+        raise BadInput(
+            f"the data determine no parameter ({reasons}): nothing to calibrate; "
+            "wanted --also NAME, or --all for the best fit as a whole"
+        )
     tied = sum(a.equal_to_best for a in result.alternatives) > 1
     form = {n: v for n, v in result.alternative.items() if n in description.variables}
     sure = {name: value for name, value in form.items() if not tied or name in also}

@@ -206,6 +206,21 @@ def test_what_is_not_determined_is_left_and_named(verdict: Verdict, fitted: Path
     assert (table["d1"]["left"], table["eta_plus"]["left"]) == (str(verdict), "")
 
 
+def test_where_nothing_is_determined_no_file_is_written(
+    fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(fitted.parent / "fmu", tmp_path / "fmu")
+    result = read_result(fitted)
+    for name in result.parameters:
+        result = with_verdict(result, name, Verdict.UNCONSTRAINED)
+    write_result(result, tmp_path)
+    words = ["calibrate", str(tmp_path / "result.json"), "--out", str(tmp_path / "none")]
+    assert main(words) == 2
+    assert "--all" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
+    assert main([*words, "--all"]) == 0
+
+
 def test_what_is_not_determined_is_handed_on_where_it_is_asked_for(
     fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

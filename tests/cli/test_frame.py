@@ -90,6 +90,14 @@ def test_help_prints_a_page(topic: str, words: str, capsys: pytest.CaptureFixtur
     assert "<!--" not in text
 
 
+def test_help_prints_tables_and_links_for_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    for path in (ROOT / "docs").glob("*/*.md"):
+        assert main(["help", f"{path.parent.name}/{path.stem}"]) == 0
+        text = re.sub(r"```.*?```", "", capsys.readouterr().out, flags=re.DOTALL)
+        assert "](" not in text, path
+        assert not re.search(r"^\|", text, re.MULTILINE), path
+
+
 def test_help_lists_every_page(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["help"]) == 0
     rows = capsys.readouterr().out.splitlines()[2:]  # a sentence comes first
