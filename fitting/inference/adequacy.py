@@ -9,7 +9,7 @@ square and from how residuals are correlated along an axis is one rule for every
 the rest by chi square.
 
 With few degrees of freedom noise alone reaches several times them, but a probability of 1e-4 only
-once in ten thousand fits (`fitting.signal.chi_square`: noise that was estimated beside the fit
+once in ten thousand fits (`fitting.signal.chi_square`: noise that was estimated apart from the fit
 leaves larger ones). What the simulation may be off by (`fitting.fit.noise`) excuses what it can
 explain: it is in the intervals then, and no fault of the model.
 """
@@ -78,7 +78,7 @@ def adequacy_of(
     def judgement(wider: RowCovariance, kept: BoolArray) -> Adequacy:
         """Of some rows: unknowns solved inside count for measurements with rows among them."""
         pairs = zip(data.measurements, data.slices, strict=True)
-        return judged(
+        return chi_square_test(
             stated(wider).restricted(kept).whitened(rows[kept]),
             wider.restricted(kept).whitened(matrix[kept]),
             covariance,
@@ -181,7 +181,7 @@ def _is_equal(left: FloatArray) -> bool:
     return bool(gammaincc(0.5 * (PARTS - 1), 0.5 * square) >= STRUCTURED)
 
 
-def judged(
+def chi_square_test(
     white: FloatArray,
     slopes: FloatArray,
     covariance: FloatArray,

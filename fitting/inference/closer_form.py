@@ -8,7 +8,7 @@ unknowns through the same m rows can: what it leaves, S1, bounds the noise,
 with S of the fitted model, k0 its unknowns, and w the widening for correlated residuals of that
 form; F has k - k0, one at least, and (m - k)/w^2 degrees of freedom. The model is refused where
 the other form leaves a fifth of its residuals (rms): errors that are widened for correlated
-residuals hold the truth only where these are small beside the line.
+residuals hold the truth only where these are small against the line.
 
 A pair of lines is enough where it leaves noise: errors of one line for two that overlap, or of two
 whose heights are held in phase, are no smaller than what they leave out, however wide. There P is
@@ -84,12 +84,13 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
         promised = dict(enumerate(solution.final.promised)).get(k, 0.0)
         model = Model(residuals[rows], moving(rows), max(SMALLEST_RESIDUAL, promised))
         if isinstance(m, Sweep) and m.fitted:
-            seen = m.frequency_hz, m.amplitude_v
+            sweep = m.frequency_hz, m.amplitude_v
             if not np.any(m.sigma > 0.0):
-                refuted.append(compared(*seen, replace(model, unknowns=UNKNOWNS[m.added]), fits))
+                one = replace(model, unknowns=UNKNOWNS[m.added])
+                refuted.append(compared(*sweep, one, fits))
             if np.ptp(m.sigma) == 0.0:
-                unknowns = 1 + m.solved_inside + model.unknowns
-                refuted.append(compared_pair(*seen, replace(model, unknowns=unknowns), fits))
+                two = replace(model, unknowns=1 + m.solved_inside + model.unknowns)
+                refuted.append(compared_pair(*sweep, two, fits))
         elif isinstance(m, ComplexSweep):
             begin = rows.start
             for curve in m.records:
@@ -168,7 +169,7 @@ class _Form:
         """Whether it leaves so much less that the other form does not describe the data."""
         return squares > RATIO * self.squares and self.chance(squares, unknowns) < IMPROBABLE
 
-    def is_pair_beside(self, model: Model, fewer: Sequence[tuple[float, int]]) -> bool:
+    def refutes_as_pair(self, model: Model, fewer: Sequence[tuple[float, int]]) -> bool:
         """Whether it is a pair that leaves noise, as neither the model nor fewer lines do."""
         if not (self.observed and self.lines == 2 and self.squares < model.squares and fewer):
             return False
@@ -204,12 +205,12 @@ class _Form:
 def compared(
     frequency_hz: FloatArray, amplitude: FloatArray, model: Model, fits: LineFits
 ) -> Adequacy | None:
-    """A model of amplitudes against one line with more beside it; None without any.
+    """A model of amplitudes against one line with more in addition; None without any.
 
     Args:
         frequency_hz: rising, shape (n,), Hz.
         amplitude: peak, shape (n,), any unit.
-        model: its unknowns are those of a line with what is solved for beside it.
+        model: its unknowns are those of a line with what is solved for besides.
         fits: of lines, to be shared.
     """
     rows, largest = model.residuals.size, float(np.max(amplitude))
@@ -258,7 +259,7 @@ def compared_pair(
     two = pair(frequency_hz, amplitude)
     if two is None:
         return None
-    rows, seen = model.residuals.size, amplitude / float(np.max(amplitude))
+    rows, measured = model.residuals.size, amplitude / float(np.max(amplitude))
 
     def single(values: FloatArray) -> list[tuple[float, int]]:
         forms = fits.with_backgrounds(frequency_hz, values)
@@ -275,11 +276,11 @@ def compared_pair(
         fit=two,
         rival=Rival(shape="pair", remedy="output"),
     )
-    if not form.is_pair_beside(model, single(seen)):
+    if not form.refutes_as_pair(model, single(measured)):
         return None
-    if not form.is_pair_beside(model, [*single_lines(frequency_hz, amplitude)]):
+    if not form.refutes_as_pair(model, [*single_lines(frequency_hz, amplitude)]):
         return None
-    curve = np.abs(seen + model.residuals)
+    curve = np.abs(measured + model.residuals)
     return form.refusal(model, one_line=min((left for left, _ in single(curve)), default=0.0))
 
 
@@ -309,7 +310,7 @@ def compared_complex(
         frequency_hz: rising, shape (n,), Hz.
         values: measured, the delay of a cable taken off, shape (n,), any unit.
         model: what it leaves, real, then imaginary parts.
-        fitted: what was solved for beside the model.
+        fitted: what was solved for besides the model.
     """
     y = np.asarray(values / np.max(np.abs(values)))
     forms = [*_complex_forms(frequency_hz, y, model, fitted)]
@@ -319,7 +320,7 @@ def compared_complex(
     if not refuting or fitted.noise_is_known:
         for form in forms:
             fewer = [(each.squares, each.unknowns) for each in forms if each.lines < form.lines]
-            if form.is_pair_beside(model, fewer) and form.is_pair_beside(
+            if form.refutes_as_pair(model, fewer) and form.refutes_as_pair(
                 model, [*single_lines(frequency_hz, values)]
             ):
                 real, imaginary = np.split(model.residuals, 2)

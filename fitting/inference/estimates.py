@@ -25,7 +25,7 @@ from fitting.text.rendering import phrase
 #: Step in x for the slopes of derived outputs, at most a quarter of the bounds' distance.
 OUTPUT_STEP = 1e-4
 #: Share of the variance that the data answer for from which a linearised error is one of the data.
-SEEN = 0.1
+DETERMINED = 0.1
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class _Error:
 
     @property
     def is_determined(self) -> bool:
-        return self.shrinkage >= SEEN
+        return self.shrinkage >= DETERMINED
 
     @property
     def about(self) -> dict[str, Any]:

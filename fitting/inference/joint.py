@@ -32,7 +32,7 @@ from fitting.inference.likelihood.knowledge import CONTRADICT, WORTH_A_WARNING, 
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.text.arrays import BoolArray, FloatArray
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 from fitting.text.rendering import phrase
 
 #: A direction counts as determined from this many times the precision of the bounds.
@@ -347,20 +347,16 @@ def pair_findings(joint: JointResult | None, *, is_best: bool) -> tuple[Finding,
     against, odd = contradictions(joint), differs(joint)
     poor = () if against else tuple(t for t in joint.tensions if t.sigmas > WORTH_A_WARNING)
     if (against or poor) and not is_best:
-        kind = Kind.disagreement_unsearched
-        return (Finding(kind=kind, severity="warning", subject="measurements"),)
+        return (warning(Kind.disagreement_unsearched, "measurements"),)
     return tuple(
-        Finding(
-            kind=Kind.contradiction if against else Kind.tension,
-            severity="warning",
-            subject=(odd if against else "") or f"{test.one}, {test.other}",
-            numbers={
-                "sigmas": test.sigmas,
-                "chi_square": test.chi_square,
-                "freedom": float(test.freedom),
-                "p_value": test.p_value,
-            },
-            names={"sets": (test.one, test.other)},
+        warning(
+            Kind.contradiction if against else Kind.tension,
+            (odd if against else "") or f"{test.one}, {test.other}",
+            {"sets": (test.one, test.other)},
+            sigmas=test.sigmas,
+            chi_square=test.chi_square,
+            freedom=float(test.freedom),
+            p_value=test.p_value,
         )
         for test in against or poor
     )

@@ -1,6 +1,6 @@
 """The one place where inference fits lines to measurements, without the FMU; each fit once.
 
-Amplitudes are those of one line with something beside it, or of a pair; complex values are lines
+Amplitudes are those of one line with a background, or of a pair; complex values are lines
 side by side on a background; free decays are sums of decaying lines.
 """
 
@@ -61,7 +61,7 @@ class LineFits:
     def with_backgrounds(
         self, frequency_hz: FloatArray, amplitude: FloatArray
     ) -> dict[str, Resonance]:
-        """Every form of one line with something beside it that can be fitted, by background.
+        """Every form of one line with a background that can be fitted, by background.
 
         Args:
             frequency_hz: rising, shape (n,), Hz.

@@ -44,7 +44,7 @@ EXPLAINED = 3.0
 LEAST_SCATTER = 1e-5
 #: Descents: first damping, rounds at most, chi square that is worth a step, precision (over that of
 #: the bounds) from which a direction is followed, and logarithms of factors at most.
-GENTLE, ROUNDS, PROMISE, LEAST_SEEN, LONGEST = 1e-6, 15, 1e-2, 1.0, 7.0
+GENTLE, ROUNDS, PROMISE, LEAST_PRECISION, LONGEST = 1e-6, 15, 1e-2, 1.0, 7.0
 #: More parameters than this are not searched again: drift offsets of a long series.
 MOST_PARAMETERS = 24
 
@@ -276,7 +276,7 @@ class _Both:
     ) -> tuple[FloatArray, float]:
         """A damped step in units of the bounds, and chi square that a straight model would have."""
         scaled = here.matrix * self.units
-        step = damped_step(scaled, here.rows, damping, bounds, LEAST_SEEN)
+        step = damped_step(scaled, here.rows, damping, bounds, LEAST_PRECISION)
         left = here.rows + here.matrix @ (self.units * step)
         return step, float(left @ left)
 

@@ -34,7 +34,7 @@ from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale
 from fitting.text.estimate import FittedEstimate
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 from fitting.text.rendering import phrase
 from fitting.text.units import convert
 
@@ -207,17 +207,13 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
     chosen = next((form for form in line.forms if form.name == line.background), None)
     if chosen is not None and chosen.structure.widening > WORTH_TELLING and not fitted:
         structure = chosen.structure
-        yield Finding(
-            kind=Kind.line_residuals,
-            severity="warning",
-            subject="sweep",
-            numbers={"widening": structure.widening, "points": structure.points},
-            names={"tests": (structure.departure,)},
-        )
+        numbers = {"widening": structure.widening, "points": structure.points}
+        names = {"tests": (structure.departure,)}
+        yield warning(Kind.line_residuals, "sweep", names, **numbers)
     if not depends_on_background(line):
         return
     plain, full = line.forms[0], line.forms[-1]
-    numbers: dict[str, float] = {}
+    numbers = {}
     for part, form in (("plain_", plain), ("full_", full)):
         numbers |= {
             f"{part}frequency_hz": form.frequency.value,
@@ -228,18 +224,15 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
             f"{part}q_std": form.q.std,
             f"{part}residual": form.residual,
         }
-    yield Finding(
-        kind=Kind.line_background,
-        severity="warning",
-        subject="sweep",
-        numbers=numbers
-        | {
-            "shift_hz": full.frequency.value - plain.frequency.value,
-            "sigmas": _apart(plain.frequency, full.frequency),
-            "p_value": line.background_p,
-            "fitted": float(fitted),
-        },
-        names={"background": (full.name,), "key": (full.name,) if full.name in ADDED else ()},
+    yield warning(
+        Kind.line_background,
+        "sweep",
+        {"background": (full.name,), "key": (full.name,) if full.name in ADDED else ()},
+        shift_hz=full.frequency.value - plain.frequency.value,
+        sigmas=_apart(plain.frequency, full.frequency),
+        p_value=line.background_p,
+        fitted=float(fitted),
+        **numbers,
     )
 
 

@@ -15,7 +15,7 @@ from fitting.inference.sweep_agreement import SweepAgreement, explained_by_model
 from fitting.inference.sweep_line import SweepLine, line_of_sweep
 from fitting.measurements.sweep import Sweep
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 
 #: Kinds of findings of a sweep that is no line.
 FAULTS = {
@@ -72,16 +72,13 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
             if isinstance(m, Sweep) and m.fitted
         }
     points = [
-        Finding(
-            kind=Kind.sweep_point,
-            severity="warning",
-            subject=name,
-            numbers={
-                "frequency_hz": float(sweep.frequency_hz[k]),
-                "amplitude": float(sweep.amplitude_v[k]),
-                "expected": expected,
-            },
-            names={"unit": (sweep.unit,)},
+        warning(
+            Kind.sweep_point,
+            name,
+            {"unit": (sweep.unit,)},
+            frequency_hz=float(sweep.frequency_hz[k]),
+            amplitude=float(sweep.amplitude_v[k]),
+            expected=expected,
         )
         for name, sweep in sweeps.items()
         for k, expected in sweep.far_off
@@ -146,5 +143,4 @@ def fault_finding(fault: SweepFault, subject: str = "", *, gives_scale: bool = F
     }
     if not math.isnan(fault.frequency_hz):
         numbers["frequency_hz"] = fault.frequency_hz
-    kind = FAULTS[fault.fault]
-    return Finding(kind=kind, severity="warning", subject=subject, numbers=numbers)
+    return warning(FAULTS[fault.fault], subject, None, **numbers)

@@ -174,4 +174,4 @@ def _others(roles: ValueRoles, time: Channel) -> tuple[Finding, ...]:
         return ()
     rest = [c for c in roles.recording.channels if c.name not in taken and not _tells(c)]
     others = {"columns": tuple(f"'{c.name}'" for c in rest)}
-    return (note(Kind.other_columns, names=others),) if rest else ()
+    return (note(Kind.other_columns, "", others),) if rest else ()

@@ -526,6 +526,6 @@ def _guesses(roles: Roles, columns: Columns) -> list[Finding]:
     silent = tuple(f"column '{c.name}' " for c in roles.recording.channels if c.name not in taken)
     remarks = [remark for remark in roles.recognised.remarks if not remark.startswith(silent)]
     return [
-        note(Kind.file_remark, names={"text": (f"{remark[0].upper()}{remark[1:]}.",)})
+        note(Kind.file_remark, "", {"text": (f"{remark[0].upper()}{remark[1:]}.",)})
         for remark in remarks
     ]

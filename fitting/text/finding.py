@@ -136,6 +136,7 @@ def note(
     kind: Kind,
     subject: str = "",
     names: Mapping[str, tuple[str, ...]] | None = None,
+    /,
     **numbers: float,
 ) -> Finding:
     """A finding that asks nothing of the reader.
@@ -151,6 +152,26 @@ def note(
     )
 
 
+def warning(
+    kind: Kind,
+    subject: str = "",
+    names: Mapping[str, tuple[str, ...]] | None = None,
+    /,
+    **numbers: float,
+) -> Finding:
+    """A finding that the reader must act on.
+
+    Args:
+        kind: what was found.
+        subject: the measurement, parameter or file that it is about.
+        names: that its sentence needs.
+        **numbers: that its sentence needs, in SI units.
+    """
+    return Finding(
+        kind=kind, severity="warning", subject=subject, numbers=numbers, names=dict(names or {})
+    )
+
+
 def left_out(file: str, count: int, *places: str, **numbers: float) -> Finding:
     """Points of a file that are not fitted: at zero frequency, or of a top that is cut off.
 
@@ -160,13 +181,8 @@ def left_out(file: str, count: int, *places: str, **numbers: float) -> Finding:
         *places: of the first, and of the last one.
         **numbers: the ``limit`` that cut them off, ``low_hz`` and ``high_hz`` where they are.
     """
-    return Finding(
-        kind=Kind.points_left_out,
-        severity="warning",
-        subject="",
-        numbers={"count": float(count), **numbers},
-        names={"file": (file,), "places": places},
-    )
+    names = {"file": (file,), "places": places}
+    return warning(Kind.points_left_out, "", names, count=float(count), **numbers)
 
 
 def of_kind(findings: tuple[Finding, ...], *kinds: Kind) -> tuple[Finding, ...]:

@@ -21,7 +21,7 @@ from fitting.fit.options import Options
 from fitting.fit.problem import Problem
 from fitting.fit.search.minima import Minimum, Search
 from fitting.fit.solver.continuation import Schedule
-from fitting.inference.adequacy import judged
+from fitting.inference.adequacy import chi_square_test
 from fitting.inference.checks.solutions import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Profile
@@ -56,7 +56,9 @@ def test_a_model_is_given_up_where_chi_square_is_both_large_and_improbable(
     root = np.linalg.cholesky(np.diag(noise.sigma**2) + noise.common @ noise.common.T)
     drawn = np.random.default_rng(1).normal(size=rows)
     white: FloatArray = drawn * (math.sqrt(ratio * rows) / float(np.linalg.norm(drawn)))
-    found = judged(noise.whitened(np.asarray(root @ white)), np.zeros((rows, 1)), np.eye(1))
+    found = chi_square_test(
+        noise.whitened(np.asarray(root @ white)), np.zeros((rows, 1)), np.eye(1)
+    )
     assert found.chi_square == pytest.approx(ratio * rows)
     assert found.freedom == pytest.approx(rows)
     assert found.p_value == pytest.approx(float(chi2.sf(ratio * rows, rows)), rel=1e-6)
@@ -68,8 +70,8 @@ def test_unknowns_take_their_degrees_of_freedom() -> None:
     matrix = np.random.default_rng(2).normal(size=(10, 2))
     covariance = np.asarray(np.linalg.inv(matrix.T @ matrix), dtype=float)
     rows = np.full(10, 10.0)
-    assert judged(rows, matrix, covariance).freedom == pytest.approx(8.0)
-    nothing = judged(rows, np.eye(10), np.eye(10))
+    assert chi_square_test(rows, matrix, covariance).freedom == pytest.approx(8.0)
+    nothing = chi_square_test(rows, np.eye(10), np.eye(10))
     assert (nothing.freedom, nothing.describes) == (0.0, True)
     assert math.isnan(nothing.p_value)
 

@@ -1,7 +1,7 @@
-"""Start values that nobody measured, and values of the fit that depend on them.
+"""Start values that were not measured, and values of the fit that depend on them.
 
-Let t be such values and T = V^-1/2 dr/dt, beside the whitened derivatives W of the fit. With t free
-the covariance is
+Let t be such values and T = V^-1/2 dr/dt, next to the whitened derivatives W of the fit. With t
+free the covariance is
 
     C' = ([W T]^T [W T] + P)^-1,     P the prior of the parameters alone
 
@@ -27,7 +27,7 @@ from fitting.inference.solved import Solved
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput, FmuFailure
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 
 #: Factor on an error, with the assumed value free, from which the value depends on it: a wrong one
 #: then fits as well, with a value one standard error off.
@@ -35,7 +35,7 @@ RESTS = 1.5
 #: Steps of an assumed value, as shares of its size, or of one where it is zero.
 STEPS = tuple(10.0**k for k in range(-5, 9))
 #: Length of a step's change, in standard deviations of the rows, that is measured well.
-SEEN = 0.3
+VISIBLE = 0.3
 #: The same from which a step is too long, and how often it is shortened.
 LONGEST, SHORTENED = 3.0, 6
 #: The highest power with which anything changes: lines move with the fourth of a coupling.
@@ -61,7 +61,7 @@ class _Column:
 
 
 def check_assumed_values(solved: Solved) -> Iterator[Finding]:
-    """Values that depend on start values which nobody measured and the data do not determine."""
+    """Values that depend on start values which were not measured and the data do not determine."""
     solution, response = solved.fit.solution, solved.fit.solution.objective.response
     # parameters of the campaign that have a value and an error
     known = [
@@ -93,18 +93,11 @@ def check_assumed_values(solved: Solved) -> Iterator[Finding]:
         return
     stds = {name: solved.parameters[name].std for name in resting}
     more, example = _example(solution, columns, fixed, added, stds)
-    yield Finding(
-        kind=Kind.assumed_value,
-        severity="warning",
-        subject=", ".join(column.name for column in columns),
-        numbers={f"assumed_{column.name}": column.value for column in columns} | more,
-        names={
-            "values": tuple(resting),
-            "assumed": tuple(column.name for column in columns),
-            "units": tuple(column.unit for column in columns),
-            "example": example,
-        },
-    )
+    assumed_names = tuple(column.name for column in columns)
+    names = {"values": tuple(resting), "assumed": assumed_names, "example": example}
+    names["units"] = tuple(column.unit for column in columns)
+    numbers = {f"assumed_{column.name}": column.value for column in columns} | more
+    yield warning(Kind.assumed_value, ", ".join(assumed_names), names, **numbers)
 
 
 def _column(
@@ -125,8 +118,8 @@ def _column(
 
     steps: Iterable[float] = (share * (abs(value) or 1.0) for share in STEPS)
     try:
-        found = ((step, change(step)) for step in steps)
-        step, column = next(each for each in found if np.linalg.norm(each[1]) > SEEN)
+        changes = ((step, change(step)) for step in steps)
+        step, column = next(each for each in changes if np.linalg.norm(each[1]) > VISIBLE)
         # a step of more than a few standard deviations is bent
         for _ in range(SHORTENED):
             length = float(np.linalg.norm(column))

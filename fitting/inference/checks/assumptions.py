@@ -34,7 +34,7 @@ from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, OutOfBudget
 from fitting.text.estimate import FittedEstimate
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, note
 
 #: Steps at most by the derivatives at the solution, and share of a standard error that ends them.
 STEPS, SMALL = 8, 0.05
@@ -73,7 +73,7 @@ def check_assumptions(solved: Solved) -> Iterator[Finding]:
         except (FmuFailure, BadInput, OutOfBudget, np.linalg.LinAlgError):
             continue
         numbers["chi_square"] = moved.chi_square
-        yield Finding(kind=Kind.assumption, severity="note", subject=words, numbers=numbers)
+        yield note(Kind.assumption, words, None, **numbers)
 
 
 def _moved(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:

@@ -19,11 +19,11 @@ import numpy as np
 from fitting.campaign.laws import in_base
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
-from fitting.inference.estimates import SEEN
+from fitting.inference.estimates import DETERMINED
 from fitting.inference.solved import Solved
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 from fitting.text.notation import listed
 
 #: Correlation from which two values are one: with the other known an error is 22 times as small.
@@ -53,7 +53,7 @@ def check_combinations(solved: Solved) -> Iterator[Finding]:
         if p.name not in solved.parameters or not p.moves_model or p.experiments:
             continue
         std, shrinkage = errors.of(p.scale * np.eye(len(parameters))[i])
-        if shrinkage >= SEEN and std > POOR * abs(float(solution.final.parameters[i])):
+        if shrinkage >= DETERMINED and std > POOR * abs(float(solution.final.parameters[i])):
             poor.append(i)
     for i, j in combinations(poor, 2):
         rho = float(errors.covariance[i, j] / (deviations[i] * deviations[j]))
@@ -67,8 +67,7 @@ def check_combinations(solved: Solved) -> Iterator[Finding]:
         following = list(_following(solution, errors.covariance[:, i] / deviations[i]))
         subject = listed(parameters[k].name for k in (i, j))
         subject += f", and with them {listed(following)}" if following else ""
-        kind = Kind.combination
-        yield Finding(kind=kind, severity="warning", subject=subject, numbers=numbers)
+        yield warning(Kind.combination, subject, None, **numbers)
 
 
 def _following(solution: Solution, along: FloatArray) -> Iterator[str]:

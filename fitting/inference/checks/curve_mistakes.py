@@ -29,7 +29,7 @@ from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Misfit, correlation, excess_share, misfit_of, scaled_solution
 from fitting.signal.residual_tests import innovations
 from fitting.text.arrays import FloatArray, IntArray, Scalar
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 
 #: Share of the misfit that a cause may leave, and how many times as much every other kind leaves.
 MOST_LEFT, CLEARLY = 0.3, 2.0
@@ -148,12 +148,8 @@ def _finding(trial: Trial, removed: float) -> Finding:
     if trial.kind is Kind.shift:
         is_trace = trial.curves[0].measurement.is_trace
         numbers["time_s" if is_trace else "frequency_hz"] = size
-    return Finding(
-        kind=trial.kind,
-        severity="warning",
-        subject=", ".join(names) if len(names) < NAMED else f"{names[0]} to {names[-1]}",
-        numbers=numbers,
-    )
+    subject = ", ".join(names) if len(names) < NAMED else f"{names[0]} to {names[-1]}"
+    return warning(trial.kind, subject, None, **numbers)
 
 
 class Search:
@@ -199,8 +195,8 @@ class Search:
 
         def left(shift: float) -> float:
             moved = rows + curve.moved(course, shift) - course
-            turned = curve.moved(columns, shift)
-            residuals = moved - turned @ scaled_solution(turned, moved)
+            solved = curve.moved(columns, shift)
+            residuals = moved - solved @ scaled_solution(solved, moved)
             return float(residuals @ residuals)
 
         half = 0.5 * float(np.ptp(curve.axis))
@@ -208,7 +204,7 @@ class Search:
 
     def _step(self, here: Trial, matrix: FloatArray) -> tuple[FloatArray, float]:
         """Step of parameters, sizes and what is solved inside; chi square that it leaves."""
-        slopes = _carried(here, matrix) / self.sigma[:, None]
+        slopes = _shifted(here, matrix) / self.sigma[:, None]
         prior = inverse_priors(self.solution.parameters)
         priors = np.hstack([np.diag(prior), np.zeros((prior.size, here.slopes.shape[1]))])
         stacked = np.vstack([np.column_stack([slopes, here.slopes]), priors])
@@ -250,8 +246,8 @@ class Search:
 
         def at(sizes: FloatArray) -> Trial:
             here = self._corrected(replace(trial, sizes=sizes), point.residuals, inside)
-            turned = here.slopes[:, count:]
-            rows = here.rows - turned @ scaled_solution(turned, here.rows)
+            solved = here.slopes[:, count:]
+            rows = here.rows - solved @ scaled_solution(solved, here.rows)
             return replace(here, rows=rows, chi_square=float(rows @ rows))
 
         def direction(here: Trial) -> Callable[[float], Trial]:
@@ -272,7 +268,7 @@ class Search:
             else:
                 rows[place.rows] += size * column
             slopes[place.rows, k] = column
-        columns = np.column_stack([slopes, _carried(trial, inside)])
+        columns = np.column_stack([slopes, _shifted(trial, inside)])
         return replace(trial, rows=rows / self.sigma, slopes=columns / self.sigma[:, None])
 
     def leaves_noise(self, trial: Trial) -> bool:
@@ -317,7 +313,7 @@ def _descend(
     return here
 
 
-def _carried(trial: Trial, columns: FloatArray) -> FloatArray:
+def _shifted(trial: Trial, columns: FloatArray) -> FloatArray:
     """Slopes (m, k) of all rows, those of shifted curves moved with them."""
     if trial.kind is not Kind.shift:
         return columns

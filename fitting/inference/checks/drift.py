@@ -9,7 +9,7 @@ from fitting.campaign import BoundCampaign
 from fitting.inference.solved import Solved
 from fitting.text.errors import BadInput
 from fitting.text.estimate import OffsetEstimate
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, note, warning
 from fitting.text.units import convert
 
 #: A drift of this share of the line width may be why a model does not describe the data: half of it
@@ -58,29 +58,19 @@ def drift_findings(
     wide = {name: hz for name, hz in moved.items() if hz > width_hz}
     suspected = not (describes or offsets) and max(moved.values(), default=0.0) > SUSPECT * width_hz
     if wide or suspected:
-        yield Finding(
-            kind=Kind.drift_wide if wide else Kind.drift_suspected,
-            severity="note" if describes else "warning",
-            subject=subject,
-            numbers={"width_hz": width_hz, **(wide or moved)},
-            names={
-                "variables": tuple(wide or moved),
-                "offsets": tuple(o.name for o in offsets),
-            },
-        )
+        kind = Kind.drift_wide if wide else Kind.drift_suspected
+        shown = wide or moved
+        names = {"variables": tuple(shown), "offsets": tuple(o.name for o in offsets)}
+        finding = note if describes else warning
+        yield finding(kind, subject, names, **{"width_hz": width_hz} | shown)
     far = {
         f"{o.experiments[0]} ({', '.join(o.variables)})": abs(o.value) * _in_hertz(o.unit)
         for o in offsets
         if not math.isnan(o.prior) and abs(o.value) * _in_hertz(o.unit) > width_hz
     }
     if far:
-        yield Finding(
-            kind=Kind.drift_offset_wide,
-            severity="warning",
-            subject=subject,
-            numbers={"width_hz": width_hz, **far},
-            names={"offsets": tuple(far)},
-        )
+        names = {"offsets": tuple(far)}
+        yield warning(Kind.drift_offset_wide, subject, names, **{"width_hz": width_hz} | far)
 
 
 def _in_hertz(unit: str) -> float:

@@ -17,12 +17,12 @@ from fitting.measurements.complex.tones import ComplexTones
 from fitting.measurements.measurement import DivisibleResponse
 from fitting.measurements.tones import Tones
 from fitting.signal.misfit import excess_share
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 
 #: Chi square of two peaks from which they may be exchanged, and what is left if they are.
 SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
 #: Share of the misfit that the drift the other way round may leave.
-MOST_LEFT_TURNED = 0.1
+MOST_LEFT_REVERSED = 0.1
 #: Factors on phases that a mistake makes, and what their numbers are then.
 READINGS = {-1.0: "reversed", 180.0 / math.pi: "radian", math.pi / 180.0: "degree"}
 #: Residuals, in their noise or as a share where that is unknown, from which phases are suspected.
@@ -47,9 +47,8 @@ def check_exchanged_peaks(solved: Solved) -> Iterator[Finding]:
                 for measured in (e.peaks_v[[i, k]], e.peaks_v[[k, i]])
             )
             if as_is > SWAPPED_BEYOND and swapped < SWAPPED_SHARE * as_is:
-                numbers = {"one_hz": float(e.read_hz[i]), "other_hz": float(e.read_hz[k])}
-                kind = Kind.peaks_exchanged
-                yield Finding(kind=kind, severity="warning", subject=e.label, numbers=numbers)
+                one_hz, other_hz = float(e.read_hz[i]), float(e.read_hz[k])
+                yield warning(Kind.peaks_exchanged, e.label, one_hz=one_hz, other_hz=other_hz)
 
 
 def exchanged_drift(solved: Solved) -> Iterator[Finding]:
@@ -66,7 +65,7 @@ def exchanged_drift(solved: Solved) -> Iterator[Finding]:
         ends = bound.drift.ends
         if not any(before != after for before, after in ends.values()):
             continue
-        turned = tuple(
+        reversed_tones = tuple(
             replace(
                 m,
                 experiments=tuple(
@@ -86,19 +85,14 @@ def exchanged_drift(solved: Solved) -> Iterator[Finding]:
         )
         other = replace(
             objective,
-            response=response.answering(turned),
-            data=replace(objective.data, measurements=turned),
+            response=response.answering(reversed_tones),
+            data=replace(objective.data, measurements=reversed_tones),
         )
         refit = refitted(solution, other, everything)
         before = refitted(solution, objective, everything)
         left = excess_share(refit.chi_square, before.chi_square, refit.freedom)
-        if refit.fits or left < MOST_LEFT_TURNED:  # a drift that bends leaves some
-            yield Finding(
-                kind=Kind.drift_exchanged,
-                severity="warning",
-                subject=name or "drift",
-                numbers=refit.numbers,
-            )
+        if refit.fits or left < MOST_LEFT_REVERSED:  # a drift that bends leaves some
+            yield warning(Kind.drift_exchanged, name or "drift", None, **refit.numbers)
             return
 
 
@@ -123,10 +117,5 @@ def check_phases(solved: Solved) -> Iterator[Finding]:
         for factor, reading in READINGS.items():
             other = chi_square(k, m.read_as(factor))
             if other < LEFT * as_is:
-                yield Finding(
-                    kind=Kind.phases_misread,
-                    severity="warning",
-                    subject=m.series,
-                    numbers={"improvement": as_is / other},
-                    names={"reading": (reading,)},
-                )
+                names = {"reading": (reading,)}
+                yield warning(Kind.phases_misread, m.series, names, improvement=as_is / other)

@@ -23,7 +23,7 @@ from fitting.signal.chi_square import tail
 from fitting.signal.misfit import IMPROBABLE, NOTICED, far_off, scaled_solution
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import FmuFailure, NoScale
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 
 #: Height of a model over the data below which no factor is reported.
 LEAST = 1e-6
@@ -81,13 +81,9 @@ def outlying_peaks(
     for k in np.argsort(-np.abs(score)):
         if np.min(relative[:, k]) > threshold:
             label, frequency_hz, is_phase = list(lines.values())[k]
-            yield Finding(
-                kind=Kind.outlier,
-                severity="warning",
-                subject=label,
-                numbers={"sigmas": float(score[k]), "frequency_hz": frequency_hz},
-                names={"phase": ("phase",) if is_phase else (), "reduced": reduced},
-            )
+            names = {"phase": ("phase",) if is_phase else (), "reduced": reduced}
+            about = {"sigmas": float(score[k]), "frequency_hz": frequency_hz}
+            yield warning(Kind.outlier, label, names, **about)
 
 
 def _lines(data: Dataset) -> dict[int, tuple[str, float, bool]]:
@@ -147,7 +143,7 @@ def single_rows(solved: Solved) -> Iterator[Finding]:
         elif k in lines:
             name, numbers["frequency_hz"], _ = lines[k]
         subject = "/".join(filter(None, (m.series, name))) or "measurement"
-        yield Finding(kind=Kind.outlier, severity="warning", subject=subject, numbers=numbers)
+        yield warning(Kind.outlier, subject, None, **numbers)
 
 
 # --- whole experiments ----------------------------------------------------------------------------
@@ -215,12 +211,7 @@ def outlying_experiment(solution: Solution) -> Iterator[Finding]:
     left = refits[label].residuals[rows[label]]
     # rows are model/data - 1
     factor = float(np.mean(1.0 / np.maximum(1.0 + left, LEAST)))
-    yield Finding(
-        kind=Kind.outlier,
-        severity="warning",
-        subject=label,
-        numbers={**refits[label].numbers, "factor": factor},
-    )
+    yield warning(Kind.outlier, label, None, **refits[label].numbers, factor=factor)
 
 
 def _promised(solution: Solution, excluded: IntArray) -> float:

@@ -10,7 +10,7 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
 from fitting.measurements.sweep import Sweep
 from fitting.signal.residual_tests import NOTABLE
-from fitting.text.finding import Finding, Kind, Severity
+from fitting.text.finding import Finding, Kind, note, warning
 
 #: What a finding is about that is about all measurements.
 EVERYTHING = "measurements"
@@ -31,13 +31,10 @@ def check_residuals(solved: Solved) -> Iterator[Finding]:
     # errors that are scaled although the rule names no reason
     outliers = adequacy is not None and bool(adequacy.outliers)
     if not by_rule and solved.inflation > WORTH_TELLING and not outliers:
-        numbers = {"inflation": solved.inflation}
         if status is Status.INTERRUPTED:  # the search might have reduced the residuals
-            kind, subject = Kind.search_unfinished, "search"
-            yield Finding(kind=kind, severity="warning", subject=subject, numbers=numbers)
+            yield warning(Kind.search_unfinished, "search", inflation=solved.inflation)
         elif solved.describes:
-            kind = Kind.excess_residuals
-            yield Finding(kind=kind, severity="warning", subject=EVERYTHING, numbers=numbers)
+            yield warning(Kind.excess_residuals, EVERYTHING, inflation=solved.inflation)
 
     named = {finding.kind for finding in by_rule} & {Kind.correlated_residuals, Kind.not_described}
     if structure is None or structure.widening <= WORTH_TELLING or named:
@@ -46,17 +43,14 @@ def check_residuals(solved: Solved) -> Iterator[Finding]:
     # a noise in proportion to the amplitude could be stated, and is not
     can_state = any(isinstance(m, Sweep) and m.fitted and not m.known for m in data.measurements)
     correlated = structure.order > 0
-    yield Finding(
-        kind=Kind.correlated_residuals if correlated else Kind.heteroscedastic_residuals,
-        severity="warning",
-        subject=subject_of(data.series),
-        numbers={
-            "widening": structure.widening,
-            "points": structure.points,
-            "count": float(solved.solution.final.residuals[data.curve_rows].size),
-            "can_state": float(structure.is_unequal and can_state),
-        },
-        names={"tests": (structure.departure,)},
+    yield warning(
+        Kind.correlated_residuals if correlated else Kind.heteroscedastic_residuals,
+        subject_of(data.series),
+        {"tests": (structure.departure,)},
+        widening=structure.widening,
+        points=structure.points,
+        count=float(solved.solution.final.residuals[data.curve_rows].size),
+        can_state=float(structure.is_unequal and can_state),
     )
 
 
@@ -85,17 +79,12 @@ def residual_findings(
         return (Finding(kind=kind, severity="error", subject=subject, numbers=numbers),)
     findings = []
     if adequacy.is_correlated:
-        kind, more = Kind.correlated_residuals, {"widening": widening}
-        urgent: Severity = "warning" if widening > NOTABLE else "note"
-        findings.append(
-            Finding(kind=kind, severity=urgent, subject=subject, numbers=numbers | more)
-        )
+        finding = warning if widening > NOTABLE else note
+        kind = Kind.correlated_residuals
+        findings.append(finding(kind, subject, None, **numbers, widening=widening))
     if adequacy.noise_factor > 1.0:
-        kind, more = Kind.noise_underestimated, {"factor": adequacy.noise_factor}
-        subject = subject_of(series)
-        findings.append(
-            Finding(kind=kind, severity="warning", subject=subject, numbers=numbers | more)
-        )
+        kind, subject = Kind.noise_underestimated, subject_of(series)
+        findings.append(warning(kind, subject, None, **numbers, factor=adequacy.noise_factor))
     return tuple(findings)
 
 

@@ -10,7 +10,7 @@ from fitting.inference.solved import Solved
 from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import laboratory_maximum
 from fitting.text.estimate import FittedEstimate
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, note, warning
 from fitting.text.notation import hertz
 
 #: Weak peaks that are named one by one.
@@ -28,13 +28,9 @@ def check_weak_peaks(solved: Solved) -> Iterator[Finding]:
         if peak < DETECTION_SIGMA * sigma
     ]
     if weak:
-        yield Finding(
-            kind=Kind.weak_peaks,
-            severity="warning",
-            subject="peaks",
-            numbers={"count": float(len(weak)), "threshold": DETECTION_SIGMA},
-            names={"peaks": tuple(weak[:MOST_WEAK])},
-        )
+        names = {"peaks": tuple(weak[:MOST_WEAK])}
+        numbers = {"count": float(len(weak)), "threshold": DETECTION_SIGMA}
+        yield warning(Kind.weak_peaks, "peaks", names, **numbers)
 
 
 def check_scale(solved: Solved) -> Iterator[Finding]:
@@ -45,40 +41,32 @@ def check_scale(solved: Solved) -> Iterator[Finding]:
         experiments = campaigns[0].experiments
         gains = [e.phases.unknown == "gain" for e in experiments if e.phases is not None]
         if not sweeps and experiments and not any(gains):
-            yield Finding(kind=Kind.scale_none, severity="note", subject="scale")
+            yield note(Kind.scale_none, "scale")
         elif sweeps and sweeps[0].scale == "maximum":
             maximum = laboratory_maximum(sweeps[0].frequency_hz, sweeps[0].amplitude_v)
-            numbers: dict[Kind, dict[str, float]] = {}
             if maximum.on_edge:
-                numbers[Kind.scale_at_edge] = {"frequency_hz": maximum.frequency_hz}
+                yield warning(Kind.scale_at_edge, "scale", frequency_hz=maximum.frequency_hz)
             elif math.isnan(maximum.bias):
-                numbers[Kind.scale_unknown] = {"fall": maximum.fall}
+                yield warning(Kind.scale_unknown, "scale", fall=maximum.fall)
             elif maximum.is_biased:
-                numbers[Kind.scale_biased] = {"bias": maximum.bias}
-            for kind, each in numbers.items():
-                yield Finding(kind=kind, severity="warning", subject="scale", numbers=each)
+                yield warning(Kind.scale_biased, "scale", bias=maximum.bias)
     wanted = min((bound.setup.accuracy for bound in campaigns), default=math.inf)
     bias = solved.solution.final.scale_bias
     if bias > wanted:
-        about = {"error": bias, "accuracy": wanted}
-        yield Finding(kind=Kind.scale_coarse, severity="warning", subject="scale", numbers=about)
+        yield warning(Kind.scale_coarse, "scale", error=bias, accuracy=wanted)
 
 
 def check_estimator(solved: Solved) -> Iterator[Finding]:
     """That the values are Algorithm 2's and the errors are not; values outside their intervals."""
     if solved.fit.options.estimator == LIKELIHOOD:
         return
-    yield Finding(kind=Kind.estimator, severity="note", subject="values")
+    yield note(Kind.estimator, "values")
     for name, value in _every(solved).items():
         if value.status.has_value and value.is_outside:
             low, high = value.ci95
-            yield Finding(
-                kind=Kind.outside_interval,
-                severity="warning",
-                subject=name,
-                numbers={"value": value.value, "low": low, "high": high},
-                names={"unit": (value.unit,)},
-            )
+            names = {"unit": (value.unit,)}
+            numbers = {"value": value.value, "low": low, "high": high}
+            yield warning(Kind.outside_interval, name, names, **numbers)
 
 
 def check_simulation(solved: Solved) -> Iterator[Finding]:
@@ -92,18 +80,13 @@ def check_simulation(solved: Solved) -> Iterator[Finding]:
     if not moved:
         return
     # a doubtful scale is far more than the simulation's own error
-    scale_off = solved.sweeps.scale_off
-    doubt = scale_off > 1.0
-    yield Finding(
-        kind=Kind.scale_doubt if doubt else Kind.simulation_error,
-        severity="warning" if doubt else "note",
-        subject="sweep" if doubt else "simulation",
-        numbers={
-            "error": scale_off - 1.0 if doubt else max(solved.solution.final.promised),
-            **{name: value.simulation for name, value in moved.items()},
-        },
-        names={"values": tuple(moved), "units": tuple(v.unit for v in moved.values())},
-    )
+    names = {"values": tuple(moved), "units": tuple(v.unit for v in moved.values())}
+    shifts, scale_off = {n: v.simulation for n, v in moved.items()}, solved.sweeps.scale_off
+    if scale_off > 1.0:
+        yield warning(Kind.scale_doubt, "sweep", names, **{"error": scale_off - 1.0} | shifts)
+    else:
+        error = max(solved.solution.final.promised)
+        yield note(Kind.simulation_error, "simulation", names, **{"error": error} | shifts)
 
 
 def _every(solved: Solved) -> dict[str, FittedEstimate]:

@@ -10,7 +10,7 @@ from fitting.fit.alternative import Outcome
 from fitting.fit.path import named
 from fitting.fit.solver.continuation import distance, equal_j
 from fitting.inference.solved import Solved
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, note, warning
 from fitting.text.notation import settings_words
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are distinct.
@@ -31,13 +31,9 @@ def check_bounds(solved: Solved) -> Iterator[Finding]:
         if abs(p - bound) >= parameter.near(bound, NEAR_BOUND):
             continue
         at_bound = abs(p - bound) <= parameter.near(bound, ON_BOUND)
-        yield Finding(
-            kind=Kind.at_bound,
-            severity="note",
-            subject=parameter.name,
-            numbers={"value": p, "bound": bound, "at_bound": float(at_bound)},
-            names={"unit": (parameter.unit,)},
-        )
+        names = {"unit": (parameter.unit,)}
+        numbers = {"value": p, "bound": bound, "at_bound": float(at_bound)}
+        yield note(Kind.at_bound, parameter.name, names, **numbers)
 
 
 def check_correlation(solved: Solved) -> Iterator[Finding]:
@@ -52,13 +48,8 @@ def check_correlation(solved: Solved) -> Iterator[Finding]:
             rho = float(covariance[i, j] / np.sqrt(covariance[i, i] * covariance[j, j]))
             if abs(rho) >= CORRELATED:
                 pair = (parameters[j].name, parameters[i].name)
-                yield Finding(
-                    kind=Kind.correlated_values,
-                    severity="note",
-                    subject=", ".join(pair),
-                    numbers={"correlation": rho},
-                    names={"pair": pair},
-                )
+                names = {"pair": pair}
+                yield note(Kind.correlated_values, ", ".join(pair), names, correlation=rho)
 
 
 def check_minima(solved: Solved) -> Iterator[Finding]:
@@ -74,17 +65,10 @@ def check_minima(solved: Solved) -> Iterator[Finding]:
         apart = distance(parameters, np.array(end.x), np.array(lowest.x))
         equal = equal_j(end.j, lowest.j) and apart > APART
         if equal or chain.nu == best.nu:
-            yield Finding(
-                kind=Kind.equal_objective if equal else Kind.other_minimum,
-                severity="note",
-                subject=f"start {chain.start + 1}",
-                numbers={
-                    "start": chain.start + 1.0,
-                    "objective": end.j,
-                    **{p.name: values[p.name] for p in shared},
-                },
-                names=about,
-            )
+            kind = Kind.equal_objective if equal else Kind.other_minimum
+            numbers = {"start": chain.start + 1.0, "objective": end.j}
+            numbers |= {p.name: values[p.name] for p in shared}
+            yield note(kind, f"start {chain.start + 1}", about, **numbers)
     yield from search_findings(outcome)
 
 
@@ -106,8 +90,7 @@ def search_findings(outcome: Outcome) -> Iterator[Finding]:
     }
     if others:
         numbers["next_chi_square"] = others[0].chi_square
-    kind = Kind.search_unexplained
-    yield Finding(kind=kind, severity="warning", subject="search", numbers=numbers)
+    yield warning(Kind.search_unexplained, "search", None, **numbers)
 
 
 def check_alternatives(solved: Solved) -> Iterator[Finding]:
@@ -115,8 +98,7 @@ def check_alternatives(solved: Solved) -> Iterator[Finding]:
     yield from solved.equivalents
     for a in () if solved.equivalents else solved.fit.alternatives:
         if a.equal_to_best and not a.reported:
-            words = settings_words(a.settings)
-            yield Finding(kind=Kind.equal_alternative, severity="note", subject=words)
+            yield note(Kind.equal_alternative, settings_words(a.settings))
 
 
 def check_profiles(solved: Solved) -> Iterator[Finding]:

@@ -13,7 +13,7 @@ from fitting.inference.sweeps import SweepAgreement
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import unknown_line
 from fitting.text.errors import BadInput
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import Finding, Kind, warning
 from fitting.text.units import convert
 
 #: Factors between the amplitudes of a sweep and of peaks, and what makes them.
@@ -63,13 +63,8 @@ def check_agreement(solved: Solved) -> Iterator[Finding]:
         if not math.isnan(test.factor):
             numbers |= {"factor": test.factor, "factor_std": test.factor_std}
         reasons = tuple(why for value, why in FACTORS.items() if _is_factor(test, value))
-        yield Finding(
-            kind=Kind.scale_contradicted,
-            severity="warning",
-            subject=test.series,
-            numbers=numbers,
-            names={"reason": reasons[:1]},
-        )
+        names = {"reason": reasons[:1]}
+        yield warning(Kind.scale_contradicted, test.series, names, **numbers)
 
 
 def _is_factor(test: SweepAgreement, value: float) -> bool:
@@ -107,18 +102,9 @@ def bounds_off_line(
             boxes.append((p.name, low, high, next(places, 0.0)))
     if boxes and all(factor for *_, factor in boxes):
         name, low, high, factor = boxes[0]
-        yield Finding(
-            kind=Kind.bounds_off_line,
-            severity="warning",
-            subject=name,
-            numbers={
-                "frequency_hz": line.frequency.value,
-                "lower_hz": low,
-                "upper_hz": high,
-                "factor": factor,
-            },
-            names={"file": (file,)},
-        )
+        numbers = {"frequency_hz": line.frequency.value, "lower_hz": low, "upper_hz": high}
+        names = {"file": (file,)}
+        yield warning(Kind.bounds_off_line, name, names, **numbers, factor=factor)
 
 
 def check_unknown_lines(solved: Solved) -> Iterator[Finding]:
@@ -132,10 +118,5 @@ def check_unknown_lines(solved: Solved) -> Iterator[Finding]:
                 unknown.append((e.label, e.spectrum.unit, *line))
     if unknown:
         label, unit, place, height = max(unknown, key=lambda each: each[3])
-        yield Finding(
-            kind=Kind.unknown_line,
-            severity="warning",
-            subject=label,
-            numbers={"count": float(len(unknown)), "frequency_hz": place, "height": height},
-            names={"unit": (unit,)},
-        )
+        numbers = {"count": float(len(unknown)), "frequency_hz": place, "height": height}
+        yield warning(Kind.unknown_line, label, {"unit": (unit,)}, **numbers)
