@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.parameters import canonical, search_bounds, to_model
-from fitting.fit.differences import central
+from fitting.fit.differences import Stencil, central
 from fitting.fit.options import ALGORITHM2, LIKELIHOOD
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
@@ -43,6 +43,50 @@ class Estimates:
     def reported(self) -> FloatArray:
         """The one that is the value."""
         return self.paper if self.estimator == ALGORITHM2 else self.best
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Derived outputs at the end of a fit, at the references, and around: evaluated once.
+
+    `points` are search vectors (n,), the end and the references first; `values` of every output at
+    each, by name, shape (experiments,). Of `secants` a variable without a first-order effect has
+    the slope of its secant, as the covariance has it.
+    """
+
+    points: tuple[FloatArray, ...]
+    values: tuple[Mapping[str, FloatArray], ...]
+    stencil: Stencil
+    secants: Stencil
+
+    def means(self, name: str) -> FloatArray:
+        """Means over the experiments at all points, shape (points,)."""
+        return np.array([mean(answer[name]) for answer in self.values])
+
+    def gradient(self, name: str, *, secants: bool = False) -> FloatArray:
+        """Slopes of the mean in x at the end, shape (n,)."""
+        around = self.secants if secants else self.stencil
+        return around.quotients(list(self.means(name)[2:]))
+
+
+def outputs_of(solution: Solution) -> Outputs:
+    """The derived outputs at the end of a fit and around, in one batch.
+
+    Args:
+        solution: end of the fit.
+
+    Raises:
+        FmuFailure: the model failed there.
+    """
+    parameters, x = solution.parameters, solution.final.x
+    lower, upper = search_bounds(parameters)
+    stencil = central(x, np.minimum(OUTPUT_STEP, 0.25 * (upper - lower)), lower, upper)
+    secants = stencil
+    for i, moved in solution.secant_points.items():
+        secants = secants.between(i, moved, x)
+    points = (x, np.clip(np.zeros(x.size), lower, upper), *secants.nodes)
+    values = solution.objective.response.derived_many([to_model(parameters, y) for y in points])
+    return Outputs(points, tuple(values), stencil, secants)
 
 
 @dataclass(frozen=True)
@@ -121,32 +165,27 @@ def parameter_results(solution: Solution, estimates: Estimates) -> dict[str, Par
 
 
 def derived_results(
-    solution: Solution, estimates: Estimates, units: Mapping[str, str], seed: int
+    solution: Solution, outputs: Outputs, estimates: Estimates, units: Mapping[str, str], seed: int
 ) -> dict[str, OutputEstimate]:
     """Derived outputs as reported, with errors from their gradient and range within the bounds.
 
     Args:
         solution: end of the fit, where they are linearised.
+        outputs: there and around.
         estimates: both estimates.
         units: of the outputs, by name.
         seed: of the random numbers.
     """
     parameters, response = solution.parameters, solution.objective.response
-    x, (lower, upper) = solution.final.x, search_bounds(parameters)
-    around = central(x, np.minimum(OUTPUT_STEP, 0.25 * (upper - lower)), lower, upper)
-    for i, moved in solution.secant_points.items():  # as the covariance has it
-        around = around.between(i, moved, x)
-    points = [x, np.clip(np.zeros(x.size), lower, upper), *around.nodes]
-    answers = response.derived_many([to_model(parameters, y) for y in points])
-    ranges = output_ranges(response, parameters, seed, points)
+    ranges = output_ranges(response, parameters, seed, outputs.points)
     reported, likely = response.derived_many([estimates.reported, estimates.best])
     read_at = places_of_outputs(solution.objective.data.measurements)
     places = tuple(label for each in read_at.values() for label, _ in each)
     results = {}
     for name, values in reported.items():
-        means = np.array([mean(answer[name]) for answer in answers])
+        means = outputs.means(name)
         best, low, high = mean(likely[name]), ranges[name].low, ranges[name].high
-        error = _error(solution, around.quotients(list(means[2:])))
+        error = _error(solution, outputs.gradient(name, secants=True))
         if not np.isfinite(best):
             error = _Error(math.nan, math.nan, 0.0, 0.0)
         elif not error.is_determined:
@@ -162,7 +201,8 @@ def derived_results(
             )
         # of a value of its own at each place
         each = len(places) == values.size > 1
-        slopes = around.quotients([answer[name] for answer in answers[2:]]) if each else ()
+        around = [answer[name] for answer in outputs.values[2:]]
+        slopes = outputs.secants.quotients(around) if each else ()
         errors = [_error(solution, slope) for slope in slopes]
         results[name] = OutputEstimate(
             name=name,

@@ -25,8 +25,10 @@ from fitting.inference.ending import ending_of
 from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.estimates import (
     Estimates,
+    Outputs,
     derived_results,
     offset_results,
+    outputs_of,
     parameter_results,
 )
 from fitting.inference.findings import findings_of, in_order
@@ -117,8 +119,9 @@ def _inferred(
     solution = replace(fit.solution, errors=errors)
     estimates = Estimates(best, solution.final.parameters, fit.options.estimator)
     parameters = parameter_results(solution, estimates)
-    derived = derived_results(solution, estimates, request.units, fit.options.schedule.seed)
-    joint = consistency(problem, solution) if problem.is_joint else None
+    outputs, seed = outputs_of(solution), fit.options.schedule.seed
+    derived = derived_results(solution, outputs, estimates, request.units, seed)
+    joint = consistency(problem, solution, outputs) if problem.is_joint else None
 
     # how it ended: a fit that converged may still not describe the data
     status = fit.status
@@ -167,7 +170,7 @@ def _inferred(
         sweeps=_with_names(sweeps, fit, {**parameters, **derived}),
         chi_square=math.nan if adequacy is None else adequacy.chi_square,
         dof=math.nan if adequacy is None else adequacy.freedom,
-        quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
+        quadratures=_quadratures(solution, outputs, request, named) if describes else Quadratures(),
     )
     solved = Solved(
         fit=fit,
@@ -181,6 +184,7 @@ def _inferred(
         parameters=parameters,
         derived=derived,
         offsets=inference.offsets,
+        outputs=outputs,
         joint=joint,
         equivalents=equivalent_findings(inference) if describes else (),
         profiles=() if determined is None else determined.findings,
@@ -226,13 +230,14 @@ def _with_names(
 
 def _quadratures(
     solution: Solution,
+    outputs: Outputs,
     request: InferenceRequest,
     named: Mapping[str, FittedEstimate],
 ) -> Quadratures:
     """What complex values tell, of values that there are; nothing where the model fails nearby."""
     try:
         stds = {name: value.std for name, value in named.items()}
-        return quadratures_of(solution, request.units, stds)
+        return quadratures_of(solution, outputs, request.units, stds)
     except (FmuFailure, np.linalg.LinAlgError):
         return Quadratures()
 

@@ -21,13 +21,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.joint import is_shared
-from fitting.campaign.parameters import prior_sigmas, search_bounds
-from fitting.fit.differences import central
+from fitting.campaign.parameters import prior_sigmas
 from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined
 from fitting.fit.noise import noise_of
-from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
+from fitting.inference.estimates import Outputs
 from fitting.inference.likelihood.knowledge import CONTRADICT, WORTH_A_WARNING, PairTest
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
@@ -37,8 +36,6 @@ from fitting.text.rendering import phrase
 
 #: A direction counts as determined from this many times the precision of the bounds.
 BETTER_THAN_BOX = 3.0
-#: Step in x for the gradient of a derived output.
-OUTPUT_STEP = 1e-4
 #: Standard deviations from which the values of two campaigns that contradict each other differ.
 APART = 3.0
 
@@ -153,7 +150,7 @@ class _System:
         )
 
 
-def consistency(problem: Problem, solution: Solution) -> JointResult:
+def consistency(problem: Problem, solution: Solution, outputs: Outputs) -> JointResult:
     """Each campaign alone, against the rest and against each other one.
 
     Residuals beyond a campaign's noise widen its errors first.
@@ -161,13 +158,14 @@ def consistency(problem: Problem, solution: Solution) -> JointResult:
     Args:
         problem: several campaigns of one sample.
         solution: the end of their joint fit.
+        outputs: derived outputs there and around.
     """
     data, names = problem.data, tuple(problem.campaigns)
     system = _system(solution)
     inflation = [system.inflation(k) for k in range(len(names))]
     parts = (part.widened(f) for part, f in zip(system.parts, inflation, strict=True))
     system = replace(system, parts=tuple(parts))
-    gradients, series = _gradients(solution), []
+    gradients, series = _gradients(solution, outputs), []
     for k, (name, bound) in enumerate(problem.campaigns.items()):
         # the sweep of the series as the model has it, scaled, at the start and at the end
         own = [i for i, m in enumerate(data.measurements) if m.series == name]
@@ -223,7 +221,7 @@ def _system(solution: Solution) -> _System:
     return _System(tuple(parts), priors, tuple(owners))
 
 
-def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
+def _gradients(solution: Solution, outputs: Outputs) -> dict[str, tuple[float, FloatArray]]:
     """Value and gradient in x of shared parameters and of the means of derived outputs."""
     parameters, x = solution.parameters, solution.final.x
     gradients = {
@@ -231,10 +229,8 @@ def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
         for i, p in enumerate(parameters)
         if is_shared(p)
     }
-    around = central(x, OUTPUT_STEP, *search_bounds(parameters))
-    means = output_means(solution.objective.response, parameters, [x, *around.nodes])
-    for name, values in means.items():
-        gradients[name] = (float(values[0]), around.quotients(list(values[1:])))
+    for name in outputs.values[0]:
+        gradients[name] = (float(outputs.means(name)[0]), outputs.gradient(name))
     return gradients
 
 

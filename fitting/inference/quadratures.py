@@ -22,15 +22,13 @@ from fitting.campaign.parameters import prior_sigmas, search_bounds, to_model
 from fitting.fit.differences import central
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
-from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
+from fitting.inference.estimates import Outputs
 from fitting.measurements.measurement import Estimated, Prediction
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.notation import number
 
-#: Step of x for slopes of derived outputs, in units of the search vector.
-STEP = 1e-3
 #: Standard deviations of a Gaussian between which 95 % lie.
 NINETY_FIVE = 1.959964
 #: Share of the largest size or singular value below which a column is none.
@@ -78,13 +76,14 @@ class Quadratures:
 
 
 def quadratures_of(
-    solution: Solution, units: Mapping[str, str], stds: Mapping[str, float]
+    solution: Solution, outputs: Outputs, units: Mapping[str, str], stds: Mapping[str, float]
 ) -> Quadratures:
     """What the phases of complex measurements determine at the end of a fit.
 
     Args:
         solution: end of the fit.
-        units: of the derived outputs, by name.
+        outputs: derived outputs there and around.
+        units: of them, by name.
         stds: errors that are reported, by name; NaN where there is no value.
 
     Raises:
@@ -101,7 +100,7 @@ def quadratures_of(
     gains = []
     if phased:
         both, amplitudes = (_errors(solution, answers[0], alone) for alone in (False, True))
-        for name, unit, gradient in _values(solution, units):
+        for name, unit, gradient in _values(solution, outputs, units):
             one, two, std = amplitudes.of(gradient)[0], both.of(gradient)[0], stds.get(name, 0.0)
             if two > 0.0 and 0.0 < std < math.inf:
                 gain = PhaseGain(name=name, unit=unit, amplitudes=std * one / two, phases=std)
@@ -167,7 +166,9 @@ def _errors(solution: Solution, answer: Sequence[Prediction], alone: bool) -> Li
     return Linearisation(rows=np.zeros(matrix.shape[0]), matrix=matrix, prior=prior)
 
 
-def _values(solution: Solution, units: Mapping[str, str]) -> list[tuple[str, str, FloatArray]]:
+def _values(
+    solution: Solution, outputs: Outputs, units: Mapping[str, str]
+) -> list[tuple[str, str, FloatArray]]:
     """Name, unit and gradient in x of parameters of the model and of derived outputs."""
     parameters, x = solution.parameters, solution.final.x
     values = [
@@ -175,10 +176,8 @@ def _values(solution: Solution, units: Mapping[str, str]) -> list[tuple[str, str
         for i, p in enumerate(parameters)
         if p.moves_model and not p.experiments
     ]
-    around = central(x, np.full(x.size, STEP), *search_bounds(parameters))
-    means = output_means(solution.objective.response, parameters, list(around.nodes))
-    for name, each in means.items():
-        gradient = around.quotients(list(each))
+    for name in outputs.values[0]:
+        gradient = outputs.gradient(name)
         if np.all(np.isfinite(gradient)):
             values.append((name, units.get(name, ""), gradient))
     return values

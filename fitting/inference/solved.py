@@ -12,6 +12,7 @@ from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
+from fitting.inference.estimates import Outputs
 from fitting.inference.joint import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.sweeps import SweepFindings
@@ -42,6 +43,7 @@ class Solved:
         parameters: their values, as they are reported, by name.
         derived: outputs of the FMU that follow from them, by name.
         offsets: values of single experiments.
+        outputs: derived outputs at the solution and around; None: not evaluated.
         joint: tests of campaigns that are fitted together; None: there is one.
         equivalents: findings of other solutions that profiles met.
         profiles: findings of the profiles.
@@ -59,6 +61,7 @@ class Solved:
     parameters: Mapping[str, ParameterEstimate] = field(default_factory=dict)
     derived: Mapping[str, OutputEstimate] = field(default_factory=dict)
     offsets: tuple[OffsetEstimate, ...] = ()
+    outputs: Outputs | None = None
     joint: JointResult | None = None
     equivalents: tuple[Finding, ...] = ()
     profiles: tuple[Finding, ...] = ()

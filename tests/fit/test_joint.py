@@ -26,6 +26,7 @@ from fitting.fit.solver.continuation import Course, Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings
 from fitting.fmu import FmuWorkers, read_description
+from fitting.inference.estimates import outputs_of
 from fitting.inference.joint import JointResult, consistency
 from fitting.lab.bench import measure
 from fitting.lab.benches import changed, string_bench
@@ -259,7 +260,8 @@ def agreement(
     settings = SolveSettings(misfit="squares")
     outcome = run_alternative(Course(objective=objective, schedule=schedule, settings=settings))
     assert outcome.best is not None
-    return consistency(joint, solution_of(evaluator, outcome.best, schedule, "squares"))
+    solution = solution_of(evaluator, outcome.best, schedule, "squares")
+    return consistency(joint, solution, outputs_of(solution))
 
 
 @pytest.mark.parametrize("pairs", [6, pytest.param(12, marks=pytest.mark.nightly)])

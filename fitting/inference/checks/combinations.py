@@ -17,12 +17,8 @@ from itertools import combinations
 import numpy as np
 
 from fitting.campaign.laws import in_base
-from fitting.fit.outputs import output_means
-from fitting.fit.solution import Solution
 from fitting.inference.estimates import DETERMINED
 from fitting.inference.solved import Solved
-from fitting.text.arrays import FloatArray
-from fitting.text.errors import FmuFailure
 from fitting.text.finding import Finding, Kind, warning
 from fitting.text.notation import listed
 
@@ -32,8 +28,6 @@ ONE = 0.999
 POOR = 0.02
 #: Share of a derived value's error by the combination, from which it follows.
 FOLLOWS = 0.9
-#: Step in x for the slopes of derived values.
-STEP = 1e-4
 #: Prefix of the error of a parameter with the other one known, among the numbers of a finding.
 ALONE = "std_alone_"
 
@@ -64,24 +58,13 @@ def check_combinations(solved: Solved) -> Iterator[Finding]:
             std = float(p.scale * deviation) * in_base(p.unit, p.name)[0]
             alone = float(np.sqrt(max(1.0 - rho**2, 0.0))) * std
             numbers |= {f"std_{p.name}": std, f"{ALONE}{p.name}": alone}
-        following = list(_following(solution, errors.covariance[:, i] / deviations[i]))
+        # derived values whose errors are those of this direction, a standard error long
+        along, following = errors.covariance[:, i] / deviations[i], []
+        for name in solved.outputs.values[0] if solved.outputs else ():
+            gradient = solved.outputs.gradient(name)
+            std = errors.of(gradient)[0] if np.all(np.isfinite(gradient)) else 0.0
+            if std > 0.0 and abs(float(gradient @ along)) >= FOLLOWS * std:
+                following.append(name)
         subject = listed(parameters[k].name for k in (i, j))
         subject += f", and with them {listed(following)}" if following else ""
         yield warning(Kind.combination, subject, None, **numbers)
-
-
-def _following(solution: Solution, along: FloatArray) -> Iterator[str]:
-    """Derived values whose errors are those of a direction ``along`` (n,), a standard error long.
-
-    None where the model fails nearby.
-    """
-    x, steps = solution.final.x, STEP * np.eye(along.size)
-    try:
-        means = output_means(solution.objective.response, solution.parameters, [x, *(x + steps)])
-    except FmuFailure:
-        return
-    for name, (here, *there) in means.items():
-        gradient = (np.array(there) - here) / STEP
-        std, _ = solution.errors.of(gradient) if np.all(np.isfinite(gradient)) else (0.0, 0.0)
-        if std > 0.0 and abs(float(gradient @ along)) >= FOLLOWS * std:
-            yield name
