@@ -1,8 +1,7 @@
 """Draws from the posterior of a fit: `ff.posterior`, `fmu-fit posterior`.
 
-mixture.py      draws about many places at once, by which walkers change from one to another
-minima.py       where walkers start: minima, polished, with their widths
-learning.py     a mixture about places of a first walk, where the posterior is bent
+mixture.py      draws about all minima at once, by which walkers change from one to another
+minima.py       where walkers start: minima, polished, with their widths and symmetries
 chain.py        the sampler, the one import of ``emcee``, and its file
 convergence.py  correlation of a chain with itself, agreement of its walkers, values without a draw
 periods.py      the period in which values are given that have one

@@ -15,7 +15,6 @@ from fitting.lab.names import TRUTH_NAME
 from fitting.lab.true_values import nearest, true_values
 from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
 from fitting.posterior.job import Job, thinned
-from fitting.posterior.mixture import TRIED
 from fitting.posterior.report import draws_csv, screen_lines, write_report
 from fitting.posterior.summary import PosteriorOutput, PosteriorSummary, PosteriorValue
 from fitting.text.arguments import checked
@@ -222,8 +221,8 @@ def posterior_cost(
         walkers=job.walkers,
         minima=sum(m.copy_of < 0 for m in job.minima),
         evaluations=(
-            before + TRIED + job.walkers * (1 + LEAST_STEPS),
-            before + job.learning + job.walkers * (1 + asked.steps),
+            before + job.walkers * (1 + LEAST_STEPS),
+            before + job.walkers * (1 + asked.steps),
         ),
         seconds_each=each,
     )

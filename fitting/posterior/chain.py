@@ -1,9 +1,10 @@
 """The sampler, the one import of ``emcee``: walkers that move by each other and by a mixture.
 
-Half of the steps propose a point of a mixture that does not change; the others are stretches
-(Goodman and Weare) and differences of walkers (ter Braak), which need no shape to be known. Each
-leaves the posterior as it is: whatever the mixture is worth, the draws are those of the posterior
-in the end. A chain is in a file, whole after every part of it.
+Some steps propose a point of a mixture about the minima, or an image of the walker under a symmetry
+that the model may have; the others are stretches (Goodman and Weare) and differences of walkers
+(ter Braak), which need no shape to be known. Each leaves the posterior as it is: whatever mixture
+and symmetries are worth, the draws are those of the posterior in the end. A chain is in a file,
+whole after every part of it.
 
 Sources: D. Foreman-Mackey, D. Hogg, D. Lang, J. Goodman, PASP 125 (2013) 306; C. ter Braak,
 Statistics and Computing 16 (2006) 239.
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,13 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, MissingFile
 from fitting.text.files import read_whole, write_whole
 
-#: Shares of steps by the mixture, by stretches, by differences.
-MIXED, STRETCHED, DIFFERENCE = 0.5, 0.25, 0.25
+#: Shares of steps by the mixture, by images, by stretches, by differences.
+MIXED, IMAGE, STRETCHED, DIFFERENCE = 0.4, 0.1, 0.25, 0.25
 
 #: ln of the posterior of points in units of the box, (k, n) -> (k,).
 LogPosterior = Callable[[FloatArray], FloatArray]
+#: An image of a point, (n,) -> (n,), in the same units.
+Image = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +98,7 @@ def sampler_library() -> Any:
 def walked(
     log_posterior: LogPosterior,
     mixture: Mixture,
+    images: Sequence[Image],
     begin: tuple[FloatArray, FloatArray],
     steps: int,
     seed: tuple[int, ...] | FloatArray,
@@ -105,7 +109,8 @@ def walked(
 
     Args:
         log_posterior: -inf where a point is impossible.
-        mixture: Of all minima, or learnt.
+        mixture: About all minima.
+        images: Maps of volume one, each its own inverse but for whole periods.
         begin: Places (walkers, n) in units of the box, and ln of the posterior there (walkers,).
         steps: How many.
         seed: Of the draws: of the chain, and of this part of it; or the state of the random numbers
@@ -123,11 +128,18 @@ def walked(
         new = mixture.draw(len(old), rng)
         return new, mixture.log_density(old) - mixture.log_density(new)
 
+    def imaged(old: FloatArray, rng: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
+        which = rng.randint(len(images), size=len(old))
+        new = np.array([images[k](place) for k, place in zip(which, old, strict=True)])
+        return new, np.zeros(len(old))
+
     moves = [
         (emcee.moves.MHMove(mixed), MIXED),
         (emcee.moves.StretchMove(), STRETCHED),
         (emcee.moves.DEMove(), DIFFERENCE),
     ]
+    if images:
+        moves.append((emcee.moves.MHMove(imaged), IMAGE))
     sampler = emcee.EnsembleSampler(walkers, n, log_posterior, moves=moves, vectorize=True)
     # the library's wrapper prints a traceback of whatever comes out, an interrupt as well
     sampler.log_prob_fn = log_posterior
@@ -162,13 +174,12 @@ def walked(
 class Chain:
     """What a file holds: walk, proposals, and `evaluations`, of which `failed` had no value.
 
-    `bent` where a mixture about the minima alone would seldom have hit the posterior. Where its
-    last part was interrupted, that ends at step `until` and continues with the state `random`.
+    Where its last part was interrupted, that ends at step `until` and continues with the state
+    `random`.
     """
 
     walk: Walk
     mixture: Mixture
-    bent: bool
     evaluations: int
     failed: int
     until: int | None = None
@@ -201,7 +212,6 @@ def write_chain(path: Path, job: str, chain: Chain) -> None:
         roots=chain.mixture.roots,
         weights=chain.mixture.weights,
         counts=np.array([chain.evaluations, chain.failed]),
-        bent=np.array(chain.bent),
         **interrupted,
     )
     write_whole(path, content.getvalue())
@@ -227,7 +237,6 @@ def read_chain(path: Path, job: str) -> Chain | None:
         chain = Chain(
             Walk(places=a["places"], log=a["log"], accepted=float(a["accepted"])),
             Mixture(a["centres"], a["roots"], a["weights"]),
-            bool(a["bent"]),
             evaluations=int(a["counts"][0]),
             failed=int(a["counts"][1]),
             until=int(a["cut_steps"]) if "cut_steps" in a else None,

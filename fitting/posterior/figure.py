@@ -60,6 +60,11 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
         scaling_for(c.tolist(), found.values[n].unit) for n, c in zip(shown, columns, strict=True)
     ]
     count = len(shown)
+    # a column has one axis of its value, and a row has that of its
+    ends = [
+        _ends([scale(float(f(c))) for f in (np.min, np.max)])
+        for c, scale in zip(columns, scalings, strict=True)
+    ]
     rest = [name for name in found.values if name not in shown]
     words = described("posterior/corner", posterior=found, rest=rest)
     height = 1.2 + max(1.6, 6.4 / count) * count
@@ -81,8 +86,18 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
             axes.set_xlabel(scalings[k].label(mathtext(shown[k])) if i == count - 1 else "")
             axes.set_ylabel(scalings[i].label(mathtext(shown[i])) if k == 0 < i else "")
             axes.tick_params(labelbottom=i == count - 1, labelleft=k == 0 < i)
+            axes.set_xlim(*ends[k])
+            if k < i:
+                axes.set_ylim(*ends[i])
     legend_below(figure, _handles(found), ncols=4)
     return replace(words, drawn=figure, number=1)
+
+
+def _ends(scale: Scaling, draws: FloatArray) -> tuple[float, float]:
+    """Ends of the axis of a value, about its draws."""
+    low, high = scale(float(np.min(draws))), scale(float(np.max(draws)))
+    margin = 0.04 * (high - low) or 1.0
+    return low - margin, high + margin
 
 
 def _places(found: PosteriorSummary) -> list[tuple[str, dict[str, float]]]:

@@ -7,7 +7,6 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -40,9 +39,8 @@ from fitting.posterior.chain import (
     write_chain,
 )
 from fitting.posterior.convergence import accepted_by
-from fitting.posterior.learning import LEARNING, about_walk, evaluations
-from fitting.posterior.minima import Target, minima_of
-from fitting.posterior.mixture import TRIED, Mixture, worth
+from fitting.posterior.minima import Target, images_of, minima_of
+from fitting.posterior.mixture import Mixture, share_of
 from fitting.posterior.summary import (
     CONVERGED,
     INTERRUPTED,
@@ -61,7 +59,7 @@ from fitting.text.notation import listed, settings_words
 
 #: The factor from one time at which it is asked whether there are enough draws to the next.
 LONGER = 1.5
-#: Share of independent draws among the proposals about the minima from which nothing is learnt.
+#: Share of independent draws among proposals about the minima below which a posterior is bent.
 GOOD = 0.3
 #: Walkers where no number is given, at least.
 FEWEST = 24
@@ -128,9 +126,7 @@ class Job:
             self.problem = self.problem.widened(self.structure.widening, places[0][1])
         self.minima = minima_of(self.target, places)[: self.walkers]
         self.mixture = Mixture.of(self.minima)
-        self.bent = False
-        #: Evaluations before draws begin, at most.
-        self.learning = TRIED + evaluations(self.walkers, n, LEAST_STEPS)
+        self.images = images_of(self.target)
         #: The walk so far; where its last part was interrupted, where that ends and how it goes on.
         self.walk: Walk | None = None
         self._until: int | None = None
@@ -222,12 +218,9 @@ class Job:
     def _in_box(self, u: FloatArray) -> FloatArray:
         return self._log(self.target.in_units(u))
 
-    def _rows(
-        self, p: FloatArray, scatter_at: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        more = scatter_at is not None and bool(self.problem.unknown_noise)
-        self.evaluations += 2 * p.size + 1 + more
-        return self.problem.white_rows(p, scatter_at)
+    def _rows(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        self.evaluations += 2 * p.size + 1
+        return self.problem.white_rows(p)
 
     # --- the chain -------------------------------------------------------------------------------
 
@@ -246,22 +239,6 @@ class Job:
             places[lost] = towards + 0.5 * (places[lost] - towards)
             log[lost] = self._in_box(places[lost])
         return places, log
-
-    def _first(self, tell: Tell) -> tuple[FloatArray, FloatArray]:
-        """Where the chain begins; the mixture follows first walks where the posterior is bent."""
-        tell("where walkers begin")
-        begin, random = self.begin(), np.random.RandomState(self.seed % 2**32 + 1)
-        if worth(self.mixture, self._in_box, random) > GOOD:
-            return begin
-        self.bent, about_minima = True, self.mixture
-        best = self.target.in_units(self.minima[0].centre)
-        target = replace(self.target, rows=lambda p: self._rows(p, best))
-        for k in range(LEARNING):
-            tell(f"first walk, {k + 1} of {LEARNING}")
-            first = walked(self._in_box, self.mixture, begin, LEAST_STEPS, (self.seed, k, 1))
-            begin = first.places[-1], first.log[-1]
-            self.mixture = about_walk(target, first, about_minima, self._in_box, random)
-        return begin
 
     def draw(self, path: Path | None, tell: Tell) -> tuple[str, Walk, Reached]:
         """Steps until there are enough, each part kept as it ends: status, walk, how far it is.
@@ -313,10 +290,10 @@ class Job:
             if self._random is not None and self._until is not None:
                 total, seed = self._until, self._random
             self._random = None
-            begin = self._first(tell) if walk is None else (walk.places[-1], walk.log[-1])
+            begin = self.begin() if walk is None else (walk.places[-1], walk.log[-1])
             tell(f"drawing steps {done + 1} to {total}, of {self.steps} at most")
             try:
-                part = walked(self._in_box, self.mixture, begin, total - done, seed)
+                part = walked(self._in_box, self.mixture, self.images, begin, total - done, seed)
             except WalkInterrupted as early:
                 self.walk = early.walk if walk is None else walk.with_more(early.walk)
                 self._until, self._random = total, early.random
@@ -328,7 +305,7 @@ class Job:
         if path is not None and self.walk is not None:
             costs = self.evaluations, self.failed
             last = (self._until, self._random) if self._random is not None else ()
-            chain = Chain(self.walk, self.mixture, self.bent, *costs, *last)
+            chain = Chain(self.walk, self.mixture, *costs, *last)
             write_chain(path, self._fingerprint, chain)
 
     def resume(self, path: Path) -> None:
@@ -342,7 +319,7 @@ class Job:
         """
         chain = read_chain(path, self._fingerprint)
         if chain is not None:
-            self.walk, self.mixture, self.bent = chain.walk, chain.mixture, chain.bent
+            self.walk, self.mixture = chain.walk, chain.mixture
             self._until, self._random = chain.until, chain.random
             self.evaluations += chain.evaluations
             self.failed += chain.failed
@@ -372,7 +349,12 @@ class Job:
         """How far a walk is, compared with what the fit accepts."""
         parameters = self.problem.record.parameters
         known = accepted_by(self.fit, parameters)
-        blind = self.bent and not all(p.name in known for p in parameters if not p.experiments)
+        blind = not all(p.name in known for p in parameters if not p.experiments)
+        if blind:  # it matters where the minima alone do not show the shape of the posterior
+            late = slice(walk.steps // 2, None)
+            places, log = walk.places[late], walk.log[late].ravel()
+            flat = places.reshape(-1, places.shape[-1])
+            blind = share_of(self.mixture, flat, log) <= GOOD
         return reached(self.target, self.minima, walk, self.likely, None if blind else known)
 
     def summary(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 
 import numpy as np
 
 from fitting.extension.problem import UNIFORM_WIDTH, Parameter, bounds
 from fitting.posterior.mixture import UNLIKELY, Minimum
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput
 
 #: Gauss and Newton's steps of each minimum at most; those that gain less than so much of ln end it.
@@ -21,6 +21,9 @@ SCREENED, FOLLOWED = 128, 8
 SHARES = 0.5 ** np.arange(6.0)
 #: Minima closer than so many standard deviations are one.
 SAME = 1.0
+#: Those of one valley: how often the way between is halved, by how much ln may fall on it, and how
+#: far its middles may be off, over the length of the way.
+HALVINGS, DIP, ASIDE = 2, 2.0, 0.4
 #: Share of a period up to which a copy of a minimum may lie beyond the box, and reach into it.
 BEYOND = 0.1
 #: A box that is narrower than its period by less than this share holds all of it.
@@ -65,7 +68,7 @@ class Target:
 
 
 def minima_of(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[Minimum, ...]:
-    """The minima that are worth setting out from, each once, the one of the largest mass first.
+    """The minima to start from, the most likely first; those of one valley count for its first.
 
     Args:
         target: The posterior.
@@ -74,34 +77,109 @@ def minima_of(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[
     Raises:
         BadInput: none of them is possible.
     """
-    found: list[Minimum] = []
-    for origin, place in (*known, *_exchanged(target, known[0][1]), *_scattered(target)):
+    minima: list[Minimum] = []
+    for origin, place in (*known, *_imaged(target, known[0][1]), *_scattered(target)):
         minimum = _polished(target, origin, _turned_inside(target.parameters, place))
-        if minimum is not None:
-            found.append(minimum)
-    if not found:
+        if minimum is None:
+            continue
+        # one that is there already, perhaps whole periods off, has its first origin
+        there = [c for m in minima for c in (m, *_copies(target.parameters, m, -1))]
+        if all(m.distances(minimum.centre[None])[0] > SAME for m in there):
+            minima.append(minimum)
+    if not minima:
         raise BadInput("posterior: the model has no value where the fit ended, wanted another fit")
-    kept: list[Minimum] = []
-    for m in found:  # who knew of it first has found it
-        turns = [c for k in kept for c in (k, *_copies(target.parameters, k, -1))]
-        if all(t.distances(m.centre[None])[0] > SAME for t in turns):
-            kept.append(m)
-    kept.sort(key=lambda m: -m.weight)
-    kept = [m for m in kept if m.weight > kept[0].weight - UNLIKELY]
-    copies = [c for k, m in enumerate(kept) for c in _copies(target.parameters, m, k)]
-    return (*kept, *copies)
+    least = max(m.weight for m in minima) - UNLIKELY
+    minima = sorted((m for m in minima if m.weight > least), key=lambda m: -m.log)
+    owners: list[int] = []
+    for k, m in enumerate(minima):
+        joined = {k}
+        for i in range(k):
+            if owners[i] not in joined and _is_one_valley(target, minima[i], m):
+                joined.add(owners[i])
+        owners = [min(joined) if owner in joined else owner for owner in [*owners, k]]
+    parts = [m if owners[k] == k else replace(m, copy_of=owners[k]) for k, m in enumerate(minima)]
+    copies = [c for k, m in enumerate(minima) for c in _copies(target.parameters, m, owners[k])]
+    return (*parts, *copies)
 
 
-def _exchanged(target: Target, place: FloatArray) -> Iterator[tuple[str, FloatArray]]:
-    """The place with two parameters of one unit exchanged, for each two that may be."""
+def _is_one_valley(target: Target, one: Minimum, other: Minimum) -> bool:
+    """Whether the posterior hardly falls on the way from one to the other, and leads nowhere else.
+
+    The way is halved; its middles are points of the valley where they are as likely as the ends
+    and near where they were tried: from between two wells they fall into one of these.
+    """
+    least, way = min(one.log, other.log) - DIP, [one.centre, other.centre]
+    for _ in range(HALVINGS):
+        halved = way[:1]
+        for a, b in pairwise(way):
+            middle = _polished(target, "", target.in_units(0.5 * (a + b)))
+            if middle is None or middle.log < least:
+                return False
+            off = float(np.linalg.norm(middle.centre - 0.5 * (a + b)))
+            if off > ASIDE * float(np.linalg.norm(b - a)):
+                return False
+            halved += [middle.centre, b]
+        way = halved
+    return True
+
+
+@dataclass(frozen=True)
+class Image:
+    """A symmetry that a model may have: two parameters exchanged, another one moved.
+
+    Points (..., n) in units of the box have as images those whose values are taken in `order` (n,)
+    and `moved` (n,) in the parameters' units. `name` of it, in words.
+    """
+
+    name: str
+    order: IntArray
+    moved: FloatArray
+    box: tuple[FloatArray, FloatArray]
+
+    def __call__(self, u: FloatArray) -> FloatArray:
+        """The image of points in units of the box."""
+        lower, width = self.box
+        return np.asarray(((lower + width * u)[..., self.order] + self.moved - lower) / width)
+
+
+def images_of(target: Target) -> tuple[Image, ...]:
+    """Exchanges of two parameters of one unit, alone and with a half period of another value.
+
+    They preserve volumes, and with each there is its inverse: proposals of images leave any
+    posterior as it is.
+    """
     parameters = target.parameters
-    for i, k in combinations(range(len(parameters)), 2):
+    shared = [i for i, p in enumerate(parameters) if not p.experiments]
+    nothing = np.zeros(len(parameters))
+    moves = [("", nothing)]
+    for i in shared:
+        period = parameters[i].period
+        for half in () if period is None else (0.5 * period, -0.5 * period):
+            name = f", {parameters[i].name} half a period off"
+            moves.append((name, np.where(np.arange(len(parameters)) == i, half, 0.0)))
+    images = []
+    for i, k in combinations(shared, 2):
         one, other = parameters[i], parameters[k]
-        fits = one.lower <= place[k] <= one.upper and other.lower <= place[i] <= other.upper
-        if one.unit == other.unit and fits and not (one.experiments or other.experiments):
-            image = place.copy()
-            image[[i, k]] = image[[k, i]]
-            yield f"{one.name} and {other.name} exchanged", image
+        alike = (one.unit, one.period) == (other.unit, other.period)
+        if alike and max(one.lower, other.lower) < min(one.upper, other.upper):
+            order = np.arange(len(parameters))
+            order[[i, k]] = order[[k, i]]
+            name = f"{one.name} and {other.name} exchanged"
+            images += [Image(name + more, order, moved, target.box) for more, moved in moves]
+    return tuple(images)
+
+
+def _imaged(target: Target, place: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """The most likely images of a place under symmetries that the model may have."""
+    images = images_of(target)
+    if not images:
+        return
+    start = target.in_box(place)
+    places = [_turned_inside(target.parameters, target.in_units(image(start))) for image in images]
+    logs = target.log(np.array(places))
+    for k in np.argsort(-logs, kind="stable")[:FOLLOWED]:
+        if np.isfinite(logs[k]):
+            yield images[k].name, places[k]
 
 
 def _scattered(target: Target) -> Iterator[tuple[str, FloatArray]]:

@@ -8,14 +8,15 @@ walker from one place to any other, each as often as it is likely; the tails of 
 those of a posterior that falls as a Gaussian does. A mixture is worth the share of independent
 draws among its proposals
 
-    share = (sum w)^2/(N sum w^2)        w = posterior/mixture
+    share = 1/(<w> <1/w>)        w = posterior/mixture, means over draws of the posterior
 
 Source: L. Tierney, Annals of Statistics 22 (1994) 1701 (independence chains).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,8 +27,6 @@ from fitting.text.arrays import FloatArray, IntArray
 
 #: Degrees of freedom of Student's t.
 DOF = 5.0
-#: Proposals by which a mixture is evaluated.
-TRIED = 256
 #: Share of draws that all minima have in equal parts, however unlike their weights.
 EQUAL = 0.5
 #: A minimum that is this much less likely (ln) than the best is none to set out from.
@@ -84,19 +83,6 @@ class Mixture:
             np.array([m.centre for m in minima]),
             np.array([m.root for m in minima]),
             np.asarray(EQUAL / len(minima) + (1.0 - EQUAL) * shares),
-        )
-
-    def beside(self, other: Mixture, share: float) -> Mixture:
-        """Both in one.
-
-        Args:
-            other: with the rest of the weight.
-            share: of the weight that this one has.
-        """
-        return Mixture(
-            np.concatenate([self.centres, other.centres]),
-            np.concatenate([self.roots, other.roots]),
-            np.concatenate([share * self.weights, (1.0 - share) * other.weights]),
         )
 
     def draw(self, count: int, rng: np.random.RandomState) -> FloatArray:
@@ -159,19 +145,13 @@ class Mixture:
         return np.asarray(self.centres[whose] + wide[:, None] * steps)
 
 
-def worth(
-    mixture: Mixture, log: Callable[[FloatArray], FloatArray], rng: np.random.RandomState
-) -> float:
-    """Share of independent draws among proposals of a mixture, by their weights; see the module.
+def share_of(mixture: Mixture, places: FloatArray, log: FloatArray) -> float:
+    """Share of independent draws among proposals of a mixture inside the bounds; see the module.
 
     Args:
         mixture: that proposes.
-        log: ln of the posterior of points in units of the box.
-        rng: of the proposals.
+        places: draws of the posterior in units of the box, shape (k, n).
+        log: ln of the posterior there, (k,).
     """
-    tried = mixture.draw(TRIED, rng)
-    logs = log(tried) - mixture.log_density(tried)
-    if not np.any(np.isfinite(logs)):
-        return 0.0
-    weights = np.exp(logs - np.max(logs))
-    return float(np.sum(weights) ** 2 / (weights.size * np.sum(weights**2)))
+    logs = log - mixture.log_density(places)
+    return float(np.exp(2.0 * math.log(logs.size) - logsumexp(logs) - logsumexp(-logs)))

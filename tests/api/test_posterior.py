@@ -17,7 +17,7 @@ from scipy.stats import t
 
 import fitting as ff
 from fitting.fit.problem import Problem as Record
-from fitting.posterior import CHAIN_FILE, chain
+from fitting.posterior import CHAIN_FILE, chain, summary
 from fitting.posterior.figure import draw
 from fitting.report.figures.style import RED
 from tests.support import closed_posteriors as closed
@@ -155,6 +155,7 @@ def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chain, "MIXED", 0.0)
         patch.setattr(chain, "DIFFERENCE", 0.0)
+        patch.setattr(chain, "IMAGE", 0.0)
         found = ff.posterior(problem, fitted(problem), ff.Sampling(steps=1000, walkers=8))
     assert found.status == "not converged"
     assert math.isnan(found["p1"].value)
@@ -298,6 +299,39 @@ def test_one_that_is_interrupted_between_two_steps_goes_on_from_them(
     calls = 0
     ended = ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
     assert np.array_equal(ended.draws, linear.draws)
+
+
+def test_while_draws_are_made_it_says_so_and_how_far_they_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The line stays until the next one: none may tell what has ended while another thing runs."""
+    monkeypatch.setattr(summary, "LONG_ENOUGH", 1e9)
+    problem, told = ring(), list[str]()
+    ff.posterior(problem, fitted(problem), ff.Sampling(steps=220, walkers=8), progress=told.append)
+    begun = next(k for k, words in enumerate(told) if words.startswith("drawing "))
+    assert re.findall(r"\d+", told[begun]) == ["1", "200", "220"]
+    assert told[begun + 1].startswith("160 steps ")
+    further = told[begun + 2].removesuffix(told[begun + 1])
+    assert re.findall(r"\d+", further) == ["201", "220", "220"]
+    assert told[begun + 3].startswith("176 steps ")
+
+
+def test_a_ring_is_drawn_all_round() -> None:
+    """z = p1^2 + p2^2 with noise a tenth of it: any angle, told where draws are enough."""
+    problem = ring()
+    found = ff.posterior(problem, ff.profile(fitted(problem)), ff.Sampling(steps=20_000))
+    assert found.status == "converged"
+    assert len(found.summary.modes) == 1
+    angle = np.arctan2(*np.moveaxis(found.thinned, -1, 0))
+    turned = [abs(float(np.mean(np.exp(1j * k * angle)))) for k in (1, 2)]
+    assert max(turned) < 4.0 / math.sqrt(len(angle))
+
+
+def ring() -> ff.Problem:
+    """z = p1^2 + p2^2, measured 1 with noise 0.1: any angle."""
+    names = [closed.parameter("p1", -2.0, 2.0, 1.0), closed.parameter("p2", -2.0, 2.0, 0.1)]
+    formula = closed.Formula(lambda p: np.sum(p**2, axis=1, keepdims=True))
+    return closed.problem(formula, names, np.array([1.0]), np.array([0.1]))
 
 
 def test_what_is_written_says_what_was_found(tmp_path: Path, linear: ff.Posterior) -> None:

@@ -62,7 +62,6 @@ def test_a_bent_posterior_beside_no_profiles_is_not_converged() -> None:
     names = [parameter("p1", -2.0, 2.0, 1.0), parameter("p2", -2.0, 2.0, 0.1)]
     made = problem(formula, names, np.array([1.0]), np.array([0.05]))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(job, "LEARNING", 1)
         patch.setattr(summary, "LONG_ENOUGH", 0.0)
         patch.setattr(summary, "AGREE", math.inf)
         found = ff.posterior(made, fitted(made), ff.Sampling(steps=200, walkers=8))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fitting.posterior.convergence import autocorrelation_time, split_rhat
-from fitting.posterior.minima import Target, about, minima_of
-from fitting.posterior.mixture import Minimum, Mixture, worth
+from fitting.posterior.minima import Target, about, images_of, minima_of
+from fitting.posterior.mixture import Minimum, Mixture, share_of
 from fitting.posterior.periods import (
     in_period,
     interval_in_period,
@@ -81,12 +81,24 @@ def test_a_mixture_has_the_density_of_its_draws() -> None:
     gaussian = -0.5 * np.sum(off**2, axis=1) - math.log(2.0 * math.pi * 0.01)
     ratio = np.exp(gaussian - mixture.log_density(draws) - constant)
     assert np.mean(ratio) == pytest.approx(1.0, abs=4.0 * np.std(ratio) / 200.0)
+    assert share_of(mixture, draws, mixture.log_density(draws)) == pytest.approx(1.0)
 
-    def own(table: FloatArray) -> FloatArray:
-        return mixture.log_density(table)
 
-    assert worth(mixture, own, np.random.RandomState(2)) == pytest.approx(1.0)
-    assert worth(mixture, lambda t: np.full(len(t), -np.inf), np.random.RandomState(2)) == 0.0
+def test_a_mixture_is_worth_the_share_of_independent_draws_of_its_proposals() -> None:
+    """Of a Gaussian, by draws of it and, as importance sampling has it, by proposals."""
+    rng, root = np.random.default_rng(1), np.diag([30.0, 50.0])
+    minimum = Minimum(centre=np.array([0.5, 0.5]), root=root, weight=0.0, origin="")
+    mixture = Mixture.of([minimum])
+
+    def log(table: FloatArray) -> FloatArray:
+        return np.asarray(-0.5 * np.sum(((table - 0.52) * [30.0, 80.0]) ** 2, axis=1))
+
+    draws = 0.52 + rng.standard_normal((40000, 2)) / [30.0, 80.0]
+    tried = mixture.draw(40000, np.random.RandomState(2))
+    weights = np.exp(log(tried) - mixture.log_density(tried))
+    share = float(np.sum(weights) ** 2 / (weights.size * np.sum(weights**2)))
+    # draws of a Gaussian do not reach the tails of Student's t, which have a tenth of its weight
+    assert share_of(mixture, draws, log(draws)) == pytest.approx(share, rel=0.15)
 
 
 def two_wells() -> Target:
@@ -113,6 +125,39 @@ def test_minima_that_nobody_knew_are_looked_for_and_each_is_there_once() -> None
     assert len({m.origin for m in found}) == 2  # the other one by a search of the box
     # the width is 0.1/2 in a box of 5; the box's own variance is a part in 3e4 of it
     assert [abs(float(m.root[0, 0])) for m in found] == pytest.approx([100.0, 100.0], rel=1e-3)
+
+
+def ring() -> Target:
+    """-2 ln p = ((x^2 + y^2 - 1)/0.05)^2 in the box -2 ... 2: the angle is uniform."""
+
+    def log(p: FloatArray) -> FloatArray:
+        inside = np.all(np.abs(p) <= 2.0, axis=1)
+        return np.where(inside, -0.5 * ((np.sum(p**2, axis=1) - 1.0) / 0.05) ** 2, -np.inf)
+
+    def rows(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return np.array([(p @ p - 1.0) / 0.05]), 2.0 * p[None] / 0.05
+
+    names = (parameter("x", -2.0, 2.0, 1.0), parameter("y", -2.0, 2.0, 0.0))
+    return Target(parameters=names, log=log, rows=rows)
+
+
+def test_places_of_one_valley_are_one_minimum_and_two_wells_are_two() -> None:
+    valley = minima_of(ring(), [("a fit", np.array([1.0, 0.0])), ("a start", np.array([0.0, 1.0]))])
+    assert len(valley) > 1
+    assert {m.copy_of for m in valley[1:]} == {0}
+    assert [m.copy_of for m in minima_of(two_wells(), [("a fit", np.array([0.9]))])] == [-1, -1]
+
+
+def test_images_exchange_two_values_and_move_a_third_by_half_its_period_and_back() -> None:
+    angle = replace(parameter("theta", -1.0, 7.0, 1.0), period=2.0)
+    names = (parameter("d1", 1.0, 100.0, 9.0), parameter("d2", 1.0, 50.0, 9.0), angle)
+    target = Target(parameters=names, log=lambda p: np.zeros(len(p)), rows=None)  # type: ignore[arg-type]
+    images = images_of(target)
+    point = np.array([20.0, 30.0, 2.0])
+    moved = [target.in_units(image(target.in_box(point))) for image in images]
+    assert np.array(moved) == pytest.approx(np.array([[30, 20, 2], [30, 20, 3], [30, 20, 1]]))
+    back = [target.in_units(image(target.in_box(np.array(moved[1])))) for image in images]
+    assert back[2] == pytest.approx(point)
 
 
 def test_values_a_period_off_are_told_about_the_minimum() -> None:
