@@ -61,10 +61,7 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
     ]
     count = len(shown)
     # a column has one axis of its value, and a row has that of its
-    ends = [
-        _ends([scale(float(f(c))) for f in (np.min, np.max)])
-        for c, scale in zip(columns, scalings, strict=True)
-    ]
+    ends = [_ends(scale, c) for c, scale in zip(columns, scalings, strict=True)]
     rest = [name for name in found.values if name not in shown]
     words = described("posterior/corner", posterior=found, rest=rest)
     height = 1.2 + max(1.6, 6.4 / count) * count

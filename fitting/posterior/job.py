@@ -39,7 +39,7 @@ from fitting.posterior.chain import (
     write_chain,
 )
 from fitting.posterior.convergence import accepted_by
-from fitting.posterior.minima import Target, images_of, minima_of
+from fitting.posterior.minima import Target, as_likely, images_of, minima_of
 from fitting.posterior.mixture import Mixture, share_of
 from fitting.posterior.summary import (
     CONVERGED,
@@ -126,7 +126,8 @@ class Job:
             self.problem = self.problem.widened(self.structure.widening, places[0][1])
         self.minima = minima_of(self.target, places)[: self.walkers]
         self.mixture = Mixture.of(self.minima)
-        self.images = images_of(self.target)
+        likely = self.target.in_units(self.minima[0].centre)
+        self.images = as_likely(self.target, images_of(self.target), likely)
         #: The walk so far; where its last part was interrupted, where that ends and how it goes on.
         self.walk: Walk | None = None
         self._until: int | None = None

@@ -125,58 +125,89 @@ def _is_one_valley(target: Target, one: Minimum, other: Minimum) -> bool:
 
 @dataclass(frozen=True)
 class Image:
-    """A symmetry that a model may have: two parameters exchanged, another one moved.
+    """A symmetry that a model may have: two values exchanged, an angle moved or reflected.
 
-    Points (..., n) in units of the box have as images those whose values are taken in `order` (n,)
-    and `moved` (n,) in the parameters' units. `name` of it, in words.
+    Points (..., n) in units of the `box` have as images
+
+        p'_i = sign_i p_order(i) + moved_i          (n,) each, in the parameters' units
+
+    `name` of it, in words.
     """
 
     name: str
     order: IntArray
+    sign: FloatArray
     moved: FloatArray
     box: tuple[FloatArray, FloatArray]
 
     def __call__(self, u: FloatArray) -> FloatArray:
         """The image of points in units of the box."""
         lower, width = self.box
-        return np.asarray(((lower + width * u)[..., self.order] + self.moved - lower) / width)
+        p = self.sign * (lower + width * u)[..., self.order] + self.moved
+        return np.asarray((p - lower) / width)
 
 
 def images_of(target: Target) -> tuple[Image, ...]:
-    """Exchanges of two parameters of one unit, alone and with a half period of another value.
+    """Exchanges of two parameters of one unit, half periods and reflections of one, and both.
 
     They preserve volumes, and with each there is its inverse: proposals of images leave any
     posterior as it is.
     """
     parameters = target.parameters
     shared = [i for i, p in enumerate(parameters) if not p.experiments]
-    nothing = np.zeros(len(parameters))
-    moves = [("", nothing)]
+    count, axes = len(parameters), np.eye(len(parameters))
+    moves = [("", np.ones(count), np.zeros(count))]
     for i in shared:
-        period = parameters[i].period
-        for half in () if period is None else (0.5 * period, -0.5 * period):
-            name = f", {parameters[i].name} half a period off"
-            moves.append((name, np.where(np.arange(len(parameters)) == i, half, 0.0)))
-    images = []
+        p = parameters[i]
+        if p.period is None:
+            continue
+        half = 0.5 * p.period
+        for shift in (half, -half):
+            moves.append((f"{p.name} half a period off", np.ones(count), shift * axes[i]))
+        # about multiples of a quarter of the period, those near the middle of the box
+        middle = half * round((p.lower + p.upper) / half)
+        for twice in (middle - half, middle, middle + half):
+            moves.append((f"{p.name} reflected", 1.0 - 2.0 * axes[i], twice * axes[i]))
+    orders = [("", np.arange(count))]
     for i, k in combinations(shared, 2):
         one, other = parameters[i], parameters[k]
         alike = (one.unit, one.period) == (other.unit, other.period)
         if alike and max(one.lower, other.lower) < min(one.upper, other.upper):
-            order = np.arange(len(parameters))
+            order = np.arange(count)
             order[[i, k]] = order[[k, i]]
-            name = f"{one.name} and {other.name} exchanged"
-            images += [Image(name + more, order, moved, target.box) for more, moved in moves]
-    return tuple(images)
+            orders.append((f"{one.name} and {other.name} exchanged", order))
+    return tuple(
+        Image(", ".join(filter(None, (exchanged, name))), order, sign, moved, target.box)
+        for exchanged, order in orders
+        for name, sign, moved in moves
+        if exchanged or name
+    )
+
+
+def as_likely(target: Target, images: Sequence[Image], place: FloatArray) -> list[Image]:
+    """The images under which a place is as likely as it is, by the values with a period turned.
+
+    Args:
+        target: the posterior.
+        images: with each its inverse.
+        place: in the parameters' units, (n,).
+    """
+    if not images:
+        return []
+    logs = target.log(np.array([place, *_image_places(target, images, place)]))
+    return [image for image, log in zip(images, logs[1:], strict=True) if log > logs[0] - DIP]
+
+
+def _image_places(target: Target, images: Sequence[Image], place: FloatArray) -> list[FloatArray]:
+    start = target.in_box(place)
+    return [_turned_inside(target.parameters, target.in_units(image(start))) for image in images]
 
 
 def _imaged(target: Target, place: FloatArray) -> Iterator[tuple[str, FloatArray]]:
     """The most likely images of a place under symmetries that the model may have."""
     images = images_of(target)
-    if not images:
-        return
-    start = target.in_box(place)
-    places = [_turned_inside(target.parameters, target.in_units(image(start))) for image in images]
-    logs = target.log(np.array(places))
+    places = _image_places(target, images, place)
+    logs = target.log(np.array(places)) if places else np.empty(0)
     for k in np.argsort(-logs, kind="stable")[:FOLLOWED]:
         if np.isfinite(logs[k]):
             yield images[k].name, places[k]

@@ -323,7 +323,7 @@ def test_a_ring_is_drawn_all_round() -> None:
     assert found.status == "converged"
     assert len(found.summary.modes) == 1
     angle = np.arctan2(*np.moveaxis(found.thinned, -1, 0))
-    turned = [abs(float(np.mean(np.exp(1j * k * angle)))) for k in (1, 2)]
+    turned = [float(np.abs(np.mean(np.exp(1j * k * angle)))) for k in (1, 2)]
     assert max(turned) < 4.0 / math.sqrt(len(angle))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fitting.posterior.convergence import autocorrelation_time, split_rhat
-from fitting.posterior.minima import Target, about, images_of, minima_of
+from fitting.posterior.minima import Image, Target, about, as_likely, images_of, minima_of
 from fitting.posterior.mixture import Minimum, Mixture, share_of
 from fitting.posterior.periods import (
     in_period,
@@ -150,14 +150,22 @@ def test_places_of_one_valley_are_one_minimum_and_two_wells_are_two() -> None:
 
 def test_images_exchange_two_values_and_move_a_third_by_half_its_period_and_back() -> None:
     angle = replace(parameter("theta", -1.0, 7.0, 1.0), period=2.0)
-    names = (parameter("d1", 1.0, 100.0, 9.0), parameter("d2", 1.0, 50.0, 9.0), angle)
+    widths = [replace(parameter(n, 1.0, 100.0, 9.0), unit="Hz") for n in ("d1", "d2")]
+    names = (*widths, angle)
     target = Target(parameters=names, log=lambda p: np.zeros(len(p)), rows=None)  # type: ignore[arg-type]
     images = images_of(target)
-    point = np.array([20.0, 30.0, 2.0])
-    moved = [target.in_units(image(target.in_box(point))) for image in images]
-    assert np.array(moved) == pytest.approx(np.array([[30, 20, 2], [30, 20, 3], [30, 20, 1]]))
-    back = [target.in_units(image(target.in_box(np.array(moved[1])))) for image in images]
-    assert back[2] == pytest.approx(point)
+    point = np.array([20.0, 30.0, 2.2])
+
+    def moved(image: Image, p: FloatArray) -> FloatArray:
+        return target.in_units(image(target.in_box(p)))
+
+    exchanged = [moved(image, point) for image in images if "exchanged" in image.name]
+    angles = [2.2, 3.2, 1.2, 2.8, 3.8, 4.8]  # as it is, half a period off, about 5/2, 3 and 7/2
+    assert np.array(exchanged) == pytest.approx(np.array([[30.0, 20.0, a] for a in angles]))
+    for image in images:
+        back = [moved(other, moved(image, point)) for other in images]
+        assert any(p == pytest.approx(point) for p in back)
+    assert len(as_likely(target, images, point)) == len(images) == 11
 
 
 def test_values_a_period_off_are_told_about_the_minimum() -> None:
