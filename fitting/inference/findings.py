@@ -29,6 +29,7 @@ from fitting.inference.checks.solutions import (
 from fitting.inference.checks.sweep_faults import (
     check_agreement,
     check_faults,
+    check_frequencies,
     check_frequency_bounds,
     check_left_out,
     check_lines,
@@ -60,6 +61,7 @@ CHECKS: tuple[Check, ...] = (
     check_weak_peaks,
     check_scale,
     check_frequency_bounds,
+    check_frequencies,
     check_bounds,
     check_correlation,
     check_minima,

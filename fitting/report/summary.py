@@ -31,6 +31,7 @@ EXPRESSED = frozenset(
 #: Kinds that say best what is wrong: they come first among the warnings.
 CAUSES = (
     Kind.bounds_off_line,
+    Kind.frequencies_apart,
     Kind.outlier,
     Kind.gain,
     Kind.offset,
@@ -282,10 +283,10 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
     knowledge = result.knowledge
     if status == "interrupted":
         return phrase("next", "resume"), ""
+    if kinds & {Kind.bounds_off_line, Kind.frequencies_apart}:
+        return phrase("next", "check_units"), ""
     if status != "converged" and kinds & {Kind.drift_wide, Kind.drift_suspected}:
         return phrase("next", "fit_drift"), ""
-    if Kind.bounds_off_line in kinds:
-        return phrase("next", "check_units"), ""
     if status != "converged" and Kind.sweep_point in kinds:
         return phrase("next", "remove_point"), ""
     if status == "not converged":

@@ -41,6 +41,7 @@ class Kind(StrEnum):
     peaks_exchanged = "peaks_exchanged"
     phases_misread = "phases_misread"
     bounds_off_line = "bounds_off_line"
+    frequencies_apart = "frequencies_apart"
     weak_peaks = "weak_peaks"
     unknown_line = "unknown_line"
     points_left_out = "points_left_out"

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,8 +19,9 @@ import fitting as ff
 from fitting.campaign import SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Status
-from fitting.inference.checks.sweep_faults import bounds_off_line
+from fitting.inference.checks.sweep_faults import bounds_off_line, check_frequencies
 from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.solved import Solved
 from fitting.inference.sweep_line import line_of_sweep
 from fitting.inference.sweeps import SweepFindings
 from fitting.text.estimate import Verdict
@@ -111,6 +114,31 @@ def test_a_box_a_thousand_times_off_the_line_is_named(place: float, said: bool) 
         assert (each.subject, each.names["file"]) == ("f1", ("mine.csv",))
         assert each.numbers["factor"] == 1e3
         assert each.numbers["frequency_hz"] == pytest.approx(52.34e3, rel=1e-3)
+
+
+@pytest.mark.parametrize(("tones_hz", "said"), [(52.34e3, False), (52.3e6, True), (104.7e3, False)])
+def test_tones_a_thousand_times_off_the_line_of_the_sweep_are_named(
+    tones_hz: float, *, said: bool
+) -> None:
+    f = np.linspace(52.24e3, 52.44e3, 81)
+    sweep = SweepData(
+        frequency_hz=f,
+        amplitude_v=1e-5 / np.abs(1.0 + 2j * (f - 52.34e3) / 40.0),
+        phase_rad=None,
+        settings={},
+        use="fit",
+        scale="fit",
+        source=Path("mine.csv"),
+    )
+    campaign = SimpleNamespace(
+        experiments=[SimpleNamespace(tones_hz=(tones_hz - 10.0, tones_hz + 10.0))], sweep=sweep
+    )
+    solved = SimpleNamespace(
+        sweeps=SimpleNamespace(lines={"a": line_of_sweep(sweep)}),
+        problem=SimpleNamespace(campaigns={"a": campaign}),
+    )
+    found = [*check_frequencies(cast(Solved, solved))]
+    assert [each.kind for each in found] == [Kind.frequencies_apart] * said
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -26,6 +27,8 @@ FACTORS = {
 #: Factors of a unit with a wrong prefix, and the ratio of bounds that imply a frequency.
 PREFIXES = (1e3, 1e-3, 1e6, 1e-6)
 NARROW = 10.0
+#: How far lines of one experiment may be apart, relative.
+NEAR = 0.2
 #: Highest order of mixtures of tones that explain a line of a spectrum.
 MIXED_ORDER = 5
 
@@ -105,6 +108,25 @@ def bounds_off_line(
         numbers = {"frequency_hz": line.frequency.value, "lower_hz": low, "upper_hz": high}
         names = {"file": (file,)}
         yield warning(Kind.bounds_off_line, name, names, **numbers, factor=factor)
+
+
+def check_frequencies(solved: Solved) -> Iterator[Finding]:
+    """Frequencies of a sweep that are a unit's prefix off those of the experiments."""
+    for name, line in solved.sweeps.lines.items():
+        campaign = solved.problem.campaigns[name]
+        tones = [float(f) for e in campaign.experiments for f in e.tones_hz]
+        if campaign.sweep is None or not tones:
+            continue
+        other = statistics.median(tones)
+        places = (f * line.frequency.value for f in PREFIXES)
+        if any(abs(other / place - 1.0) < NEAR for place in places):
+            yield Finding(
+                kind=Kind.frequencies_apart,
+                severity="warning",
+                subject=name,
+                numbers={"frequency_hz": line.frequency.value, "other_hz": other},
+                names={"file": (campaign.sweep.source.name,)},
+            )
 
 
 def check_unknown_lines(solved: Solved) -> Iterator[Finding]:
