@@ -9,7 +9,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from fitting.design.result import Design, Kind, Proposal
+from fitting.design.result import Design, Kind
 from fitting.extension.drawing import (
     BLUE,
     GREY,
@@ -26,7 +26,8 @@ from fitting.extension.drawing import (
     style,
 )
 from fitting.extension.report import Figure as Described
-from fitting.text.notation import hertz, mathtext, on_log_axis, prefixed, with_unit
+from fitting.extension.report import phrase
+from fitting.text.notation import mathtext, on_log_axis, prefixed, with_unit
 
 
 def save_figures(design: Design, folder: Path) -> list[Described]:
@@ -109,7 +110,9 @@ def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
     log_axis(axes)
     _span_a_decade(axes)
     axes.set_ylabel(with_unit(f"σ({mathtext(design.target)})", unit))
-    axes.set_xticks(count, ["so far", *(_what(p) for p in design.proposals)])
+    axes.set_xticks(
+        count, ["so far", *(phrase("design/text", "tick", p) for p in design.proposals)]
+    )
     axes.tick_params(axis="x", labelsize="x-small")
     axes.set_xlabel("measured one after the other")
     return axes
@@ -148,7 +151,7 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
     axes.xaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_yticks(range(len(kinds)), [_kind(k) for k in kinds])
+    axes.set_yticks(range(len(kinds)), [phrase("design/text", "kind", k) for k in kinds])
     what = f"expected σ({mathtext(design.target)}), average over equal fits"
     axes.set_xlabel(with_unit(what, unit))
     return axes
@@ -161,28 +164,6 @@ def best_kinds(design: Design) -> list[Kind]:
         design: the proposed next measurement.
     """
     return sorted(design.kinds, key=lambda kind: kind.beside)[:MOST_KINDS][::-1]
-
-
-def _what(p: Proposal) -> str:
-    """A proposal in a few short lines."""
-    if p.points:
-        return "\n".join([p.output, *(f"{name} = {value}" for name, value in p.settings.items())])
-    if p.recording is not None:
-        lines = [p.output, p.recording.trace, f"{p.recording.length_s:.4g} s"]
-        return "\n".join([*filter(None, lines), f"every {p.recording.spacing_s:.3g} s"])
-    offsets = ", ".join(f"{f - p.centre_hz:+.3g}" for f in p.tones_hz)
-    level = f"×{p.level:g}, " if p.level != 1.0 else ""
-    resonance = hertz(p.centre_hz, digits=6)
-    return f"{p.output}\n{resonance}\n{offsets} Hz\n{level}n = {p.repeats}"
-
-
-def _kind(kind: Kind) -> str:
-    if kind.spacing_s:
-        like = f" as {kind.trace}" if kind.trace else ""
-        return f"{kind.output}{like}, every {kind.spacing_s:.4g} s"
-    level = f", ×{kind.level:g}" if kind.level != 1.0 else ""
-    more = "".join(f", {name} = {value}" for name, value in kind.settings.items())
-    return f"{kind.output} at {hertz(kind.centre_hz, digits=6)}{level}{more}"
 
 
 def _unit(design: Design) -> tuple[float, str]:

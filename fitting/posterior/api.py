@@ -221,8 +221,8 @@ def posterior_cost(
         walkers=job.walkers,
         minima=sum(m.copy_of < 0 for m in job.minima),
         evaluations=(
-            before + job.walkers * (1 + LEAST_STEPS),
-            before + job.walkers * (1 + asked.steps),
+            job.evaluations + job.walkers * LEAST_STEPS,
+            job.evaluations + job.walkers * asked.steps,
         ),
         seconds_each=each,
     )

@@ -39,8 +39,8 @@ from fitting.posterior.chain import (
     write_chain,
 )
 from fitting.posterior.convergence import accepted_by
-from fitting.posterior.minima import Target, as_likely, images_of, minima_of
-from fitting.posterior.mixture import Mixture, share_of
+from fitting.posterior.minima import Target, as_likely, images_of, minima_of, polished
+from fitting.posterior.mixture import UNLIKELY, Mixture, share_of
 from fitting.posterior.summary import (
     CONVERGED,
     INTERRUPTED,
@@ -226,18 +226,29 @@ class Job:
     # --- the chain -------------------------------------------------------------------------------
 
     def begin(self) -> tuple[FloatArray, FloatArray]:
-        """Places (walkers, n) in units of the box to begin at, and ln of the posterior there."""
+        """Places (walkers, n) in units of the box to begin at, and ln of the posterior there.
+
+        Draws about the minima; those that a bent posterior leaves far from them begin near the
+        place of it that is next to them.
+        """
         random = np.random.RandomState(self.seed % 2**32)
         places = self.mixture.spread(self.walkers, random)
         log = self._in_box(places)
         own = [m for m in self.minima if m.copy_of < 0]
+        least = min(m.log for m in own) - UNLIKELY
+        whose = np.argmin([m.distances(places) for m in own], axis=0)
+        towards = np.array([m.centre for m in own])[whose]
+        for k in np.flatnonzero(np.isfinite(log) & (log < least)):
+            near = polished(self.target, "", self.target.in_units(places[k]))
+            if near is not None and near.log >= least:
+                towards[k] = near.centre
+                step = np.linalg.solve(near.root, random.standard_normal(places.shape[1]))
+                places[k] = np.clip(near.centre + step, 0.0, 1.0)
         for _ in range(ROUNDS):
-            lost = ~np.isfinite(log)
+            lost = ~(log >= least)
             if not np.any(lost):
                 break
-            whose = np.argmin([m.distances(places[lost]) for m in own], axis=0)
-            towards = np.array([m.centre for m in own])[whose]
-            places[lost] = towards + 0.5 * (places[lost] - towards)
+            places[lost] = towards[lost] + 0.5 * (places[lost] - towards[lost])
             log[lost] = self._in_box(places[lost])
         return places, log
 

@@ -79,7 +79,7 @@ def minima_of(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[
     """
     minima: list[Minimum] = []
     for origin, place in (*known, *_imaged(target, known[0][1]), *_scattered(target)):
-        minimum = _polished(target, origin, _turned_inside(target.parameters, place))
+        minimum = polished(target, origin, _turned_inside(target.parameters, place))
         if minimum is None:
             continue
         # one that is there already, perhaps whole periods off, has its first origin
@@ -112,7 +112,7 @@ def _is_one_valley(target: Target, one: Minimum, other: Minimum) -> bool:
     for _ in range(HALVINGS):
         halved = way[:1]
         for a, b in pairwise(way):
-            middle = _polished(target, "", target.in_units(0.5 * (a + b)))
+            middle = polished(target, "", target.in_units(0.5 * (a + b)))
             if middle is None or middle.log < least:
                 return False
             off = float(np.linalg.norm(middle.centre - 0.5 * (a + b)))
@@ -223,8 +223,14 @@ def _scattered(target: Target) -> Iterator[tuple[str, FloatArray]]:
             yield "a point of the box", table[k]
 
 
-def _polished(target: Target, origin: str, place: FloatArray) -> Minimum | None:
-    """The minimum near a place; None where the model has no value."""
+def polished(target: Target, origin: str, place: FloatArray) -> Minimum | None:
+    """The minimum near a place; None where the model has no value.
+
+    Args:
+        target: the posterior.
+        origin: who knows of the place.
+        place: in the parameters' units, (n,).
+    """
     lower, width = target.box
     p = np.clip(place, lower, lower + width)
     log = float(target.log(p[None])[0])
