@@ -28,9 +28,8 @@ from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.search.minima import DESCENTS, SCREENED, screened
 from fitting.fit.search.twins import Twin, find_twins, twins_but_for_priors
 from fitting.fit.solver.evaluator import Evaluator
-from fitting.inference.adequacy import adequacy_of, is_redundant
+from fitting.inference.adequacy import adequacy_of, ending_of, is_redundant
 from fitting.inference.budget import Stage, usual_budget
-from fitting.inference.ending import ending_of
 from fitting.inference.equivalent_fits import sampling_findings
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of

@@ -5,35 +5,35 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from fitting.inference.checks.assumed_values import check_assumed_values
-from fitting.inference.checks.assumptions import check_assumptions
-from fitting.inference.checks.causes import causes_of
-from fitting.inference.checks.combinations import check_combinations
-from fitting.inference.checks.drift import check_drift
-from fitting.inference.checks.exchanges import check_exchanged_peaks, check_phases
-from fitting.inference.checks.outliers import check_peaks
-from fitting.inference.checks.residuals import check_residuals
-from fitting.inference.checks.scale import (
-    check_estimator,
-    check_scale,
-    check_simulation,
-    check_weak_peaks,
+from fitting.inference.checks.assumptions import check_assumed_values, check_assumptions
+from fitting.inference.checks.mistakes import (
+    causes_of,
+    check_exchanged_peaks,
+    check_peaks,
+    check_phases,
 )
 from fitting.inference.checks.solutions import (
     check_alternatives,
     check_bounds,
+    check_combinations,
     check_correlation,
     check_minima,
     check_profiles,
+    check_residuals,
 )
-from fitting.inference.checks.sweep_faults import (
+from fitting.inference.checks.sweeps import (
     check_agreement,
+    check_drift,
+    check_estimator,
     check_faults,
     check_frequencies,
     check_frequency_bounds,
     check_left_out,
     check_lines,
+    check_scale,
+    check_simulation,
     check_unknown_lines,
+    check_weak_peaks,
 )
 from fitting.inference.joint import pair_findings
 from fitting.inference.solved import Solved

@@ -14,7 +14,7 @@ from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
-from fitting.inference.checks.residuals import residual_findings
+from fitting.inference.checks.solutions import residual_findings
 from fitting.inference.determine import InferenceOptions, Limits, determine
 from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.likelihood.knowledge import Determined

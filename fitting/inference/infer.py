@@ -17,11 +17,10 @@ from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import Solution, curve_structure
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
-from fitting.inference.adequacy import adequacy_of, unseen
-from fitting.inference.checks.outliers import without_outliers
+from fitting.inference.adequacy import adequacy_of, ending_of, unseen
+from fitting.inference.checks.mistakes import without_outliers
 from fitting.inference.closer_form import closer_form
 from fitting.inference.determine import InferenceOptions, Limits, determine
-from fitting.inference.ending import ending_of
 from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.estimates import (
     Estimates,

@@ -6,7 +6,7 @@ import math
 
 from fitting.campaign.laws import in_base
 from fitting.inference.checks.assumptions import SHIFT
-from fitting.inference.checks.combinations import ALONE
+from fitting.inference.checks.solutions import ALONE
 from fitting.result.result import Result
 from fitting.text.finding import Finding
 from fitting.text.rendering import with_prefix

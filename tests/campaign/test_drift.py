@@ -23,7 +23,7 @@ from fitting.fit.problem import problem_of
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings, solve
 from fitting.fmu import FmuWorkers, read_description
-from fitting.inference.checks.drift import drift_findings
+from fitting.inference.checks.sweeps import drift_findings
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files

@@ -18,7 +18,7 @@ from fitting.fit.problem import problem_of
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings, solve
 from fitting.fmu import read_description
-from fitting.inference.checks.outliers import outlying_peaks
+from fitting.inference.checks.mistakes import outlying_peaks
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import peak_sigmas

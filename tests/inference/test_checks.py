@@ -15,13 +15,14 @@ import pytest
 
 import fitting as ff
 from fitting.fit.fit import Status
-from fitting.inference.checks.drift import check_drift
-from fitting.inference.checks.exchanges import check_exchanged_peaks
-from fitting.inference.checks.outliers import check_peaks, single_rows
-from fitting.inference.checks.residuals import check_residuals
-from fitting.inference.checks.scale import check_simulation, check_weak_peaks
-from fitting.inference.checks.solutions import check_bounds, check_correlation
-from fitting.inference.checks.sweep_faults import check_agreement
+from fitting.inference.checks.mistakes import check_exchanged_peaks, check_peaks, single_rows
+from fitting.inference.checks.solutions import check_bounds, check_correlation, check_residuals
+from fitting.inference.checks.sweeps import (
+    check_agreement,
+    check_drift,
+    check_simulation,
+    check_weak_peaks,
+)
 from fitting.inference.findings import CHECKS, findings_of
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved

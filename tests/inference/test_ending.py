@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 from fitting.fit.fit import Status
-from fitting.inference.ending import ending_of
+from fitting.inference.adequacy import ending_of
 from fitting.inference.likelihood.knowledge import Adequacy, Ending
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweep

@@ -19,7 +19,7 @@ import fitting as ff
 from fitting.campaign import SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Status
-from fitting.inference.checks.sweep_faults import bounds_off_line, check_frequencies
+from fitting.inference.checks.sweeps import bounds_off_line, check_frequencies
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.solved import Solved
 from fitting.inference.sweep_line import line_of_sweep

@@ -1,18 +1,39 @@
-"""Other solutions, values at bounds, and errors that are strongly correlated."""
+"""Residuals of a solution, other solutions, values at bounds, and errors that are correlated.
+
+With the covariance C of the linearised fit two parameters have the correlation
+
+    rho = C_ij/sqrt(C_ii C_jj)
+
+and, with the other one known, an error sqrt(1 - rho^2) times as large. Near one in magnitude the
+data determine a combination of both, as the product of a gain and the sine of an angle, and neither
+alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 
+from fitting.campaign.laws import in_base
 from fitting.fit.alternative import Outcome
+from fitting.fit.fit import Status
 from fitting.fit.path import named
 from fitting.fit.solver.continuation import distance, equal_j
+from fitting.inference.estimates import DETERMINED
+from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
+from fitting.measurements.sweep import Sweep
+from fitting.signal.residual_tests import NOTABLE
 from fitting.text.finding import Finding, Kind, note, warning
-from fitting.text.notation import settings_words
+from fitting.text.notation import listed, settings_words
 
+#: What a finding is about that is about all measurements.
+EVERYTHING = "measurements"
+#: Factor on errors from which it is worth a warning.
+WORTH_TELLING = 1.5
 #: Starts of equal J whose parameters differ by more than this (units of x) are distinct.
 APART = 0.1
 #: Correlation of two errors from which it is strong.
@@ -20,6 +41,101 @@ CORRELATED = 0.95
 #: Shares of the bounds' distance: within them a value lies on a bound, to the rounding of solvers,
 #: or next to it.
 ON_BOUND, NEAR_BOUND = 1e-6, 1e-3
+#: Correlation from which two values are one: with the other known an error is 22 times as small.
+ONE = 0.999
+#: Standard error over the value, below which a value is good enough.
+POOR = 0.02
+#: Share of a derived value's error by the combination, from which it follows.
+FOLLOWS = 0.9
+#: Prefix of the error of a parameter with the other one known, among the numbers of a finding.
+ALONE = "std_alone_"
+
+
+# --- residuals ------------------------------------------------------------------------------------
+
+
+def check_residuals(solved: Solved) -> Iterator[Finding]:
+    """No convergence, residuals beyond the noise, residuals with a structure."""
+    status, adequacy, structure = solved.fit.status, solved.adequacy, solved.solution.structure
+    series = solved.problem.data.series
+    if status is not Status.CONVERGED:
+        yield Finding(kind=Kind.not_converged, severity="error", subject=subject_of(series))
+    widening = 1.0 if structure is None else structure.widening
+    by_rule = () if adequacy is None else residual_findings(adequacy, series, widening)
+    yield from by_rule
+
+    # errors that are scaled although the rule names no reason
+    outliers = adequacy is not None and bool(adequacy.outliers)
+    if not by_rule and solved.inflation > WORTH_TELLING and not outliers:
+        if status is Status.INTERRUPTED:  # the search might have reduced the residuals
+            yield warning(Kind.search_unfinished, "search", inflation=solved.inflation)
+        elif solved.describes:
+            yield warning(Kind.excess_residuals, EVERYTHING, inflation=solved.inflation)
+
+    named = {finding.kind for finding in by_rule} & {Kind.correlated_residuals, Kind.not_described}
+    if structure is None or structure.widening <= WORTH_TELLING or named:
+        return
+    data = solved.data
+    # a noise in proportion to the amplitude could be stated, and is not
+    can_state = any(isinstance(m, Sweep) and m.fitted and not m.known for m in data.measurements)
+    correlated = structure.order > 0
+    yield warning(
+        Kind.correlated_residuals if correlated else Kind.heteroscedastic_residuals,
+        subject_of(data.series),
+        {"tests": (structure.departure,)},
+        widening=structure.widening,
+        points=structure.points,
+        count=float(solved.solution.final.residuals[data.curve_rows].size),
+        can_state=float(structure.is_unequal and can_state),
+    )
+
+
+def residual_findings(
+    adequacy: Adequacy, series: Sequence[str], widening: float
+) -> tuple[Finding, ...]:
+    """The rule of `fitting.signal.misfit` as findings.
+
+    Args:
+        adequacy: whether the model describes the data.
+        series: names of the series that were fitted together; empty: that of the only one.
+        widening: factor on the errors of curves whose residuals are correlated.
+    """
+    every = {
+        "chi_square": adequacy.chi_square,
+        "freedom": adequacy.freedom,
+        "p_value": adequacy.p_value,
+        "correlated_p": adequacy.correlated_p,
+        "share": adequacy.share,
+        "scale_off": adequacy.scale_off,
+    }
+    numbers = {name: value for name, value in every.items() if math.isfinite(value)}
+    subject = subject_of(series, adequacy.curve if adequacy.is_correlated else "")
+    if not adequacy.describes:
+        kind = Kind.not_described
+        return (Finding(kind=kind, severity="error", subject=subject, numbers=numbers),)
+    findings = []
+    if adequacy.is_correlated:
+        finding = warning if widening > NOTABLE else note
+        kind = Kind.correlated_residuals
+        findings.append(finding(kind, subject, None, **numbers, widening=widening))
+    if adequacy.noise_factor > 1.0:
+        kind, subject = Kind.noise_underestimated, subject_of(series)
+        findings.append(warning(kind, subject, None, **numbers, factor=adequacy.noise_factor))
+    return tuple(findings)
+
+
+def subject_of(series: Sequence[str], curve: str = "") -> str:
+    """What a finding is about: a curve, the only series, or all measurements.
+
+    Args:
+        series: names of all series, the only one mostly without.
+        curve: that is named first.
+    """
+    names = [name for name in series if name]
+    return curve or (names[0] if len(names) == 1 else EVERYTHING)
+
+
+# --- solutions ------------------------------------------------------------------------------------
 
 
 def check_bounds(solved: Solved) -> Iterator[Finding]:
@@ -105,3 +221,44 @@ def check_profiles(solved: Solved) -> Iterator[Finding]:
     """What the profiles met, of a model that describes the data."""
     if solved.describes:
         yield from solved.profiles
+
+
+# --- combinations ---------------------------------------------------------------------------------
+
+
+def check_combinations(solved: Solved) -> Iterator[Finding]:
+    """Pairs of parameters of which the data determine little but one combination.
+
+    The subject names both, and derived values that follow. Numbers are the `correlation`, and of
+    each parameter in SI units ``std_NAME`` and ``std_alone_NAME``, with the other one known.
+    """
+    if not solved.describes:
+        return
+    solution, errors = solved.solution, solved.solution.errors
+    parameters, deviations = solution.parameters, np.sqrt(np.diag(errors.covariance))
+    poor = []  # determined, but not well
+    for i, p in enumerate(parameters):
+        if p.name not in solved.parameters or not p.moves_model or p.experiments:
+            continue
+        std, shrinkage = errors.of(p.scale * np.eye(len(parameters))[i])
+        if shrinkage >= DETERMINED and std > POOR * abs(float(solution.final.parameters[i])):
+            poor.append(i)
+    for i, j in combinations(poor, 2):
+        rho = float(errors.covariance[i, j] / (deviations[i] * deviations[j]))
+        if abs(rho) < ONE:
+            continue
+        numbers = {"correlation": rho}
+        for p, deviation in ((parameters[k], deviations[k]) for k in (i, j)):
+            std = float(p.scale * deviation) * in_base(p.unit, p.name)[0]
+            alone = float(np.sqrt(max(1.0 - rho**2, 0.0))) * std
+            numbers |= {f"std_{p.name}": std, f"{ALONE}{p.name}": alone}
+        # derived values whose errors are those of this direction, a standard error long
+        along, following = errors.covariance[:, i] / deviations[i], []
+        for name in solved.outputs.values[0] if solved.outputs else ():
+            gradient = solved.outputs.gradient(name)
+            std = errors.of(gradient)[0] if np.all(np.isfinite(gradient)) else 0.0
+            if std > 0.0 and abs(float(gradient @ along)) >= FOLLOWS * std:
+                following.append(name)
+        subject = listed(parameters[k].name for k in (i, j))
+        subject += f", and with them {listed(following)}" if following else ""
+        yield warning(Kind.combination, subject, None, **numbers)
