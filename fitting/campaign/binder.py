@@ -8,6 +8,7 @@ from functools import partial
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, did_you_mean, gathered
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.units import dimension_of, parse_quantity, to_base
 from fitting.text.written import Written, in_unit
 
@@ -51,7 +52,7 @@ class Binder:
         parts: Mapping[str, str] = IN_FILE,
     ) -> None:
         self.variables = variables
-        self.notes: list[str] = []
+        self.notes: list[Finding] = []
         self.control_units: dict[str, str] = {}
         self.free_names = frozenset(named).difference(variables)
         self.top = top
@@ -170,19 +171,16 @@ class Binder:
         Args:
             variable: of the FMU.
         """
-        self.note(
-            f"The FMU declares no unit for '{variable.name}': values written with a unit "
-            "were taken in SI base units."
-        )
+        self.note(note(Kind.unit_undeclared, variable.name))
 
-    def note(self, words: str) -> None:
+    def note(self, finding: Finding) -> None:
         """Note what was taken, once.
 
         Args:
-            words: a sentence.
+            finding: that asks nothing of the reader.
         """
-        if words not in self.notes:
-            self.notes.append(words)
+        if finding not in self.notes:
+            self.notes.append(finding)
 
     def setting(self, name: str, written: Written) -> Scalar:
         """Check that a variable may be set, and convert the value; or that of a control quantity.

@@ -35,6 +35,7 @@ from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, Complaints, gathered
+from fitting.text.finding import Kind, note
 from fitting.text.units import base_unit, convert, dimension_of, parse_quantity, same_kind
 from fitting.text.written import Written, difference_in, in_unit
 
@@ -392,10 +393,7 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder)
     if factor == 1.0:
         return campaign
     unit = output.unit or base_unit(own)
-    binder.notes.append(
-        f"There is no scale: amplitudes were converted from {own} to {unit}, the unit of "
-        f"'{output.name}'."
-    )
+    binder.note(note(Kind.amplitudes_converted, output.name, {"units": (own, unit)}))
     return in_other_unit(campaign, factor, unit)
 
 

@@ -16,6 +16,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.campaign.setup import Setup
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 
 #: Positions in a series may leave it by so much.
 ROUNDING = 1e-9
@@ -88,7 +89,7 @@ class BoundCampaign(CampaignHead):
     derived: tuple[str, ...]
     alternatives: tuple[Mapping[str, Scalar], ...]
     amplitude_unit: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
     files: tuple[Path, ...]
     drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)

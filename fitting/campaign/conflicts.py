@@ -173,5 +173,5 @@ def with_laws(bound: BoundCampaign, binder: Binder) -> BoundCampaign:
     if not bound.setup.laws.formulas:
         return bound
     made = bound_laws(bound.setup.laws, bound, binder)
-    notes = (*bound.notes, *(law.words for law in made.bound))
+    notes = (*bound.notes, *(law.note for law in made.bound))
     return replace(bound, setup=replace(bound.setup, laws=made), notes=notes)

@@ -36,6 +36,7 @@ from fitting.fmu.variables import SETTABLE, VariableLike
 from fitting.signal.scale import half_power_width
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, Complaints, gathered
+from fitting.text.finding import Kind, note
 from fitting.text.units import convert, same_kind
 from fitting.text.written import Written, difference_in, in_unit
 
@@ -332,12 +333,9 @@ def with_offsets(bound: BoundCampaign, binder: Binder, drift: Sequence[Prior]) -
         moved = {name for prior in priors for name in prior.variables}
         known = ((name, binder.variables.get(name)) for name, value in settings.items() if value)
         exact = [n for n, v in known if v is not None and is_real(v) and v.unit and n not in moved]
-        note = (
-            f"[{table}] is fitted with {', '.join(exact)} exactly as stated; set_sigma gives a "
-            "stated value an error, which is then fitted."
-        )
-        if exact and note not in notes:
-            notes.append(note)
+        finding = note(Kind.stated_exactly, table, {"variables": tuple(exact)})
+        if exact and finding not in notes:
+            notes.append(finding)
 
     sweep = bound.sweep
     if sweep is not None and sweep.use == "fit":

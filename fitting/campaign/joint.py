@@ -8,6 +8,7 @@ from dataclasses import replace
 from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.parameters import Parameter
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding, Kind, note
 
 
 def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, ...], list[str]]:
@@ -42,7 +43,7 @@ def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, .
             raise BadInput(f"{other.path}: is named twice; wanted different campaigns")
     shared: dict[str, tuple[Parameter, BoundCampaign]] = {}
     own: list[Parameter] = []
-    notes: list[str] = []
+    notes: list[Finding] = []
     for bound in bounds:
         for p in bound.parameters:
             if not is_shared(p):
@@ -55,17 +56,14 @@ def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, .
                         f"{bound.path}: parameter '{p.name}': {key} = {getattr(p, key)!r}, but "
                         f"{home.path} has {getattr(q, key)!r}; {wanted}"
                     )
-            apart = [
-                f"{key} {getattr(q, key):.8g} and {getattr(p, key):.8g}"
-                for key in ("start", "reference", "scale")
-                if getattr(q, key) != getattr(p, key)
-            ]
+            keys = ("start", "reference", "scale")
+            apart = tuple(key for key in keys if getattr(q, key) != getattr(p, key))
             if apart:
-                one, two = home.path.parent.name, bound.path.parent.name
-                notes.append(
-                    f"'{p.name}' has {', '.join(apart)} in {one} and {two}: those of {one} are "
-                    "taken for both."
-                )
+                numbers = {f"{key}_one": float(getattr(q, key)) for key in apart}
+                numbers |= {f"{key}_other": float(getattr(p, key)) for key in apart}
+                folders = home.path.parent.name, bound.path.parent.name
+                names = {"keys": apart, "campaigns": folders}
+                notes.append(note(Kind.starts_differ, p.name, names, **numbers))
     return (*(p for p, _ in shared.values()), *own), notes
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, did_you_mean, gathered
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.formula import Formula, alike
 from fitting.text.units import dimension_of, parse_quantity, to_base
 from fitting.text.written import Written, as_written
@@ -97,21 +98,19 @@ class Law:
         return (float(self.formula.value(base)) - offset) / factor
 
     @property
-    def words(self) -> str:
-        """The law as a sentence, and a second one where its dimension could not be checked."""
-        constants = ", ".join(
+    def note(self) -> Finding:
+        """The law, its constants, and its unit where the dimension could not be checked."""
+        constants = (
             f"{name} = {value:g} {'' if self.units[name] == '1' else self.units[name]}".rstrip()
             for name, value in self.constants.items()
         )
-        said = f"'{self.target}' follows the law {self.formula.text}"
-        said = f"{said} with {constants}." if constants else f"{said}."
-        if self.unit or not self.formula.dimension(self.units):
-            return said
-        return (
-            f"{said} The FMU declares no unit for '{self.target}', so that it cannot be checked "
-            f"whether {self.formula.unit_words(self.units)} is right; its value is taken in SI "
-            "base units."
-        )
+        checked = self.unit or not self.formula.dimension(self.units)
+        names = {
+            "formula": (self.formula.text,),
+            "constants": tuple(constants),
+            "unchecked": () if checked else (self.formula.unit_words(self.units),),
+        }
+        return note(Kind.law_followed, self.target, names)
 
 
 @checked

@@ -15,6 +15,7 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.of_campaign import measurements_of
 from fitting.measurements.planning import Series
 from fitting.text.arrays import Scalar
+from fitting.text.finding import Finding
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Problem:
     alternatives: tuple[Mapping[str, Scalar], ...] = ({},)
     derived: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     campaigns: Mapping[str, BoundCampaign] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Finding, ...] = ()
 
     @property
     def title(self) -> str:
@@ -124,6 +125,7 @@ def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
     measured = [m for name, bound in series for m in measurements_of(bound, name)]
     held = any(p.prior_sigma is not None for p in parameters)
     noises = [bound.noise for bound in bounds]
+    every = [*notes, *(note for bound in bounds for note in bound.notes)]
     return Problem(
         parameters=parameters,
         data=Dataset(
@@ -137,5 +139,5 @@ def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
         alternatives=bounds[0].alternatives,
         derived={name: bound.derived for name, bound in series},
         campaigns=dict(series),
-        notes=(*notes, *dict.fromkeys(note for bound in bounds for note in bound.notes)),
+        notes=tuple(one for i, one in enumerate(every) if one not in every[:i]),
     )

@@ -37,7 +37,7 @@ from fitting.inference.checks.sweeps import (
 )
 from fitting.inference.joint import pair_findings
 from fitting.inference.solved import Solved
-from fitting.text.finding import SEVERITIES, Finding, Kind, note
+from fitting.text.finding import SEVERITIES, Finding
 
 Check = Callable[[Solved], Iterator[Finding]]
 
@@ -49,8 +49,7 @@ def check_causes(solved: Solved) -> Iterator[Finding]:
 
 def check_campaigns(solved: Solved) -> Iterator[Finding]:
     """Notes on how campaigns were joined, and campaigns that do not agree."""
-    for text in solved.problem.notes if solved.problem.is_joint else ():
-        yield note(Kind.campaign_note, "campaign", {"text": (text,)})
+    yield from solved.problem.notes if solved.problem.is_joint else ()
     yield from pair_findings(solved.joint, is_best=solved.is_best)
 
 

@@ -17,6 +17,7 @@ from fitting.report.screen import phrases
 from fitting.result.result import DeviationSet, Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.sentences import sentence
 from fitting.text.units import convert
 
 
@@ -129,7 +130,7 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
             for line in phrases("settings", "campaign", bound)
             for name, _, words in [line.partition("¦")]
         },
-        notes=bound.notes,
+        notes=tuple(map(sentence, bound.notes)),
     )
 
 

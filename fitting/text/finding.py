@@ -108,7 +108,13 @@ class Kind(StrEnum):
     model_exchange_offered = "model_exchange_offered"
     accuracy_missed = "accuracy_missed"
     accuracy_forced = "accuracy_forced"
-    campaign_note = "campaign_note"
+    # how a campaign was bound to its FMU
+    unit_undeclared = "unit_undeclared"
+    unit_assumed = "unit_assumed"
+    amplitudes_converted = "amplitudes_converted"
+    stated_exactly = "stated_exactly"
+    law_followed = "law_followed"
+    starts_differ = "starts_differ"
 
 
 @dataclass(frozen=True, kw_only=True)

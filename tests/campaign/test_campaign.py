@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from fitting.lab.bench import measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind as FindingKind
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -229,7 +229,10 @@ def test_a_generated_input_of_a_foreign_fmu(tmp_path: Path, texts: dict[str, str
     assert campaign.experiments[0].settings == {}
     assert campaign.sweep is None
     assert campaign.parameters[0].reference == 1.5
-    assert [re.findall(r"'(\w+)'", note) for note in campaign.notes] == [["x"], ["k"]]
+    assert [(n.kind, n.subject) for n in campaign.notes] == [
+        (FindingKind.unit_undeclared, "x"),
+        (FindingKind.unit_undeclared, "k"),
+    ]
     assert (
         read_campaign(tmp_path / "campaign.toml").file.fmu.file == tmp_path / "x/CoupledOscillator"
     )
@@ -586,7 +589,8 @@ def test_without_a_scale_amplitudes_are_in_the_unit_of_the_output(
         assert campaign.sweep.amplitude_v == pytest.approx(per_volt * volts.sweep.amplitude_v)
     assert len(campaign.notes) == (scale != "maximum")
     for note in campaign.notes:
-        assert re.search(r" nm .* m, .*'q1_hybrid'", note)
+        assert (note.kind, note.subject) == (FindingKind.amplitudes_converted, "q1_hybrid")
+        assert note.names["units"] == ("nm", "m")
 
 
 @pytest.mark.parametrize(("scale", "section"), [("none", "sweep"), ("no sweep", "experiments")])
@@ -606,7 +610,7 @@ def test_without_scale_and_unit_amplitudes_are_taken_in_si(
 ) -> None:
     campaign = bound(lay(tmp_path, in_nanometres(texts, scale="none")), metres(None))
     assert campaign.amplitude_unit == "m"
-    assert any("'q1_hybrid'" in note for note in campaign.notes)
+    assert "q1_hybrid" in [note.subject for note in campaign.notes]
 
 
 def test_an_fmu_in_other_units_gets_them(tmp_path: Path, texts: dict[str, str]) -> None:

@@ -40,6 +40,7 @@ from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind
 from tests.support import closed_form
 from tests.support.closed_form import (
     ClosedFormResponse,
@@ -103,7 +104,9 @@ def test_campaigns_share_by_name_and_keep_what_is_theirs(shipped: Campaigns) -> 
     assert measured_peaks(joint.data).size == 20
     assert joint.data.series == ("string_q1", "string_q2")
     # the damping of either is that of its own sweep: the first one's is taken, and told
-    assert any("'d1'" in note and "94.18 and 100" in note for note in joint.notes)
+    [note] = [note for note in joint.notes if note.subject == "d1"]
+    assert note.kind is Kind.starts_differ
+    assert (note.numbers["start_one"], note.numbers["start_other"]) == (94.18, 100.0)
 
 
 @pytest.mark.parametrize("field", ["upper", "unit", "period", "alternatives", "twice"])

@@ -368,9 +368,7 @@ def test_names_from_outside_cannot_become_markup(figures: list[Figure]) -> None:
         history=rows,
         message=evil,
         findings=(
-            Finding(
-                kind=Kind.campaign_note, severity="warning", subject="", names={"text": (evil,)}
-            ),
+            Finding(kind=Kind.file_remark, severity="warning", subject="", names={"text": (evil,)}),
         ),
         alternatives=(),
         correlation=((1.0,),),

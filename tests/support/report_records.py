@@ -178,9 +178,7 @@ def result_for(
         seconds=3.25,
         warnings=WARNINGS,
         findings=tuple(
-            Finding(
-                kind=Kind.campaign_note, severity="warning", subject="", names={"text": (text,)}
-            )
+            Finding(kind=Kind.file_remark, severity="warning", subject="", names={"text": (text,)})
             for text in WARNINGS
         ),
         provenance=provenance(),

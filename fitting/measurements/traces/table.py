@@ -29,6 +29,7 @@ from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind, note
 from fitting.text.keys import (
     Count,
     FileName,
@@ -293,10 +294,8 @@ def _on_clock(
 ) -> tuple[FloatArray, FloatArray]:
     """Times, and values of a column in the unit of its input."""
     if not column.unit:
-        binder.note(
-            f"{column.where} states no unit: its numbers are taken in that of '{driver.name}', "
-            f"{driver.unit or '1'}."
-        )
+        names = {"variable": (driver.name,), "unit": (driver.unit or "1",)}
+        binder.note(note(Kind.unit_assumed, column.where, names))
     elif driver.unit is None:
         binder.note_missing_unit(driver)
     try:
