@@ -79,8 +79,8 @@ def check(
     """
     if step_s is not None and not step_s > 0.0:
         raise BadInput(f"step_s: found {step_s!r}, wanted a positive time")
-    held = held_fmu(fmu)  # its processes live as long as it does
-    workers = held.workers
+    opened = held_fmu(fmu)  # its processes live as long as it does
+    workers = opened.workers
     if campaign is not None and not isinstance(campaign, Campaign):
         campaign = read_campaign(campaign)
     description = workers.description

@@ -61,14 +61,14 @@ def run(args: argparse.Namespace) -> int:
     written = None
     with fmu_of(args) as fmu, status_line(NAME) as show:
         show("trial run and resets")
-        found = ff.check(fmu, args.campaign, step_s=args.step)
+        checked = ff.check(fmu, args.campaign, step_s=args.step)
         if args.report is not None:
             show("writing")
-            written = write_check(found, args.report)
-    hand_over(args, document(found))
-    print(*screen_lines(found, verbose=args.verbose, report=written), sep="\n")
-    if found.failure is not None:
-        raise found.failure
-    if found.unsuited:
-        raise ff.BadInput(*found.unsuited)
+            written = write_check(checked, args.report)
+    hand_over(args, document(checked))
+    print(*screen_lines(checked, verbose=args.verbose, report=written), sep="\n")
+    if checked.failure is not None:
+        raise checked.failure
+    if checked.unsuited:
+        raise ff.BadInput(*checked.unsuited)
     return 0

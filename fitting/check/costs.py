@@ -68,7 +68,7 @@ def measure_costs(workers: FmuWorkers, run: Run) -> Costs:
     for _ in range(BATCHES):
         start_s = min(start_s, _spent(workers, runs) / count)
         memory.append(workers.memory_bytes)
-    told = memory[0] > 0 and workers.counts.processes == processes
+    is_known = memory[0] > 0 and workers.counts.processes == processes
     left = min(b - a for a, b in pairwise(memory)) / count  # memory is taken in pages
     each = max((first - start_s) / (run.samples - 1), 1e-7)
     steps = min(MOST_STEPS, max(STEPS, int(BATCH_S / each)))
@@ -78,7 +78,7 @@ def measure_costs(workers: FmuWorkers, run: Run) -> Costs:
     return Costs(
         step_s=max(0.0, (spent - start_s) / steps if long else each),
         start_s=start_s,
-        bytes_per_run=max(0.0, left) if told else math.nan,
+        bytes_per_run=max(0.0, left) if is_known else math.nan,
         anew=anew,
     )
 

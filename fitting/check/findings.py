@@ -76,70 +76,78 @@ def rule_findings(problems: Iterable[str]) -> tuple[Finding, ...]:
     return tuple(sorted(kinds.values(), key=lambda f: f.severity.rank))
 
 
-def trial_findings(description: FmuDescription, found: Examination) -> tuple[Finding, ...]:
+def trial_findings(description: FmuDescription, examination: Examination) -> tuple[Finding, ...]:
     """What is to be known of an FMU that was tried, as findings.
 
     Args:
         description: of the FMU.
-        found: all that was tried.
+        examination: all that was tried.
     """
-    fatal = [] if found.failure is None else [Finding(Severity.FATAL, str(found.failure))]
-    said = [] if found.resets is None else _of_resets(found.resets)
-    said += [] if found.repeats is None else _of_repeats(found.repeats, description)
-    for effect in found.effects:
+    fatal = (
+        [] if examination.failure is None else [Finding(Severity.FATAL, str(examination.failure))]
+    )
+    sentences = [] if examination.resets is None else _of_resets(examination.resets)
+    sentences += (
+        [] if examination.repeats is None else _of_repeats(examination.repeats, description)
+    )
+    for effect in examination.effects:
         what = f"{effect.causality} {effect.name}"
         if effect.acts is False:
-            said.append(f"{what}: moved between steps, it changes no output{_over(found, effect)}")
+            sentences.append(
+                f"{what}: moved between steps, it changes no output{_over(examination, effect)}"
+            )
         elif effect.acts is None:
-            said.append(f"{what}: the FMU refuses to have it moved between steps")
-    if found.costs is not None and found.costs.bytes_per_run > LEAK:
-        made = "instance" if found.costs.anew else "reset"
-        said.append(f"every {made} leaves about {found.costs.bytes_per_run / 1e3:.0f} kB of memory")
-    return (*fatal, *(Finding(Severity.CAREFUL, sentence) for sentence in said))
+            sentences.append(f"{what}: the FMU refuses to have it moved between steps")
+    if examination.costs is not None and examination.costs.bytes_per_run > LEAK:
+        made = "instance" if examination.costs.anew else "reset"
+        sentences.append(
+            f"every {made} leaves about {examination.costs.bytes_per_run / 1e3:.0f} kB of memory"
+        )
+    return (*fatal, *(Finding(Severity.CAREFUL, sentence) for sentence in sentences))
 
 
-def _over(found: Examination, effect: InputEffect) -> str:
-    resets = found.resets
+def _over(examination: Examination, effect: InputEffect) -> str:
+    resets = examination.resets
     return "" if resets is None else f" over {effect.steps} steps of {resets.step_s:g} s"
 
 
 def _of_resets(resets: Resets) -> list[str]:
     if "" in resets.kept:
         return ["a reset is called OK and does not bring the FMU back to its start"]
-    said = []
+    sentences = []
     if resets.steps < STEPS:
-        said.append(f"it ends, or fails, before {STEPS} steps of {resets.step_s:g} s")
+        sentences.append(f"it ends, or fails, before {STEPS} steps of {resets.step_s:g} s")
     if resets.kept:
         names = listed(resets.kept[:6]) + (" and others" if len(resets.kept) > 6 else "")
-        said.append(
+        sentences.append(
             f"a reset is called OK and leaves a trace of values that were set before it: {names}; "
             "here every run sets them, another tool may not"
         )
     elif not resets.true:
-        said.append("a reset is called OK and leaves something behind")
+        sentences.append("a reset is called OK and leaves something behind")
     elif resets.fails:
-        said.append(f"its reset does not work: {resets.fails}")
-    return said
+        sentences.append(f"its reset does not work: {resets.fails}")
+    return sentences
 
 
 def _of_repeats(repeats: Repeatability, description: FmuDescription) -> list[str]:
-    said = []
+    sentences = []
     own = description.own_steps
     if repeats.again > 0.0:
-        said.append(
+        sentences.append(
             f"the same run on a new instance gives other outputs, by up to {repeats.again:.1e} of "
             "their largest value"
         )
-    said += _of_steps(repeats)
+    sentences += _of_steps(repeats)
     if not math.isnan(repeats.own_step_s):
         declared = own.step_s is not None and abs(own.step_s / repeats.own_step_s - 1.0) < 0.1
-        said.append(
+        sentences.append(
             f"outputs move only every {own.step_s:g} s, its own step, as it declares"
             if declared
             else f"outputs move only about every {repeats.own_step_s:.3g} s, its own step, "
             "which its description does not declare"
         )
-    return said
+    return sentences
 
 
 def _of_steps(repeats: Repeatability) -> list[str]:
@@ -150,26 +158,26 @@ def _of_steps(repeats: Repeatability) -> list[str]:
             f"in steps of {repeats.stops_s:g} s no output moves, in steps of {step_s:g} s they do: "
             "it forgets what is shorter than a step of its own"
         ]
-    said = []
+    sentences = []
     if math.isnan(repeats.halves):
-        said.append(
+        sentences.append(
             f"it refuses steps of {step_s / 2.0:g} s, and takes those of {step_s:g} s: other tools "
             "and plans have to keep to steps that it takes"
         )
     if repeats.floor > OTHER:
-        said.append(
+        sentences.append(
             f"in shorter communication steps outputs are other ones ({repeats.output} by "
             f"{repeats.floor:.1e} of its largest value), however short they are, as where steps "
             "are counted"
         )
     elif repeats.floor > max(ROUNDING, repeats.again):
-        said.append(
+        sentences.append(
             f"outputs repeat to {repeats.floor:.1e} of their largest value only "
             f"({repeats.output}), however short the communication step: amplitudes rest on that"
         )
     if not repeats.falls and repeats.late > max(ROUNDING, DRIFTS * repeats.early):
-        said.append(
+        sentences.append(
             f"what outputs differ by with other steps grows with time, from {repeats.early:.1e} to "
             f"{repeats.late:.1e} over {repeats.steps} steps"
         )
-    return said
+    return sentences

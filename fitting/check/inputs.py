@@ -37,7 +37,7 @@ def try_inputs(workers: FmuWorkers, run: Run, most: int = 0) -> tuple[InputEffec
     Raises:
         FmuFailure: a run did not end in its time.
     """
-    found = []
+    effects = []
     for v in workers.description.variables.values():
         start = run.start_values.get(v.name, v.start)
         share = 1.0 if v.causality == "input" else VARIED
@@ -48,8 +48,8 @@ def try_inputs(workers: FmuWorkers, run: Run, most: int = 0) -> tuple[InputEffec
         if effect is not None and effect.acts is False and most >= run.samples:
             longer = _effect(workers, replace(run, samples=most + 1), v, (start, other))
             effect = effect if longer is None or longer.acts is None else longer
-        found += [] if effect is None else [effect]
-    return tuple(found)
+        effects += [] if effect is None else [effect]
+    return tuple(effects)
 
 
 def _effect(
@@ -67,16 +67,18 @@ def _input(
     workers: FmuWorkers, run: Run, variable: FmuVariable, values: tuple[float, float]
 ) -> InputEffect:
     """Half of the steps at another value; and the last sample alone."""
-    held = np.full((run.samples - 1, 1), values[0])
-    seen = np.full((run.samples, 1), values[0])
-    pushed, last = held.copy(), seen.copy()
-    pushed[len(held) // 2 :] = last[-1] = values[1]
+    constant = np.full((run.samples - 1, 1), values[0])
+    received = np.full((run.samples, 1), values[0])
+    pushed, last = constant.copy(), received.copy()
+    pushed[len(constant) // 2 :] = last[-1] = values[1]
 
     def signal(over: np.ndarray, at: np.ndarray) -> Run:
         made = HeldSignal((variable.name,), run.sample_step_s, over, at)
         return replace(run, input_signal=made)
 
-    results = tried(workers, [signal(held, seen), signal(pushed, seen), signal(held, last)])
+    results = tried(
+        workers, [signal(constant, received), signal(pushed, received), signal(constant, last)]
+    )
     acts = at_once = None
     if results is not None:
         still, late, direct = results

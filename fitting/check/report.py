@@ -21,21 +21,21 @@ DRAWN = ("outputs", "times_s", "differences")
 CHECKED = {"rounding": ROUNDING, "shift": SHIFT}
 
 
-def screen_lines(found: Check, *, verbose: bool = False, report: Path | None = None) -> list[str]:
+def screen_lines(checked: Check, *, verbose: bool = False, report: Path | None = None) -> list[str]:
     """What `fmu-fit check` prints.
 
     Args:
-        found: of the FMU.
+        checked: of the FMU.
         verbose: whether all that was tried is printed, with a row for each variable.
         report: the page, if one was written.
     """
-    careful = [f for f in found.findings if f.severity is Severity.CAREFUL]
+    careful = [f for f in checked.findings if f.severity is Severity.CAREFUL]
     urgent = [phrase("check/text", "described", f) for f in careful]
-    urgent += [f"the FMU reports: {warning}" for warning in found.warnings]
+    urgent += [f"the FMU reports: {warning}" for warning in checked.warnings]
     numbers = {**CHECKED, "urgent": urgent}
-    listed = table("check/variables", variables=variables_of(found.description), meaning=False)
+    listed = table("check/variables", variables=variables_of(checked.description), meaning=False)
     variables = lines_of(listed) if verbose else ""
-    lines = printed_lines("check/text", "screen", found, numbers, verbose, variables, report)
+    lines = printed_lines("check/text", "screen", checked, numbers, verbose, variables, report)
     return [spelled_out(line) for line in lines]
 
 
@@ -50,13 +50,13 @@ def variables_of(description: FmuDescription) -> list[FmuVariable]:
     return [v for v in every if v.causality in SHOWN or v.name in observed]
 
 
-def document(found: Check) -> dict[str, Any]:
+def document(checked: Check) -> dict[str, Any]:
     """What was found of an FMU, as plain data.
 
     Args:
-        found: of the FMU.
+        checked: of the FMU.
     """
-    d, repeats = found.description, found.examination.repeats
+    d, repeats = checked.description, checked.examination.repeats
     return {
         "fmu": str(d.path),
         "model_name": d.model_name,
@@ -67,25 +67,25 @@ def document(found: Check) -> dict[str, Any]:
         "variables": {
             v.name: {name: getattr(v, name) for name in VARIABLE} for v in d.variables.values()
         },
-        "sound": found.sound,
-        "findings": found.findings,
-        "trial": found.examination.trial,
-        "resets": found.examination.resets,
+        "sound": checked.sound,
+        "findings": checked.findings,
+        "trial": checked.examination.trial,
+        "resets": checked.examination.resets,
         "repeats": repeats and {k: v for k, v in vars(repeats).items() if k not in DRAWN},
-        "effects": found.examination.effects,
-        "costs": found.examination.costs,
-        "failure": None if found.failure is None else str(found.failure),
-        "suits": found.suits and {**vars(found.suits), "campaign": str(found.suits.campaign)},
-        "unsuited": found.unsuited,
-        "warnings": found.warnings,
+        "effects": checked.examination.effects,
+        "costs": checked.examination.costs,
+        "failure": None if checked.failure is None else str(checked.failure),
+        "suits": checked.suits and {**vars(checked.suits), "campaign": str(checked.suits.campaign)},
+        "unsuited": checked.unsuited,
+        "warnings": checked.warnings,
     }
 
 
-def write_report(found: Check, out_dir: Path) -> Path:
+def write_report(checked: Check, out_dir: Path) -> Path:
     """Draw the figure (`out_dir`/figures), write `report.html` and return its path.
 
     Args:
-        found: of the FMU.
+        checked: of the FMU.
         out_dir: where the files go.
 
     Raises:
@@ -95,7 +95,7 @@ def write_report(found: Check, out_dir: Path) -> Path:
     from fitting.check.figure import draw_repeats
     from fitting.extension.drawing import save, style
 
-    d, examination = found.description, found.examination
+    d, examination = checked.description, checked.examination
     figures = []
     with style():
         repeats = examination.repeats
@@ -103,7 +103,7 @@ def write_report(found: Check, out_dir: Path) -> Path:
         if drawing is not None:
             figures.append(save(drawing, out_dir / "figures", for_page=True))
     costs = "" if examination.costs is None else phrase("check/text", "costs", examination.costs)
-    status, message, mark = _status(found)
+    status, message, mark = _status(checked)
     return write_page(
         out_dir,
         "check/page.html.j2",
@@ -112,14 +112,14 @@ def write_report(found: Check, out_dir: Path) -> Path:
         status=status,
         message=message,
         mark=mark,
-        warnings=found.warnings,
+        warnings=checked.warnings,
         figures=figures,
         cost=costs,
-        findings=[phrase("check/text", "finding", f) for f in found.findings],
+        findings=[phrase("check/text", "finding", f) for f in checked.findings],
         tried=[
-            *(() if found.suits is None else (phrase("check/text", "suits", found.suits),)),
-            *found.unsuited,
-            *phrases("check/text", "examination", found, CHECKED),
+            *(() if checked.suits is None else (phrase("check/text", "suits", checked.suits),)),
+            *checked.unsuited,
+            *phrases("check/text", "examination", checked, CHECKED),
         ],
         variables=variables_of(d),
         origin={
@@ -134,12 +134,12 @@ def write_report(found: Check, out_dir: Path) -> Path:
     )
 
 
-def _status(found: Check) -> tuple[str, str, str]:
-    if found.failure is not None:
-        return "Fails", str(found.failure), "bad"
-    if found.unsuited:
-        return "Runs, does not suit", found.unsuited[0], "bad"
-    careful = sum(f.count for f in found.findings if f.severity is Severity.CAREFUL)
+def _status(checked: Check) -> tuple[str, str, str]:
+    if checked.failure is not None:
+        return "Fails", str(checked.failure), "bad"
+    if checked.unsuited:
+        return "Runs, does not suit", checked.unsuited[0], "bad"
+    careful = sum(f.count for f in checked.findings if f.severity is Severity.CAREFUL)
     if careful:
         return "Runs", f"Warnings: {careful}.", "doubt"
     return "Sound", "It runs, repeats, and violates no rule that matters.", ""

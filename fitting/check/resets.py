@@ -88,10 +88,10 @@ def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Res
         replace(long, start_values={**long.start_values, name: others[name]})
         for name in resets.idle
     ]
-    found = [tried(workers, [long, other]) for other in changed]
+    answers = [tried(workers, [long, other]) for other in changed]
     idle = tuple(
         name
-        for name, results in zip(resets.idle, found, strict=True)
+        for name, results in zip(resets.idle, answers, strict=True)
         if results is not None and np.array_equal(results[0], results[1], equal_nan=True)
     )
     return replace(resets, idle=idle, idle_steps=steps)
@@ -99,11 +99,11 @@ def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Res
 
 def _others(workers: FmuWorkers, run: Run) -> dict[str, Scalar]:
     """Another value of every variable that has one."""
-    found = {
+    answers = {
         v.name: moved(v, run.start_values.get(v.name, v.start), VARIED)
         for v in workers.description.variables.values()
     }
-    return {name: other for name, other in found.items() if other is not None}
+    return {name: other for name, other in answers.items() if other is not None}
 
 
 def _kept(workers: FmuWorkers, run: Run, others: Mapping[str, Scalar]) -> tuple[str, ...]:
@@ -119,8 +119,8 @@ def _kept(workers: FmuWorkers, run: Run, others: Mapping[str, Scalar]) -> tuple[
         given = {name: value for name, value in inputs.items() if name not in before}
         new = replace(run, start_values=given, handling=Handling())
         after = replace(new, handling=Handling(before={**given, **before}))
-        found = tried(workers, [new, after])
-        return found is not None and not np.array_equal(found[0], found[1], equal_nan=True)
+        answers = tried(workers, [new, after])
+        return answers is not None and not np.array_equal(answers[0], answers[1], equal_nan=True)
 
     if leaves({}):
         return ("",)  # the state itself stays, whatever was set

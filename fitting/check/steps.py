@@ -180,22 +180,22 @@ def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | No
 
 def _tried(workers: FmuWorkers, run: Run) -> FloatArray:
     """The result of a run; NaN where the FMU refuses it."""
-    found = tried(workers, [run])
-    return np.full((run.samples, len(run.outputs)), np.nan) if found is None else found[0]
+    answer = tried(workers, [run])
+    return np.full((run.samples, len(run.outputs)), np.nan) if answer is None else answer[0]
 
 
 def _share(difference: FloatArray, values: FloatArray) -> float:
     """The largest share of any output that is a number; NaN where there is none."""
-    found = shares(difference, values)
-    return math.nan if np.isnan(found).all() else float(np.nanmax(found))
+    answer = shares(difference, values)
+    return math.nan if np.isnan(answer).all() else float(np.nanmax(answer))
 
 
 def _stops_s(run: Run, whole: FloatArray, parts: Sequence[FloatArray]) -> float:
     """The longest step in parts of which nothing moves, though it does in whole ones; NaN: none."""
     if not np.any(np.diff(whole, axis=0)):
         return math.nan
-    for count, found in zip(PARTS[1:], parts, strict=True):
-        if not np.any(np.diff(found, axis=0)):
+    for count, answer in zip(PARTS[1:], parts, strict=True):
+        if not np.any(np.diff(answer, axis=0)):
             return run.sample_step_s / count
     return math.nan
 

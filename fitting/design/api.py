@@ -231,7 +231,7 @@ def design(
     """
     wanted = Goal(goal) if isinstance(goal, str) else goal
     bound, *also = _bound(problem)
-    instrument, target = _asked_for(problem, bound, wanted, limits, at)
+    instrument, target = _request(problem, bound, wanted, limits, at)
     [weighed] = weigh(bound, problem.fmu.workers, [instrument], target, progress, also)
     unit, provenance = _unit(problem, bound, target.target), _provenance(problem, wanted, "design")
     chosen = weighed.chosen_by(target.criterion)
@@ -271,7 +271,7 @@ def ways(
             f"ways: found {', '.join(limits) or 'none'}, wanted two kinds of measurement at least, "
             f"none of them called '{TOGETHER}'"
         )
-    kinds = {name: _asked_for(problem, bound, wanted, one, at) for name, one in limits.items()}
+    kinds = {name: _request(problem, bound, wanted, one, at) for name, one in limits.items()}
     time_s, target = _same(kinds)
     progress("ways")
     every = [instrument for instrument, _ in kinds.values()]
@@ -335,13 +335,13 @@ def _limits(
     if given is None:
         return limits_of(bound, variables, own, lines), own
     table = own.with_keys_of(read_candidates(Path(given)))
-    found = limits_of(bound, variables, table, lines)
+    instrument = limits_of(bound, variables, table, lines)
     known = limits_of(bound, variables, own.of_kind(table), lines)
-    refuse_wider(found, known, own, table.where, unit)
-    return found, table
+    refuse_wider(instrument, known, own, table.where, unit)
+    return instrument, table
 
 
-def _asked_for(
+def _request(
     problem: Problem,
     bound: BoundCampaign,
     goal: Goal,

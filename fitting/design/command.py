@@ -108,12 +108,12 @@ def _design(
     from fitting.design.report import screen_lines
 
     limits = args.candidates[0] if args.candidates else None
-    found = ff.design(problem, goal, limits=limits, at=_at(args), progress=tell)
-    found = found.made_by(_command(args))
+    made = ff.design(problem, goal, limits=limits, at=_at(args), progress=tell)
+    made = made.made_by(_command(args))
     tell("writing")
-    written = found.write(_out(args), report=not args.no_report)
-    hand_over(args, found.design)
-    return screen_lines(found.design, written, verbose=args.verbose)
+    written = made.write(_out(args), report=not args.no_report)
+    hand_over(args, made.design)
+    return screen_lines(made.design, written, verbose=args.verbose)
 
 
 def _ways(
@@ -128,12 +128,12 @@ def _ways(
     for name in limits:  # of what cannot be written there it is complained now
         with results_folder(_out(args) / name, NAME, FILES):
             pass
-    found = ff.ways(problem, goal, limits=limits, at=_at(args), progress=tell)
-    found = found.made_by(_command(args))
+    made = ff.ways(problem, goal, limits=limits, at=_at(args), progress=tell)
+    made = made.made_by(_command(args))
     tell("writing")
-    written = found.write(_out(args), report=not args.no_report)
-    hand_over(args, found.ways)
-    return ways_lines(found.ways, written, verbose=args.verbose)
+    written = made.write(_out(args), report=not args.no_report)
+    hand_over(args, made.ways)
+    return ways_lines(made.ways, written, verbose=args.verbose)
 
 
 def _at(args: argparse.Namespace) -> Result | Path | None:

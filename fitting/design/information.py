@@ -158,7 +158,7 @@ class Series:
             for above, below in [self.moved(objective, place, name, SHIFT * sigma)]
         ]
         pairs = list(zip(data.measurements, data.slices, strict=True))
-        common = [np.zeros(rows.size)] * 0
+        common: list[FloatArray] = []
         for m, mine in pairs:
             lines = [len(e.read_hz) for e in m.experiments] if isinstance(m, Tones) else []
             owners = np.repeat(np.arange(len(lines)), lines)
@@ -262,7 +262,7 @@ class Rows:
         common = np.concatenate([own, weighted(self.errors)], axis=-1)
         if common.shape[-1]:
             # V = 1 + U U^T of whitened rows, by the singular vectors of U
-            axes, found, _ = np.linalg.svd(common, full_matrices=False)
-            shares = (1.0 - 1.0 / np.hypot(1.0, found))[..., np.newaxis]
+            axes, singular, _ = np.linalg.svd(common, full_matrices=False)
+            shares = (1.0 - 1.0 / np.hypot(1.0, singular))[..., np.newaxis]
             matrix = matrix - axes @ (shares * (np.swapaxes(axes, 1, 2) @ matrix))
         return np.asarray(np.swapaxes(matrix, 1, 2) @ matrix)

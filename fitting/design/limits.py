@@ -288,8 +288,8 @@ class DesignTable:
         for key in ("settings", "setting_sigma"):  # tables themselves, by variable
             if key in new:
                 new[key] = {**getattr(self.keys, key), **new[key]}
-        for asked_for, given_up in (("sweeps", "traces"), ("traces", "sweeps")):
-            if asked_for in new:  # another kind of measurement
+        for requested, given_up in (("sweeps", "traces"), ("traces", "sweeps")):
+            if requested in new:  # another kind of measurement
                 new.setdefault(given_up, None)
         return DesignTable(
             path=self.path,
@@ -689,13 +689,13 @@ def _of_sweeps(
                 "middle of the sweeps"
             )
         centre_hz = in_unit(keys.centres[0], "Hz")
-    asked_for = keys.sweeps or WrittenSweeps(controls={})
+    requested = keys.sweeps or WrittenSweeps(controls={})
     sweeps = SweepLimits(
-        span_hz=asked_for.span or last - first,
-        points=asked_for.points or max(s.u_hz.size for s in like.records),
+        span_hz=requested.span or last - first,
+        points=requested.points or max(s.u_hz.size for s in like.records),
         controls=_own_controls(like)
         if keys.sweeps is None
-        else _controls(bound, variables, table, like, asked_for),
+        else _controls(bound, variables, table, like, requested),
     )
     step_hz = sweeps.span_hz / (sweeps.points - 1)
     largest = max(float(np.max(np.abs(s.y))) for s in like.records)
@@ -730,15 +730,15 @@ def _controls(
     variables: Mapping[str, VariableLike],
     table: DesignTable,
     like: Continued,
-    asked_for: WrittenSweeps,
+    requested: WrittenSweeps,
 ) -> dict[str, tuple[Scalar, ...]]:
     units = like.kind.units
     binder = Binder(variables, bound.setup.laws.names)
     binder.control_units.update({name: unit for name, unit in units.items() if unit})
-    check_controls(asked_for.controls, like, table.where("sweeps"))
+    check_controls(requested.controls, like, table.where("sweeps"))
     return {
         name: tuple(binder.setting(name, _with_unit(w, units.get(name, ""))) for w in values)
-        for name, values in asked_for.controls.items()
+        for name, values in requested.controls.items()
     }
 
 
@@ -787,18 +787,18 @@ def _noise_of_sweeps(like: Continued, table: DesignTable, largest: float) -> tup
 
 def _of_traces(bound: BoundCampaign, table: DesignTable) -> Limits:
     like, keys = required(bound, TRACES), table.keys
-    asked_for = keys.traces or WrittenTraces()
+    requested = keys.traces or WrittenTraces()
     _refuse_keys(bound, table, "traces", NOT_OF_TRACES)
-    of = tuple(dict.fromkeys(asked_for.of or like.labels))
+    of = tuple(dict.fromkeys(requested.of or like.labels))
     records = repeatable(like, of, table.where("traces"))
     unit = records[0].unit
-    lengths = asked_for.lengths
+    lengths = requested.lengths
     if lengths is None:
         longest = max((record.y.size - 1) * record.spacing_s for record in records)
         # of a recorded input no more is known than was recorded
         endless = max(map(longest_s, records)) == math.inf
         lengths = tuple(share * longest for share in LENGTHS if share <= 1.0 or endless)
-    samples = asked_for.samples
+    samples = requested.samples
     if samples is None:
         own = round(HEADROOM * max(record.y.size for record in like.records))
         samples = min(own, MOST_SAMPLES)
@@ -807,7 +807,7 @@ def _of_traces(bound: BoundCampaign, table: DesignTable) -> Limits:
             f"{table.where('traces')}: {samples} samples, wanted {LEAST_SAMPLES} to {MOST_SAMPLES}"
         )
     observed = max(float(np.max(np.abs(record.y))) for record in records)
-    spacings = {r.label: tuple(sorted(set(asked_for.spacings or (r.spacing_s,)))) for r in records}
+    spacings = {r.label: tuple(sorted(set(requested.spacings or (r.spacing_s,)))) for r in records}
     return Limits(
         outputs=tuple(dict.fromkeys(like.kind.output_of(record) for record in records)),
         noise_floor_v=0.0 if keys.noise_floor is None else positive_in(keys.noise_floor, unit),

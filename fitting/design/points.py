@@ -126,7 +126,7 @@ class WhitenedData:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outset:
+class StartFit:
     """The fit that a design sets out from, with the data whitened there.
 
     `inflation` is what it leaves over the noise, root mean square: 1 where noise explains it.
@@ -139,13 +139,13 @@ class Outset:
     searched: int = 0
 
 
-def outset(
+def start_fit(
     series: tuple[Series, ...],
     start: Place,
     prior: FloatArray,
     setting_sigmas: dict[str, float],
     seed: int | None,
-) -> Outset:
+) -> StartFit:
     """The fit nearest to a place; the lowest of the box where noise does not explain that.
 
     Args:
@@ -166,7 +166,7 @@ def outset(
         covariance = RowCovariance.joined(blocks)
         return WhitenedData(series=series, covariance=covariance, prior=prior, steps=steps)
 
-    def nearest(place: Place) -> Outset:
+    def nearest(place: Place) -> StartFit:
         data = data_at(place)
         fitted = data.nearest_fit(place)
         for _ in range(ROUNDS if is_estimated else 0):
@@ -175,11 +175,11 @@ def outset(
             if before.chi_square - fitted.chi_square <= SETTLED * before.chi_square:
                 break
         if is_estimated:
-            return Outset(data=data, fitted=fitted, inflation=_over_scatter(data, fitted.place))
+            return StartFit(data=data, fitted=fitted, inflation=_over_scatter(data, fitted.place))
         dof = max(1, fitted.problem.rows.size - start.x.size)
         is_noise = tail(fitted.chi_square, float(dof)) >= TOO_LARGE_P
         inflation = 1.0 if is_noise else max(1.0, float(np.sqrt(fitted.chi_square / dof)))
-        return Outset(data=data, fitted=fitted, inflation=inflation)
+        return StartFit(data=data, fitted=fitted, inflation=inflation)
 
     first = nearest(start)
     if first.inflation == 1.0 or seed is None:

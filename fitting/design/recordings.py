@@ -140,16 +140,16 @@ class RecordingCandidates:
     def _of_one_spacing(self, choices: Sequence[DriveChoice], place: Place) -> list[Rows]:
         """Recordings of one trace and spacing, of which the longest is simulated."""
         parameters, n = self.data.bound.parameters, place.x.size
-        asked_for = max((recording_of(c) for c in choices), key=lambda r: r.samples)
-        old = self.like.record(asked_for.trace)
-        index = np.arange(asked_for.samples)
+        requested = max((recording_of(c) for c in choices), key=lambda r: r.samples)
+        old = self.like.record(requested.trace)
+        index = np.arange(requested.samples)
         tone = np.exp(1j * TURN * index)
         record = replace(
             old,
-            time_s=float(old.t[0]) + index * asked_for.spacing_s,
+            time_s=float(old.t[0]) + index * requested.spacing_s,
             values=tone if old.is_complex else tone.real,
             begin="first",
-            label=f"next {asked_for.trace} at {asked_for.spacing_s!r} s",
+            label=f"next {requested.trace} at {requested.spacing_s!r} s",
         )
         values = self._expected(old, record, place)
         parts = [_beginning(record, values, recording_of(c).samples) for c in choices]

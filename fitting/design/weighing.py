@@ -17,7 +17,7 @@ from fitting.design.choice import DesignProblem, choose, target_sigmas
 from fitting.design.continued import SWEEPS, required
 from fitting.design.information import Place, Series, prior_sigmas_in_box
 from fitting.design.limits import Limits
-from fitting.design.points import Outset, equal_fits, outset, spread_out
+from fitting.design.points import StartFit, equal_fits, spread_out, start_fit
 from fitting.design.recordings import RecordingCandidates
 from fitting.design.result import DriveChoice, Expected
 from fitting.design.sweeps import ANY_PHASE, SweepCandidates, shared_sigmas
@@ -81,7 +81,7 @@ class Known:
     gradients: FloatArray
     values: FloatArray
     spread_values: FloatArray
-    outset: Outset
+    start_fit: StartFit
 
     @property
     def spread(self) -> float:
@@ -227,9 +227,8 @@ def _known(
 ) -> Known:
     """Points of equal fit, and what the data so far determine of the target at some of them."""
     data, parameters = series[0], series[0].bound.parameters
-    prior, errors = prior_sigmas_in_box(parameters), {}
-    for way in ways:
-        errors.update(way.setting_sigmas)
+    prior = prior_sigmas_in_box(parameters)
+    errors = {name: sigma for way in ways for name, sigma in way.setting_sigmas.items()}
     progress("points of equal fit")
     start, given, others = _equal_fits(series, goal, prior, errors)
     spread_values = _values(data, goal.target, [given, *others])
@@ -257,7 +256,7 @@ def _known(
         gradients=gradients,
         values=_values(data, goal.target, places),
         spread_values=spread_values,
-        outset=start,
+        start_fit=start,
     )
 
 
@@ -283,7 +282,7 @@ def _information_at(
 
 def _equal_fits(
     series: tuple[Series, ...], goal: DesignGoal, prior: FloatArray, errors: dict[str, float]
-) -> tuple[Outset, Place, list[Place]]:
+) -> tuple[StartFit, Place, list[Place]]:
     """Where it sets out, the given point (that, or the one asked for), and others of equal fit."""
     bound = series[0].bound
     lower, upper = search_bounds(bound.parameters)
@@ -293,7 +292,7 @@ def _equal_fits(
     start = Place(alternative, np.clip(x, lower, upper))
     # a point that was asked for is kept, also where it fits badly: nothing else is searched
     seed = goal.seed if goal.start is None else None
-    first = outset(series, start, prior, errors, seed)
+    first = start_fit(series, start, prior, errors, seed)
     data, given = first.data, first.fitted
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):

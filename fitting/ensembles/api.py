@@ -101,22 +101,22 @@ def ensemble(
         BadInput: nothing to do, no such laboratory, scheduler or FMU, or finished items of another
             ensemble.
     """
-    asked = options or EnsembleOptions()
+    chosen = options or EnsembleOptions()
     folder = None if out is None else Path(out)
-    if isinstance(of, Laboratories) and asked.values:
+    if isinstance(of, Laboratories) and chosen.values:
         # laboratories are alike: a value that the first one has not would be missed in all of them
         with Scratch() as scratch:
             path, first_fmu, _ = first_campaign(replace(of, count=1), fmu, scratch)
             with first_fmu:
                 record = Problem.of(path, first_fmu).record
-        require_values(asked.values, known_values(record), "value")
+        require_values(chosen.values, known_values(record), "value")
     with ExitStack() as stack:
         if folder is not None:
             stack.enter_context(results_folder(folder, "ensemble", (*FILES, ITEMS_FILE)))
         built = stack.enter_context(Scratch()) if folder is None else folder / "fmu"
-        job = _Job(of, fmu, asked, built)
+        job = _Job(of, fmu, chosen, built)
         if folder is not None:
-            job.keep_in(folder, resume=asked.resume)
+            job.keep_in(folder, resume=chosen.resume)
         waiting = [item for item in job.items if item.label not in job.rows]
         if waiting:
             files = dict.fromkeys(i.fmu for i in job.items if isinstance(i.fmu, NeededFile))
@@ -201,11 +201,11 @@ class _Job:
     """What is to be done, the fingerprint of how it is done, and the rows of what has ended."""
 
     def __init__(
-        self, of: Laboratories | Campaigns, fmu: AnyFmu, asked: EnsembleOptions, built: Path
+        self, of: Laboratories | Campaigns, fmu: AnyFmu, chosen: EnsembleOptions, built: Path
     ) -> None:
         sources = _Sources(built, fmu)
         content: dict[str, Any] = {
-            "options": to_plain(replace(asked, resume=False)),
+            "options": to_plain(replace(chosen, resume=False)),
             "versions": {name: version(name) for name in ("numpy", "scipy")},
             "version": fitting.__version__,
         }
@@ -224,7 +224,7 @@ class _Job:
             for k in range(of.count):
                 one = replace(of, count=1, seed=of.seed + k)
                 label = f"seed {one.seed}"
-                item = Item(index=k, label=label, what=one, fmu=source, options=asked)
+                item = Item(index=k, label=label, what=one, fmu=source, options=chosen)
                 self.items.append(item)
         else:
             self.title = "Campaigns"
@@ -234,7 +234,7 @@ class _Job:
                 raise BadInput("ensemble: no campaigns, wanted at least one")
             for k, path in enumerate(paths):
                 what, own = path.resolve(), sources.of_campaign(path)
-                item = Item(index=k, label=path.as_posix(), what=what, fmu=own, options=asked)
+                item = Item(index=k, label=path.as_posix(), what=what, fmu=own, options=chosen)
                 self.items.append(item)
         text = json.dumps(content, sort_keys=True)
         self.fingerprint = hashlib.sha256(text.encode()).hexdigest()

@@ -145,7 +145,7 @@ def run(args: argparse.Namespace) -> int:
                 words += f", about {seconds / 60.0:.0f} min left" * (seconds >= 120.0)
             tell(words)
 
-        found = ff.ensemble(
+        ensemble = ff.ensemble(
             of,
             args.fmu,
             options,
@@ -154,16 +154,16 @@ def run(args: argparse.Namespace) -> int:
             progress=follow,
         )
         tell("tables, figure and report")
-        found = replace(found, provenance={**found.provenance, "command": _command(args)})
-        ended = found.status == FINISHED
+        ensemble = replace(ensemble, provenance={**ensemble.provenance, "command": _command(args)})
+        ended = ensemble.status == FINISHED
         # who asks for an end waits for no figure
-        files = ff.write_ensemble(found, args.out, drawn=ended and not args.no_report)
+        files = ff.write_ensemble(ensemble, args.out, drawn=ended and not args.no_report)
     remove_earlier(args.out, ("fmu/*.fmu",))
-    hand_over(args, document(found))
+    hand_over(args, document(ensemble))
     resumed = last[-1].resumed if args.resume and last else 0
     again = "" if ended else command_again(args)
-    print(*screen_lines(found, files, resumed=resumed, again=again), sep="\n")
-    return 1 if found.failures or not ended else 0
+    print(*screen_lines(ensemble, files, resumed=resumed, again=again), sep="\n")
+    return 1 if ensemble.failures or not ended else 0
 
 
 def _print_cost(

@@ -29,28 +29,28 @@ LEVELS = ((0.68, -0.14, BLUE, "o"), (0.95, 0.14, RED, "s"))
 MOST_PULL = 5.0
 
 
-def save_figures(found: Ensemble, folder: Path) -> list[Described]:
+def save_figures(ensemble: Ensemble, folder: Path) -> list[Described]:
     """Draw and write the figure; none where nothing is known to be true.
 
     Args:
-        found: many fits.
+        ensemble: many fits.
         folder: where the files go.
     """
-    if not found.coverage:
+    if not ensemble.coverage:
         return []
     with style():
-        return [save(draw(found), folder, for_page=True)]
+        return [save(draw(ensemble), folder, for_page=True)]
 
 
-def draw(found: Ensemble) -> Described:
+def draw(ensemble: Ensemble) -> Described:
     """Pulls on the left, shares with their binomial intervals on the right, a line per value.
 
     Args:
-        found: many fits with known truth.
+        ensemble: many fits with known truth.
     """
-    words, values = described("ensembles/ensemble", most=MOST_PULL), found.coverage
+    words, values = described("ensembles/ensemble", most=MOST_PULL), ensemble.coverage
     height = 1.7 + 0.42 * len(values)
-    figure = new_figure(words.title, found.title, synthetic=found.synthetic, height=height)
+    figure = new_figure(words.title, ensemble.title, synthetic=ensemble.synthetic, height=height)
     left, right = figure.subplots(1, 2, sharey=True)
     _draw_pulls(left, values)
     _draw_shares(right, values)

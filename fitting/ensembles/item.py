@@ -168,11 +168,11 @@ def digests(paths: Iterable[str]) -> dict[str, str]:
     Args:
         paths: of the files.
     """
-    found = dict.fromkeys(paths, "")
-    for path in found:
+    digest_of = dict.fromkeys(paths, "")
+    for path in digest_of:
         with contextlib.suppress(OSError):
-            found[path] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    return found
+            digest_of[path] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return digest_of
 
 
 def _row(item: Item, folder: Path, files: dict[str, str]) -> EnsembleRow:

@@ -19,38 +19,38 @@ from fitting.extension.report import (
 from fitting.text.records import to_plain
 
 
-def write_report(found: Ensemble, figures: Sequence[Figure], folder: Path) -> Path:
+def write_report(ensemble: Ensemble, figures: Sequence[Figure], folder: Path) -> Path:
     """Write `report.html` into a folder, whole or not at all, and return its path.
 
     Args:
-        found: many fits.
+        ensemble: many fits.
         figures: saved for the page.
         folder: where the files go.
 
     Raises:
         BadInput: the folder cannot be written.
     """
-    good = found.status == FINISHED and not found.failures
+    good = ensemble.status == FINISHED and not ensemble.failures
     return write_page(
         folder,
         "ensembles/page.html.j2",
-        title=found.title,
+        title=ensemble.title,
         kind="ensemble",
-        status=found.status,
-        message=f"{found.message}.",
+        status=ensemble.status,
+        message=f"{ensemble.message}.",
         mark="" if good else "bad",
-        synthetic=found.synthetic,
+        synthetic=ensemble.synthetic,
         figures=figures,
         published=True,
-        ensemble=found,
+        ensemble=ensemble,
     )
 
 
-def document(found: Ensemble) -> dict[str, Any]:
+def document(ensemble: Ensemble) -> dict[str, Any]:
     """The record with the coverage of its values, for other programs.
 
     Args:
-        found: many fits.
+        ensemble: many fits.
     """
     coverage = [
         {
@@ -67,55 +67,57 @@ def document(found: Ensemble) -> dict[str, Any]:
                 for name, share in (("held68", c.held68), ("held95", c.held95))
             },
         }
-        for c in found.coverage
+        for c in ensemble.coverage
     ]
     names = ("title", "synthetic", "status", "message", "total", "statuses", "rows", "provenance")
-    plain = {name: getattr(found, name) for name in names}
+    plain = {name: getattr(ensemble, name) for name in names}
     return {**{name: plain[name] for name in names[:6]}, "coverage": coverage, **plain}
 
 
-def csv_of(found: Ensemble) -> str:
+def csv_of(ensemble: Ensemble) -> str:
     """A row per item and value; an item without a fit has a row with the reason.
 
     Args:
-        found: many fits.
+        ensemble: many fits.
     """
-    return csv_text(table("ensembles/ensemble_csv", ensemble=found))
+    return csv_text(table("ensembles/ensemble_csv", ensemble=ensemble))
 
 
-def tables_of(found: Ensemble) -> dict[str, Table]:
+def tables_of(ensemble: Ensemble) -> dict[str, Table]:
     """All tables that have rows, by name, coverage first.
 
     Args:
-        found: many fits.
+        ensemble: many fits.
     """
     names = ("coverage", "fitted", "statuses", "failures")
-    tables = {name: table(f"ensembles/{name}", ensemble=found) for name in names}
+    tables = {name: table(f"ensembles/{name}", ensemble=ensemble) for name in names}
     return {name: made for name, made in tables.items() if made.rows}
 
 
-def markdown(found: Ensemble) -> str:
+def markdown(ensemble: Ensemble) -> str:
     """All tables as Markdown.
 
     Args:
-        found: many fits.
+        ensemble: many fits.
     """
-    lines = [f"# {found.title}", "", f"{found.message}.", ""]
-    if found.synthetic:
+    lines = [f"# {ensemble.title}", "", f"{ensemble.message}.", ""]
+    if ensemble.synthetic:
         lines += ["Synthetic: simulated, not measured on a device.", ""]
-    return "\n".join([*lines, *markdown_lines((t.caption, t) for t in tables_of(found).values())])
+    return "\n".join(
+        [*lines, *markdown_lines((t.caption, t) for t in tables_of(ensemble).values())]
+    )
 
 
 def screen_lines(
-    found: Ensemble, files: Sequence[Path] = (), *, resumed: int = 0, again: str = ""
+    ensemble: Ensemble, files: Sequence[Path] = (), *, resumed: int = 0, again: str = ""
 ) -> list[str]:
     """What `fmu-fit ensemble` prints: coverage where the truth is known, else values.
 
     Args:
-        found: many fits.
+        ensemble: many fits.
         files: that were written, the report last.
         resumed: items that an earlier run had finished.
         again: the command that continues; empty where all items have ended.
     """
-    first = table(f"ensembles/{'coverage' if found.coverage else 'fitted'}", ensemble=found)
-    return printed_lines("ensembles/text", "screen", found, first, resumed, again, files)
+    first = table(f"ensembles/{'coverage' if ensemble.coverage else 'fitted'}", ensemble=ensemble)
+    return printed_lines("ensembles/text", "screen", ensemble, first, resumed, again, files)

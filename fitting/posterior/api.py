@@ -180,11 +180,11 @@ def posterior(
             missing.
         FmuFailure: the FMU failed where the fit ended.
     """
-    asked = options or Sampling()
-    job = Job(problem, at, asked.walkers, asked.steps, asked.seed)
+    sampling = options or Sampling()
+    job = Job(problem, at, sampling.walkers, sampling.steps, sampling.seed)
 
     def drawn(path: Path | None) -> Posterior:
-        if path is not None and asked.resume:
+        if path is not None and sampling.resume:
             job.resume(path)
         result = job.draw(path, progress)
         summary, outputs = job.summary(result, truth or {}, progress)
@@ -212,8 +212,8 @@ def posterior_cost(
         BadInput: as `posterior`.
         FmuFailure: the FMU failed where the fit ended.
     """
-    asked = options or Sampling()
-    job = Job(problem, at, asked.walkers, asked.steps, asked.seed)
+    sampling = options or Sampling()
+    job = Job(problem, at, sampling.walkers, sampling.steps, sampling.seed)
     before, started = job.evaluations, time.perf_counter()
     job.begin()
     each = (time.perf_counter() - started) / (job.evaluations - before)
@@ -222,7 +222,7 @@ def posterior_cost(
         minima=sum(m.copy_of < 0 for m in job.minima),
         evaluations=(
             job.evaluations + job.walkers * LEAST_STEPS,
-            job.evaluations + job.walkers * asked.steps,
+            job.evaluations + job.walkers * sampling.steps,
         ),
         seconds_each=each,
     )

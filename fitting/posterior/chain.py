@@ -36,7 +36,7 @@ Image = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walk:
+class Samples:
     """Steps of all walkers: `places` (steps, walkers, n) in units of the box.
 
     `log` (steps, walkers) is ln of the posterior there, `accepted` the share of proposals that were
@@ -52,31 +52,31 @@ class Walk:
         """How many steps."""
         return int(self.places.shape[0])
 
-    def with_more(self, other: Walk) -> Walk:
+    def with_more(self, other: Samples) -> Samples:
         """Both, one after the other.
 
         Args:
             other: what follows.
         """
         share = self.steps * self.accepted + other.steps * other.accepted
-        return Walk(
+        return Samples(
             places=np.concatenate([self.places, other.places]),
             log=np.concatenate([self.log, other.log]),
             accepted=share / (self.steps + other.steps),
         )
 
 
-class WalkInterrupted(KeyboardInterrupt):
-    """A walk that was asked to end: the steps that all walkers have taken, and how it goes on.
+class SamplingInterrupted(KeyboardInterrupt):
+    """Sampling that was interrupted: the steps that all walkers have taken, and how it continues.
 
     Args:
-        walk: At least one step.
-        random: State of its random numbers after them, for `walked`.
+        samples: At least one step.
+        random: State of its random numbers after them, for `sampled`.
     """
 
-    def __init__(self, walk: Walk, random: FloatArray) -> None:
+    def __init__(self, samples: Samples, random: FloatArray) -> None:
         super().__init__()
-        self.walk, self.random = walk, random
+        self.samples, self.random = samples, random
 
 
 def sampler_library() -> Any:
@@ -95,14 +95,14 @@ def sampler_library() -> Any:
     return emcee
 
 
-def walked(
+def sampled(
     log_posterior: LogPosterior,
     mixture: Mixture,
     images: Sequence[Image],
     begin: tuple[FloatArray, FloatArray],
     steps: int,
     seed: tuple[int, ...] | FloatArray,
-) -> Walk:
+) -> Samples:
     """So many steps of all walkers; the same seed takes the same ones.
 
     Interrupted and continued from where it was, it takes the same ones, too.
@@ -114,11 +114,11 @@ def walked(
         begin: Places (walkers, n) in units of the box, and ln of the posterior there (walkers,).
         steps: How many.
         seed: Of the draws: of the chain, and of this part of it; or the state of the random numbers
-            of a walk that was interrupted: whole numbers of 32 bits, then three more.
+            of samples that were interrupted: whole numbers of 32 bits, then three more.
 
     Raises:
         BadInput: ``emcee`` is not installed.
-        WalkInterrupted: After a step or more; KeyboardInterrupt before.
+        SamplingInterrupted: After a step or more; KeyboardInterrupt before.
     """
     emcee = sampler_library()
     places, log = begin
@@ -160,25 +160,25 @@ def walked(
         if done == 0:
             raise
         interrupted = True
-    walk = Walk(
+    samples = Samples(
         places=np.asarray(sampler.get_chain())[:done],
         log=np.asarray(sampler.get_log_prob())[:done],
         accepted=float(np.mean(sampler.acceptance_fraction)),
     )
     if interrupted:
-        raise WalkInterrupted(walk, np.array([*random[1], *random[2:]], dtype=float))
-    return walk
+        raise SamplingInterrupted(samples, np.array([*random[1], *random[2:]], dtype=float))
+    return samples
 
 
 @dataclass(frozen=True)
 class Chain:
-    """What a file holds: walk, proposals, and `evaluations`, of which `failed` had no value.
+    """What a file holds: samples, proposals, and `evaluations`, of which `failed` had no value.
 
     Where its last part was interrupted, that ends at step `until` and continues with the state
     `random`.
     """
 
-    walk: Walk
+    samples: Samples
     mixture: Mixture
     evaluations: int
     failed: int
@@ -205,9 +205,9 @@ def write_chain(path: Path, job: str, chain: Chain) -> None:
         content,
         allow_pickle=False,
         job=np.array(job),
-        places=chain.walk.places,
-        log=chain.walk.log,
-        accepted=np.array(chain.walk.accepted),
+        places=chain.samples.places,
+        log=chain.samples.log,
+        accepted=np.array(chain.samples.accepted),
         centres=chain.mixture.centres,
         roots=chain.mixture.roots,
         weights=chain.mixture.weights,
@@ -235,7 +235,7 @@ def read_chain(path: Path, job: str) -> Chain | None:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             a = {name: file[name] for name in file}
         chain = Chain(
-            Walk(places=a["places"], log=a["log"], accepted=float(a["accepted"])),
+            Samples(places=a["places"], log=a["log"], accepted=float(a["accepted"])),
             Mixture(a["centres"], a["roots"], a["weights"]),
             evaluations=int(a["counts"][0]),
             failed=int(a["counts"][1]),

@@ -121,25 +121,25 @@ def run(args: argparse.Namespace) -> int:
         else:
             truth = campaign_truth(problem, at)
             try:
-                found = ff.posterior(problem, at, sampling, truth=truth, out=out, progress=tell)
+                drawn = ff.posterior(problem, at, sampling, truth=truth, out=out, progress=tell)
             except KeyboardInterrupt as end:  # there is no result, but there may be a chain
                 way_on = f"{end}, go on with: {command_again(args)}" if str(end) else ""
                 raise KeyboardInterrupt(way_on) from None
             command = {"command": _command(args), "fit": args.at.as_posix()}
-            provenance = {**command, **found.summary.provenance}
-            found = replace(found, summary=replace(found.summary, provenance=provenance))
+            provenance = {**command, **drawn.summary.provenance}
+            drawn = replace(drawn, summary=replace(drawn.summary, provenance=provenance))
             tell("tables, figure and report")
-            files = ff.write_posterior(found, out, drawn=not args.no_report)
+            files = ff.write_posterior(drawn, out, drawn=not args.no_report)
     if args.dry_run:
         hand_over(args, cost)
         print(*printed_lines("posterior/text", "cost", at.title, cost), sep="\n")
         return 0
     remove_earlier(out, ("fmu/*.fmu",))
-    hand_over(args, found.summary)
-    done = found.status == "converged"
-    enough = args.steps if found.summary.steps < args.steps else 4 * args.steps
+    hand_over(args, drawn.summary)
+    done = drawn.status == "converged"
+    enough = args.steps if drawn.summary.steps < args.steps else 4 * args.steps
     again = "" if done else command_again(args, steps=enough)
-    print(*screen_lines(found.summary, files, again=again, verbose=args.verbose), sep="\n")
+    print(*screen_lines(drawn.summary, files, again=again, verbose=args.verbose), sep="\n")
     return 0 if done else 1
 
 

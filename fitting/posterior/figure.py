@@ -33,39 +33,39 @@ from fitting.text.notation import Scaling, mathtext, scaling_for
 MOST = 7
 
 
-def save_figure(found: PosteriorSummary, draws: FloatArray, folder: Path) -> Described:
+def save_figure(summary: PosteriorSummary, draws: FloatArray, folder: Path) -> Described:
     """Draw and write the figure.
 
     Args:
-        found: What the draws say.
+        summary: What the draws say.
         draws: (k, n) in the parameters' units.
         folder: Where the files go.
     """
     with style():
-        return save(draw(found, draws), folder, for_page=True)
+        return save(draw(summary, draws), folder, for_page=True)
 
 
-def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
+def draw(summary: PosteriorSummary, draws: FloatArray) -> Described:
     """The corner figure.
 
     Args:
-        found: What the draws say.
+        summary: What the draws say.
         draws: (k, n) in the parameters' units.
     """
-    names = list(found.values)
-    shared = [name for name in names if found.values[name].shared]
+    names = list(summary.values)
+    shared = [name for name in names if summary.values[name].shared]
     shown = (shared or names)[:MOST]
     columns = [draws[:, names.index(name)] for name in shown]
     scalings = [
-        scaling_for(c.tolist(), found.values[n].unit) for n, c in zip(shown, columns, strict=True)
+        scaling_for(c.tolist(), summary.values[n].unit) for n, c in zip(shown, columns, strict=True)
     ]
     count = len(shown)
     # a column has one axis of its value, and a row has that of its
     ends = [_ends(scale, c) for c, scale in zip(columns, scalings, strict=True)]
-    rest = [name for name in found.values if name not in shown]
-    words = described("posterior/corner", posterior=found, rest=rest)
+    rest = [name for name in summary.values if name not in shown]
+    words = described("posterior/corner", posterior=summary, rest=rest)
     height = 1.2 + max(1.6, 6.4 / count) * count
-    figure = new_figure(words.title, found.title, synthetic=found.synthetic, height=height)
+    figure = new_figure(words.title, summary.title, synthetic=summary.synthetic, height=height)
     grid = figure.subplots(count, count, squeeze=False)
     for i in range(count):
         for k in range(count):
@@ -74,11 +74,11 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
                 axes.set_visible(False)
                 continue
             if k == i:
-                alone(axes, columns[i], scalings[i], found.values[shown[i]].ci95)
+                alone(axes, columns[i], scalings[i], summary.values[shown[i]].ci95)
             else:
                 together(axes, columns[k], columns[i], (scalings[k], scalings[i]))
             which = (k,) if k == i else (k, i)
-            for kind, place in _places(found):
+            for kind, place in _places(summary):
                 marked(axes, [scalings[j](place[shown[j]]) for j in which], kind=kind)
             axes.set_xlabel(scalings[k].label(mathtext(shown[k])) if i == count - 1 else "")
             axes.set_ylabel(scalings[i].label(mathtext(shown[i])) if k == 0 < i else "")
@@ -86,7 +86,7 @@ def draw(found: PosteriorSummary, draws: FloatArray) -> Described:
             axes.set_xlim(*ends[k])
             if k < i:
                 axes.set_ylim(*ends[i])
-    legend_below(figure, _handles(found), ncols=4)
+    legend_below(figure, _handles(summary), ncols=4)
     return replace(words, drawn=figure, number=1)
 
 
@@ -97,10 +97,10 @@ def _ends(scale: Scaling, draws: FloatArray) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _places(found: PosteriorSummary) -> list[tuple[str, dict[str, float]]]:
+def _places(summary: PosteriorSummary) -> list[tuple[str, dict[str, float]]]:
     """Kind and values of what is marked, what matters most last."""
-    first, *others = found.modes
-    truth = {name: v.truth for name, v in found.values.items()}
+    first, *others = summary.modes
+    truth = {name: v.truth for name, v in summary.values.items()}
     return [
         *(("other", dict(m.parameters)) for m in others),
         ("fit", dict(first.parameters)),
@@ -108,14 +108,14 @@ def _places(found: PosteriorSummary) -> list[tuple[str, dict[str, float]]]:
     ]
 
 
-def _handles(found: PosteriorSummary) -> list[Line2D]:
+def _handles(summary: PosteriorSummary) -> list[Line2D]:
     made = [
         Line2D([], [], color=BLUE, lw=0.9, label="outlines of 68 % and 95 % of the draws"),
         Line2D([], [], ls="none", marker="*", color=RED, label="most likely minimum"),
     ]
-    if len(found.modes) > 1:
+    if len(summary.modes) > 1:
         made.append(Line2D([], [], ls="none", marker="D", color=ORANGE, label="other minima"))
-    if any(v.truth == v.truth for v in found.values.values()):
+    if any(v.truth == v.truth for v in summary.values.values()):
         made.append(Line2D([], [], ls="none", marker="P", color=GREEN, label="truth"))
     return made
 
@@ -123,7 +123,7 @@ def _handles(found: PosteriorSummary) -> list[Line2D]:
 #: Least and most bins of each axis; between them a quarter of the root of the draws.
 BINS = (10, 30)
 #: Shares of the draws that the outlines hold.
-HELD = (0.95, 0.68)
+OUTLINED = (0.95, 0.68)
 
 
 def alone(axes: Axes, draws: FloatArray, scaling: Scaling, interval: tuple[float, float]) -> None:
@@ -156,8 +156,8 @@ def together(
     x, y = ((v - s.offset) / s.factor for v, s in zip((across, up), scalings, strict=True))
     counts, x_ends, y_ends = np.histogram2d(x, y, _bins(x))
     ordered = np.sort(counts.ravel())[::-1]
-    held = np.cumsum(ordered) / counts.sum()
-    levels = sorted({float(ordered[np.searchsorted(held, share)]) for share in HELD})
+    cumulated = np.cumsum(ordered) / counts.sum()
+    levels = sorted({float(ordered[np.searchsorted(cumulated, share)]) for share in OUTLINED})
     middles = [0.5 * (ends[1:] + ends[:-1]) for ends in (x_ends, y_ends)]
     axes.plot(x[:: max(1, x.size // 800)], y[:: max(1, x.size // 800)], ",", color=GREY, alpha=0.5)
     if levels[-1] < np.max(counts):

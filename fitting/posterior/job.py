@@ -31,11 +31,11 @@ from fitting.extension.report import phrases
 from fitting.posterior import LEAST_STEPS
 from fitting.posterior.chain import (
     Chain,
-    Walk,
-    WalkInterrupted,
+    Samples,
+    SamplingInterrupted,
     read_chain,
+    sampled,
     sampler_library,
-    walked,
     write_chain,
 )
 from fitting.posterior.convergence import accepted_by
@@ -128,8 +128,8 @@ class Job:
         self.mixture = Mixture.of(self.minima)
         likely = self.target.in_units(self.minima[0].centre)
         self.images = as_likely(self.target, images_of(self.target), likely)
-        #: The walk so far; where its last part was interrupted, where that ends and how it goes on.
-        self.walk: Walk | None = None
+        #: Samples so far; where their last part was interrupted, where it ends and how it continues.
+        self.samples: Samples | None = None
         self._until: int | None = None
         self._random: FloatArray | None = None
 
@@ -252,8 +252,8 @@ class Job:
             log[lost] = self._in_box(places[lost])
         return places, log
 
-    def draw(self, path: Path | None, tell: Tell) -> tuple[str, Walk, Reached]:
-        """Steps until there are enough, each part kept as it ends: status, walk, how far it is.
+    def draw(self, path: Path | None, tell: Tell) -> tuple[str, Samples, Reached]:
+        """Steps until there are enough, each part kept as it ends: status, samples, how far they are.
 
         Args:
             path: of the file; None: nothing is kept.
@@ -269,9 +269,9 @@ class Job:
 
         status = NOT_CONVERGED
         try:
-            for walk in self._parts(tell_both):
+            for samples in self._parts(tell_both):
                 self._keep(path)
-                at = self._reached(walk)
+                at = self._reached(samples)
                 tell(at.message)
                 if at.converged:
                     status = CONVERGED
@@ -280,44 +280,46 @@ class Job:
             if self._random is not None:  # in the middle of a part
                 self._keep(path)
                 at = None
-            steps = 0 if self.walk is None else self.walk.steps
+            steps = 0 if self.samples is None else self.samples.steps
             if not steps or (path is None and steps < LEAST_STEPS):
                 raise
             if steps < LEAST_STEPS:
                 kept = f"interrupted; {steps} steps of every walker are kept in {path}"
                 raise KeyboardInterrupt(kept) from None
             status = INTERRUPTED
-        if self.walk is None:
+        if self.samples is None:
             raise RuntimeError("a chain without a part")
-        return status, self.walk, at or self._reached(self.walk)
+        return status, self.samples, at or self._reached(self.samples)
 
-    def _parts(self, tell: Tell) -> Iterator[Walk]:
-        """The walk as it grows, from what there is."""
-        if self.walk is not None and self._random is None:
-            yield self.walk
-        while self.walk is None or self._random is not None or self.walk.steps < self.steps:
-            walk, done = self.walk, 0 if self.walk is None else self.walk.steps
+    def _parts(self, tell: Tell) -> Iterator[Samples]:
+        """The samples as they grow, from what there is."""
+        if self.samples is not None and self._random is None:
+            yield self.samples
+        while self.samples is None or self._random is not None or self.samples.steps < self.steps:
+            samples, done = self.samples, 0 if self.samples is None else self.samples.steps
             total = min(self.steps, max(LEAST_STEPS, math.ceil(LONGER * done)))
             seed: tuple[int, ...] | FloatArray = (self.seed, done)
             if self._random is not None and self._until is not None:
                 total, seed = self._until, self._random
             self._random = None
-            begin = self.begin() if walk is None else (walk.places[-1], walk.log[-1])
+            begin = self.begin() if samples is None else (samples.places[-1], samples.log[-1])
             tell(f"drawing steps {done + 1} to {total}, of {self.steps} at most")
             try:
-                part = walked(self._in_box, self.mixture, self.images, begin, total - done, seed)
-            except WalkInterrupted as early:
-                self.walk = early.walk if walk is None else walk.with_more(early.walk)
+                part = sampled(self._in_box, self.mixture, self.images, begin, total - done, seed)
+            except SamplingInterrupted as early:
+                self.samples = (
+                    early.samples if samples is None else samples.with_more(early.samples)
+                )
                 self._until, self._random = total, early.random
                 raise
-            self.walk = part if walk is None else walk.with_more(part)
-            yield self.walk
+            self.samples = part if samples is None else samples.with_more(part)
+            yield self.samples
 
     def _keep(self, path: Path | None) -> None:
-        if path is not None and self.walk is not None:
+        if path is not None and self.samples is not None:
             costs = self.evaluations, self.failed
             last = (self._until, self._random) if self._random is not None else ()
-            chain = Chain(self.walk, self.mixture, *costs, *last)
+            chain = Chain(self.samples, self.mixture, *costs, *last)
             write_chain(path, self._fingerprint, chain)
 
     def resume(self, path: Path) -> None:
@@ -331,7 +333,7 @@ class Job:
         """
         chain = read_chain(path, self._fingerprint)
         if chain is not None:
-            self.walk, self.mixture = chain.walk, chain.mixture
+            self.samples, self.mixture = chain.samples, chain.mixture
             self._until, self._random = chain.until, chain.random
             self.evaluations += chain.evaluations
             self.failed += chain.failed
@@ -357,20 +359,20 @@ class Job:
 
     # --- what the draws give ---------------------------------------------------------------------
 
-    def _reached(self, walk: Walk) -> Reached:
-        """How far a walk is, compared with what the fit accepts."""
+    def _reached(self, samples: Samples) -> Reached:
+        """How far samples are, compared with what the fit accepts."""
         parameters = self.problem.record.parameters
         known = accepted_by(self.fit, parameters)
         blind = not all(p.name in known for p in parameters if not p.experiments)
         if blind:  # it matters where the minima alone do not show the shape of the posterior
-            late = slice(walk.steps // 2, None)
-            places, log = walk.places[late], walk.log[late].ravel()
+            late = slice(samples.steps // 2, None)
+            places, log = samples.places[late], samples.log[late].ravel()
             flat = places.reshape(-1, places.shape[-1])
             blind = share_of(self.mixture, flat, log) <= GOOD
-        return reached(self.target, self.minima, walk, self.likely, None if blind else known)
+        return reached(self.target, self.minima, samples, self.likely, None if blind else known)
 
     def summary(
-        self, drawn: tuple[str, Walk, Reached], truth: Mapping[str, float], tell: Tell
+        self, drawn: tuple[str, Samples, Reached], truth: Mapping[str, float], tell: Tell
     ) -> tuple[PosteriorSummary, dict[str, FloatArray]]:
         """The record of the draws, and derived outputs at those that are nearly independent.
 
@@ -379,7 +381,7 @@ class Job:
             truth: by name.
             tell: is called with a line of what is under way.
         """
-        status, walk, at = drawn
+        status, samples, at = drawn
         record, problem = self.problem.record, self.problem
         outputs: dict[str, FloatArray] = {}
         if status == CONVERGED and self.fit.derived:
@@ -394,14 +396,14 @@ class Job:
             status=status,
             message=at.message,
             values=values_of(self.target, at, self.fit, self.likely, truth),
-            modes=modes_of(self.target, self.minima, walk, at),
+            modes=modes_of(self.target, self.minima, samples, at),
             alternative=self.alternative,
             walkers=self.walkers,
-            steps=walk.steps,
+            steps=samples.steps,
             discarded=at.discarded,
             evaluations=self.evaluations,
             failed=self.failed,
-            accepted=walk.accepted,
+            accepted=samples.accepted,
             seed=self.seed,
             findings=(at.missed,) if at.missed is not None and at.is_enough else (),
             notes=phrases("posterior/text", "notes", self, NOTABLE, at.begins.tolist()),

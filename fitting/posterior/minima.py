@@ -79,7 +79,7 @@ def minima_of(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[
     """
     minima: list[Minimum] = []
     for origin, place in (*known, *_imaged(target, known[0][1]), *_scattered(target)):
-        minimum = polished(target, origin, _turned_inside(target.parameters, place))
+        minimum = polished(target, origin, _moved_inside(target.parameters, place))
         if minimum is None:
             continue
         # one that is there already, perhaps whole periods off, has its first origin
@@ -166,8 +166,8 @@ def images_of(target: Target) -> tuple[Image, ...]:
             moves.append((f"{p.name} half a period off", np.ones(count), shift * axes[i]))
         # about multiples of a quarter of the period, those near the middle of the box
         middle = half * round((p.lower + p.upper) / half)
-        for twice in (middle - half, middle, middle + half):
-            moves.append((f"{p.name} reflected", 1.0 - 2.0 * axes[i], twice * axes[i]))
+        for pivot in (middle - half, middle, middle + half):
+            moves.append((f"{p.name} reflected", 1.0 - 2.0 * axes[i], pivot * axes[i]))
     orders = [("", np.arange(count))]
     for i, k in combinations(shared, 2):
         one, other = parameters[i], parameters[k]
@@ -200,7 +200,7 @@ def as_likely(target: Target, images: Sequence[Image], place: FloatArray) -> lis
 
 def _image_places(target: Target, images: Sequence[Image], place: FloatArray) -> list[FloatArray]:
     start = target.in_box(place)
-    return [_turned_inside(target.parameters, target.in_units(image(start))) for image in images]
+    return [_moved_inside(target.parameters, target.in_units(image(start))) for image in images]
 
 
 def _imaged(target: Target, place: FloatArray) -> Iterator[tuple[str, FloatArray]]:
@@ -255,13 +255,13 @@ def polished(target: Target, origin: str, place: FloatArray) -> Minimum | None:
     return Minimum(centre=target.in_box(p), root=root, weight=weight, origin=origin)
 
 
-def _turned_inside(parameters: Sequence[Parameter], place: FloatArray) -> FloatArray:
+def _moved_inside(parameters: Sequence[Parameter], place: FloatArray) -> FloatArray:
     """The place with periodic parameters turned into the box, where that is possible."""
-    found = np.array(place, dtype=float)
+    inside = np.array(place, dtype=float)
     for i, p in enumerate(parameters):
         if p.period is not None:
-            found[i] += p.period * np.ceil((p.lower - found[i]) / p.period - 1e-9)
-    return found
+            inside[i] += p.period * np.ceil((p.lower - inside[i]) / p.period - 1e-9)
+    return inside
 
 
 def _copies(parameters: Sequence[Parameter], minimum: Minimum, number: int) -> Iterator[Minimum]:
@@ -293,8 +293,8 @@ def about(target: Target, minimum: Minimum, p: FloatArray) -> FloatArray:
         minimum: About which.
         p: In their units.
     """
-    found, centre = np.array(p, dtype=float), target.in_units(minimum.centre)
+    inside, centre = np.array(p, dtype=float), target.in_units(minimum.centre)
     for i, q in enumerate(target.parameters):
         if q.period is not None and q.upper - q.lower >= q.period * (1.0 - WHOLE):
-            found[..., i] -= q.period * np.round((found[..., i] - centre[i]) / q.period)
-    return found
+            inside[..., i] -= q.period * np.round((inside[..., i] - centre[i]) / q.period)
+    return inside

@@ -115,8 +115,8 @@ class Mixture:
             table: points in units of the box, (k, n).
         """
         n = table.shape[1]
-        turned = self._stacked @ table.T - self._turned_centres
-        parts = turned.reshape(*self.centres.shape, -1)
+        rotated = self._stacked @ table.T - self._root_centres
+        parts = rotated.reshape(*self.centres.shape, -1)
         squares = np.einsum("kip,kip->kp", parts, parts)
         logs = self._sizes[:, None] - 0.5 * (DOF + n) * np.log1p(squares / DOF)
         most = np.max(logs, axis=0)
@@ -128,7 +128,7 @@ class Mixture:
         return np.asarray(self.roots.reshape(-1, self.roots.shape[2]))
 
     @cached_property
-    def _turned_centres(self) -> FloatArray:
+    def _root_centres(self) -> FloatArray:
         """R c, one below the other, (K n, 1)."""
         return np.asarray(np.einsum("kij,kj->ki", self.roots, self.centres).reshape(-1, 1))
 

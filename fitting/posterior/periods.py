@@ -62,7 +62,7 @@ def in_period(target: Target, begins: FloatArray, p: FloatArray) -> FloatArray:
         p: in their units.
     """
     columns = [
-        _turned(q, begin, p[..., i])
+        _shifted(q, begin, p[..., i])
         for i, (q, begin) in enumerate(zip(target.parameters, begins.tolist(), strict=True))
     ]
     return np.stack(columns, axis=-1)
@@ -76,10 +76,10 @@ def value_in_period(parameter: Parameter, begin: float, value: float) -> float:
         begin: of its period.
         value: in its unit; nan stays.
     """
-    return float(_turned(parameter, begin, np.array(value)))
+    return float(_shifted(parameter, begin, np.array(value)))
 
 
-def _turned(parameter: Parameter, begin: float, values: FloatArray) -> FloatArray:
+def _shifted(parameter: Parameter, begin: float, values: FloatArray) -> FloatArray:
     if parameter.period is None:
         return values
     turns = np.floor((values - begin) / parameter.period)

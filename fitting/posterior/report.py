@@ -23,11 +23,11 @@ from fitting.text.arrays import FloatArray
 from fitting.text.notation import unit_text, with_unit
 
 
-def write_report(found: PosteriorSummary, figure: Figure, folder: Path) -> Path:
+def write_report(summary: PosteriorSummary, figure: Figure, folder: Path) -> Path:
     """Write `report.html` into a folder, whole or not at all, and return its path.
 
     Args:
-        found: of the draws.
+        summary: of the draws.
         figure: The corner figure.
         folder: Where the files go.
 
@@ -35,56 +35,62 @@ def write_report(found: PosteriorSummary, figure: Figure, folder: Path) -> Path:
         BadInput: the folder cannot be written.
     """
     facts = {
-        "walkers": str(found.walkers),
-        "steps": f"{found.steps}, of which the first {found.discarded} are discarded",
-        "evaluations of the model": str(found.evaluations),
-        "accepted proposals": f"{100.0 * found.accepted:.0f} %",
-        "seed": str(found.seed),
-        **found.provenance,
+        "walkers": str(summary.walkers),
+        "steps": f"{summary.steps}, of which the first {summary.discarded} are discarded",
+        "evaluations of the model": str(summary.evaluations),
+        "accepted proposals": f"{100.0 * summary.accepted:.0f} %",
+        "seed": str(summary.seed),
+        **summary.provenance,
     }
     return write_page(
         folder,
         "posterior/page.html.j2",
-        title=found.title,
+        title=summary.title,
         kind="posterior",
-        status=found.status,
-        message=phrase("posterior/text", "ending", found),
-        mark="" if found.status == CONVERGED else "bad",
-        synthetic=found.synthetic,
+        status=summary.status,
+        message=phrase("posterior/text", "ending", summary),
+        mark="" if summary.status == CONVERGED else "bad",
+        synthetic=summary.synthetic,
         figures=[figure],
-        posterior=found,
-        tables=tables_of(found),
+        posterior=summary,
+        tables=tables_of(summary),
         facts=facts,
     )
 
 
-def tables_of(found: PosteriorSummary, *, short: bool = False) -> list[Table]:
+def tables_of(summary: PosteriorSummary, *, short: bool = False) -> list[Table]:
     """Parameters, derived outputs and minima, those that there are.
 
     Args:
-        found: of the draws.
+        summary: of the draws.
         short: whether the first one has no columns on convergence.
     """
-    rows, outputs = found.values, found.derived
+    rows, outputs = summary.values, summary.derived
     known = [any(math.isfinite(v.truth) for v in each.values()) for each in (rows, outputs)]
     tables = [table("posterior/posterior", rows=rows, title="Values", truth=known[0], short=short)]
     if outputs:
         missing = any(v.missing for v in outputs.values())
         more = {"title": "Derived outputs", "truth": known[1], "outputs": True, "missing": missing}
         tables.append(table("posterior/posterior", rows=outputs, **more))
-    return [*tables, table("posterior/minima", posterior=found)] if len(found.modes) > 1 else tables
+    return (
+        [*tables, table("posterior/minima", posterior=summary)]
+        if len(summary.modes) > 1
+        else tables
+    )
 
 
-def draws_csv(found: PosteriorSummary, draws: FloatArray, outputs: Mapping[str, FloatArray]) -> str:
+def draws_csv(
+    summary: PosteriorSummary, draws: FloatArray, outputs: Mapping[str, FloatArray]
+) -> str:
     """Draws that are nearly independent as CSV, a row each, with derived outputs.
 
     Args:
-        found: of the draws.
+        summary: of the draws.
         draws: (k, n) in the parameters' units.
         outputs: Derived outputs at these, (k,) each.
     """
-    units = {name: v.unit for name, v in found.values.items()}
-    units |= {name: found.derived[name].unit for name in outputs}
+    units = {name: v.unit for name, v in summary.values.items()}
+    units |= {name: summary.derived[name].unit for name in outputs}
     heads = [with_unit(name, unit_text(unit)) for name, unit in units.items()]
     rows = np.column_stack([draws, *outputs.values()]).tolist()
     cells = ([exact_text(v) if math.isfinite(v) else "" for v in row] for row in rows)
@@ -92,15 +98,15 @@ def draws_csv(found: PosteriorSummary, draws: FloatArray, outputs: Mapping[str, 
 
 
 def screen_lines(
-    found: PosteriorSummary, files: Sequence[Path] = (), *, again: str = "", verbose: bool = False
+    summary: PosteriorSummary, files: Sequence[Path] = (), *, again: str = "", verbose: bool = False
 ) -> list[str]:
     """What `fmu-fit posterior` prints: values with intervals, and how to continue.
 
     Args:
-        found: the draws, summarised.
+        summary: the draws, summarised.
         files: that were written, the report last.
         again: the command that continues; empty where there are enough draws.
         verbose: whether convergence, outputs and minima are printed.
     """
-    short, tables = tables_of(found, short=True)[0], tables_of(found)
-    return printed_lines("posterior/text", "screen", found, short, tables, verbose, again, files)
+    short, tables = tables_of(summary, short=True)[0], tables_of(summary)
+    return printed_lines("posterior/text", "screen", summary, short, tables, verbose, again, files)

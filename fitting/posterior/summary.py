@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitting.extension.problem import Values, answered_apart, mean
-from fitting.posterior.chain import Walk
+from fitting.posterior.chain import Samples
 from fitting.posterior.convergence import Accepted, autocorrelation_time, missed_by, split_rhat
 from fitting.posterior.minima import Target, about
 from fitting.posterior.mixture import Minimum
@@ -141,7 +141,7 @@ class PosteriorSummary(EndedRecord):
 
 @dataclass(frozen=True, kw_only=True)
 class Reached:
-    """How far a walk is: `draws` (steps, walkers, n) in their units, `taus` and `rhats` (n,).
+    """How far samples are: `draws` (steps, walkers, n) in their units, `taus` and `rhats` (n,).
 
     Draws of a value with a period are given in that which begins at `begins` (n,), NaN of others.
     `missed` is a value that the fit accepts and no draw is near, or that nothing shows which these
@@ -171,22 +171,22 @@ class Reached:
 def reached(
     target: Target,
     minima: Sequence[Minimum],
-    walk: Walk,
+    samples: Samples,
     likely: Mapping[str, float],
     accepted: Mapping[str, Accepted] | None = None,
 ) -> Reached:
-    """How far a walk is.
+    """How far samples are.
 
     Args:
         target: The posterior.
         minima: The one of the largest mass first.
-        walk: All its steps so far.
+        samples: All its steps so far.
         likely: What the fit reports, by name: in the period of it a value is given.
         accepted: Values that the fit accepts, by name, which draws have to come near; None: the
             posterior is bent, and these are not known.
     """
-    discarded = int(LEFT_OUT * walk.steps)
-    draws = about(target, minima[0], target.in_units(walk.places[discarded:]))
+    discarded = int(LEFT_OUT * samples.steps)
+    draws = about(target, minima[0], target.in_units(samples.places[discarded:]))
     columns = [draws[..., i] for i in range(draws.shape[-1])]
     taus = np.array([autocorrelation_time(c) for c in columns])
     rhats = np.array([split_rhat(c) for c in columns])
@@ -279,17 +279,17 @@ def values_of(
 
 
 def modes_of(
-    target: Target, minima: Sequence[Minimum], walk: Walk, at: Reached
+    target: Target, minima: Sequence[Minimum], samples: Samples, at: Reached
 ) -> tuple[PosteriorMode, ...]:
     """The minima, the most likely first, with the share of the draws that are nearest to each.
 
     Args:
         target: The posterior.
         minima: Those with the largest share of the mass first, copies a period off last.
-        walk: All steps.
+        samples: All steps.
         at: What is left of them.
     """
-    places = walk.places[at.discarded :]
+    places = samples.places[at.discarded :]
     flat = places.reshape(-1, places.shape[-1])
     whose = np.argmin([m.distances(flat) for m in minima], axis=0)
     first = np.array([k if m.copy_of < 0 else m.copy_of for k, m in enumerate(minima)])
