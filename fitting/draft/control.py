@@ -86,7 +86,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     )
     spectra, values = _spectra(file)
     crossing = crossing_of(spectra)
-    if not crossing.is_seen:
+    if not crossing.is_observed:
         raise file.refused("it shows one line, and none that it meets")
     laws = [_law(f"f{crossing.tuned}", "a", crossing.law, spectra, control)]
     if len(crossing.other) > 1:
@@ -145,13 +145,13 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     if crossing.place is not None:
         more = math.log10(max(10.0, abs(crossing.place) / spectra.half))
         place = number(crossing.place, 2 + math.ceil(more))
-    found = blocks("draft/text").map(file, crossing, control, place, len(laws) > 1, delayed)
-    said = (*sentence_lines(lead(file.roles)), *str(found).splitlines(), *answers.said)
+    result = blocks("draft/text").map(file, crossing, control, place, len(laws) > 1, delayed)
+    notes = (*sentence_lines(lead(file.roles)), *str(result).splitlines(), *answers.said)
     head = (
         "A first campaign, written by fmu-fit init from this map: it runs as it is.",
         f"What a remark calls a guess is one; {PAGE} describes maps.",
     )
-    return draft_from(tables, offer, folder, (*said, *starts_words(boxes)), (head, ""))
+    return draft_from(tables, offer, folder, (*notes, *starts_words(boxes)), (head, ""))
 
 
 def _outputs(offer: Offer) -> tuple[str, ...]:
@@ -168,12 +168,12 @@ def _outputs(offer: Offer) -> tuple[str, ...]:
 
 def _control(file: MapFile, offer: Offer) -> Channel:
     """The control, if a law can have it."""
-    found = file.found
-    if len(found.controls) > 1:
+    result = file.found
+    if len(result.controls) > 1:
         raise file.refused("a draft has one control")
-    if len(found.rows) < LEAST_SPECTRA:
+    if len(result.rows) < LEAST_SPECTRA:
         raise file.refused(f"wanted {LEAST_SPECTRA} spectra at least, which determine a law")
-    [channel] = found.controls
+    [channel] = result.controls
     if channel.name in [taken.name for taken in file.roles.all]:
         raise file.refused("no other column seems the amplitude, wanted its name by --amplitude")
     taken = {*offer.description.variables, "a0", "a1", "a2", "pi", "f"}

@@ -69,7 +69,7 @@ class Crossing:
     rows: int
 
     @property
-    def is_seen(self) -> bool:
+    def is_observed(self) -> bool:
         """Whether a second mode is there at all.
 
         Source: the extra sum of squares (N. Draper and H. Smith, Applied Regression Analysis).
@@ -101,7 +101,7 @@ class Spectra:
         """The control from -1 to 1, (spectra,)."""
         return np.asarray((self.control - self.middle) / self.half)
 
-    def tells(self, power: int) -> bool:
+    def determines(self, power: int) -> bool:
         """Whether there are values of the control enough to determine a power of it."""
         return int(np.unique(self.control).size) > power + 1
 
@@ -122,10 +122,10 @@ class Spectra:
     def width_hz(self) -> float:
         """A typical width of a line, and no less than the points are apart."""
         pairs = list(zip(self.frequency_hz, self.amplitude, strict=True))
-        found = [half_power_width(f, a) for f, a in pairs]
+        best = [half_power_width(f, a) for f, a in pairs]
         apart = float(np.median(np.concatenate([np.diff(f) for f in self.frequency_hz])))
-        seen = [width for width in found if width > 0.0 and math.isfinite(width)]
-        return max(float(np.median(seen)) if seen else 0.0, apart)
+        observed = [width for width in best if width > 0.0 and math.isfinite(width)]
+        return max(float(np.median(observed)) if observed else 0.0, apart)
 
     def some(self) -> Spectra:
         """A dozen of them at most, over the whole range."""
@@ -148,8 +148,8 @@ def crossing_of(spectra: Spectra) -> Crossing:
         spectra: of the map, three or more.
     """
     few = spectra.some()
-    found = min((_refined(few, tuned) for tuned in (1, 2)), key=lambda each: each[1])
-    model, squares, values = found
+    best = min((_refined(few, tuned) for tuned in (1, 2)), key=lambda each: each[1])
+    model, squares, values = best
     straight = _Model(few, model.tuned, 1)
     linear = straight.fitted(np.delete(values, 2))
     if linear[1] * BENT <= squares:
@@ -166,16 +166,16 @@ def _both_follow(
     """The same with a law of the other mode, as long as one more power of it is worth it."""
     rows = model.rows(values).size
     for other in range(1, MOST_POWERS + 1):
-        if not model.spectra.tells(other):
+        if not model.spectra.determines(other):
             break
         further = replace(model, other=other)
         at = model.degree + 1 + other
         slopes = (0.0,) if other > 1 else (0.0, *(t * values[1] for t in OTHER_SLOPES))
         tried = [further.fitted(np.insert(values, at, slope)) for slope in slopes]
-        found, left = min(tried, key=lambda each: each[1])
+        best, left = min(tried, key=lambda each: each[1])
         if rows * (squares - left) < 3.0 * BEYOND_NOISE * left:
             break
-        model, values, squares = further, found, left
+        model, values, squares = further, best, left
     return model, values, squares
 
 
@@ -259,18 +259,18 @@ class _Model:
 
     def fitted(self, start: FloatArray) -> tuple[FloatArray, float]:
         """Values of the least sum of squares from a start, and that sum."""
-        found = minimise_squares(self.rows, start, rounds=ROUNDS, gain=1e-9)
-        return found.values, float(found.residuals @ found.residuals)
+        best = minimise_squares(self.rows, start, rounds=ROUNDS, gain=1e-9)
+        return best.values, float(best.residuals @ best.residuals)
 
     def _ridges(self) -> list[FloatArray]:
         """Coefficients (3,) of lines and parabolas along the ridge."""
         x, f = self.spectra.x, (self.spectra.ridge_hz - self.middle_hz) / self.span_hz
         pairs = [(i, j) for i, j in itertools.combinations(range(x.size), 2) if x[i] != x[j]]
         slope = float(np.median([(f[j] - f[i]) / (x[j] - x[i]) for i, j in pairs]))
-        found = [np.array([float(np.median(f - slope * x)), slope, 0.0])]
+        best = [np.array([float(np.median(f - slope * x)), slope, 0.0])]
         if np.unique(x).size > 3:
-            found.append(polyfit(x, f, 2))
-        return found
+            best.append(polyfit(x, f, 2))
+        return best
 
     def lone_starts(self) -> list[FloatArray]:
         """Where mode 1 alone may begin."""
@@ -280,8 +280,8 @@ class _Model:
         """Where both modes may begin."""
         gaps = [math.log(gap) for gap in GAPS if gap * self.spectra.width_hz < self.span_hz]
         for place, gap in itertools.product(PLACES, gaps):
-            for law, held in self._laws(float(place)):
-                yield np.array([*law, held, gap, 0.0, 0.0])
+            for law, fixed in self._laws(float(place)):
+                yield np.array([*law, fixed, gap, 0.0, 0.0])
 
     def _laws(self, place: float) -> Iterator[tuple[FloatArray, float]]:
         """Laws of the tuned mode, and the other one, which it meets at that place."""
@@ -290,9 +290,9 @@ class _Model:
                 law = ridge * np.array([1.0, steeper, steeper])
                 yield law, float(polyval(place, law))
             return
-        held = float(np.median(self.spectra.ridge_hz) - self.middle_hz) / self.span_hz
+        fixed = float(np.median(self.spectra.ridge_hz) - self.middle_hz) / self.span_hz
         for slope, sign in itertools.product(SLOPES, (-1.0, 1.0)):
-            yield np.array([held - sign * slope * place, sign * slope, 0.0]), held
+            yield np.array([fixed - sign * slope * place, sign * slope, 0.0]), fixed
 
     def crossing(self, values: FloatArray, squares: float, one: float) -> Crossing:
         """The same in Hz and in the control's own unit; sums of squares of both and of one mode."""
@@ -358,12 +358,12 @@ def phases_of(
     turns = min(MOST_TURNS, fewest // 2) * STEPS
     delays = np.arange(-turns, turns + 1) / (STEPS * (high - low))
     plain, other = (
-        _left(crossing, spectra, [np.conj(v) if turned else v for v in values], delays)
-        for turned in (False, True)
+        _left(crossing, spectra, [np.conj(v) if is_reversed else v for v in values], delays)
+        for is_reversed in (False, True)
     )
-    turned = float(np.min(other)) < float(np.min(plain))
-    left = other if turned else plain
-    return turned, bool(np.min(left) < CABLE * left[turns])
+    is_reversed = float(np.min(other)) < float(np.min(plain))
+    left = other if is_reversed else plain
+    return is_reversed, bool(np.min(left) < CABLE * left[turns])
 
 
 def _left(
@@ -371,9 +371,9 @@ def _left(
 ) -> FloatArray:
     """Share of the squares that a gain of each spectrum leaves, (delays,)."""
     shares = []
-    for control, f, seen in zip(spectra.control, spectra.frequency_hz, values, strict=True):
+    for control, f, observed in zip(spectra.control, spectra.frequency_hz, values, strict=True):
         made = response_of(crossing, f, float(control))
         turning = np.exp(2j * np.pi * np.outer(delays, f - f[0]))
-        overlap = np.abs(turning @ (seen * np.conj(made))) ** 2
-        shares.append(overlap / (np.sum(np.abs(made) ** 2) * np.sum(np.abs(seen) ** 2)))
+        overlap = np.abs(turning @ (observed * np.conj(made))) ** 2
+        shares.append(overlap / (np.sum(np.abs(made) ** 2) * np.sum(np.abs(observed) ** 2)))
     return np.asarray(1.0 - np.mean(shares, axis=0))

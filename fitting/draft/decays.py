@@ -32,7 +32,7 @@ from fitting.text.errors import BadInput, FmuFailure
 DECAYS, CROSSINGS = 0.8, 8
 #: Samples of the answer to a pulse that are looked at, and the share of the best output's second
 #: line from which another one shows both as well.
-LOOKED_AT, SHOWS = 2000, 0.3
+MOST_SAMPLES, SHOWS = 2000, 0.3
 #: Why the tones of an FMU have no amplitude, and why a parameter that is not fitted has its value.
 OFF = "off: nothing drives while it rings down"
 OWN = "the FMU's own start value, not measured"
@@ -68,15 +68,15 @@ def ringdown_of(time_s: FloatArray, values: FloatArray) -> tuple[Shown, ...]:
     )
 
 
-def decaying(found: Ringdown) -> tuple[Shown, ...]:
+def decaying(ringdown: Ringdown) -> tuple[Shown, ...]:
     """The lines of a ringdown that decay, the lower one first.
 
     Args:
-        found: as it was fitted.
+        ringdown: as it was fitted.
     """
-    lines = [(found.frequency.value, found.width.value, 1.0)]
-    if found.second is not None and found.second.decays:
-        second = found.second
+    lines = [(ringdown.frequency.value, ringdown.width.value, 1.0)]
+    if ringdown.second is not None and ringdown.second.decays:
+        second = ringdown.second
         lines.append((second.frequency.value, second.width.value, second.share))
     return tuple(
         Shown(
@@ -135,7 +135,7 @@ def decay_start(
     return start
 
 
-def decay_boxes_asked(
+def decay_boxes_chosen(
     offer: Offer, answers: Answers, lines: Sequence[Shown], boxes: Sequence[Box]
 ) -> tuple[Box, ...]:
     """Boxes of what is fitted: of the lines, others about the FMU's own start values.
@@ -205,13 +205,13 @@ def showing(
             outputs=offer.outputs,
             input_signal=trace.signal(1),
         )
-        [seen] = offer.workers.run([run])
+        [simulated] = offer.workers.run([run])
     except (FmuFailure, BadInput):
         return offer.outputs[0]
     poles = [complex(-math.pi * x.width_hz, 2.0 * math.pi * x.frequency_hz) for x in lines]
     waves = np.exp(np.outer(window.times_s()[2:], poles))
     columns = np.concatenate([waves.real, waves.imag], axis=1)
-    c = np.linalg.lstsq(columns, np.asarray(seen)[2:], rcond=None)[0]
+    c = np.linalg.lstsq(columns, np.asarray(simulated)[2:], rcond=None)[0]
     sizes = np.hypot(c[: len(poles)], c[len(poles) :])
     shares = sizes.min(axis=0) / np.maximum(sizes.max(axis=0), 1e-300)
     enough = SHOWS * float(np.max(shares))

@@ -12,7 +12,7 @@ import numpy as np
 
 from fitting.draft.boxes import decay_boxes
 from fitting.draft.decays import (
-    decay_boxes_asked,
+    decay_boxes_chosen,
     decay_start,
     decaying,
     qualities,
@@ -41,7 +41,7 @@ from fitting.text.notation import how_many
 from fitting.text.rendering import blocks
 
 #: Standard errors from which a constant next to X and Y is solved for.
-SEEN = 2.0
+LEAST_ERRORS = 2.0
 #: Share of the rate of the samples to either side of a line: beyond half of it another line gives
 #: the same samples.
 ALIKE = 0.45
@@ -75,7 +75,7 @@ def demodulated_of(paths: Sequence[Path], columns: Columns) -> tuple[Demodulated
     Raises:
         BadInput: X and Y over times that are not even.
     """
-    found = []
+    ringdowns = []
     for path in paths:
         try:
             if not is_over_time(path, columns):
@@ -95,8 +95,8 @@ def demodulated_of(paths: Sequence[Path], columns: Columns) -> tuple[Demodulated
             "phase": roles.phase,
         }
         names = {key: in_file(channel) for key, channel in named.items() if channel is not None}
-        found.append(DemodulatedFile(path, names, record))
-    return tuple(found)
+        ringdowns.append(DemodulatedFile(path, names, record))
+    return tuple(ringdowns)
 
 
 def _is_other(record: DecayRecord, roles: ValueRoles, time: Channel) -> bool:
@@ -127,8 +127,8 @@ def demodulated_draft(
             reader.
     """
     known = [_with_reference(file, answers) for file in files]
-    found = [ringdown_of(file.record) for file in known]
-    first, lines = found[0], decaying(found[0])
+    ringdowns = [ringdown_of(file.record) for file in known]
+    first, lines = ringdowns[0], decaying(ringdowns[0])
     phasors = first.kind != AMPLITUDES  # amplitudes do not constrain the frequency
     boxes = decay_boxes(lines, offer, ALIKE / first.spacing_s if phasors else 0.0)
     if not boxes or not (offer.inputs and offer.outputs):
@@ -138,14 +138,14 @@ def demodulated_draft(
         )
     words, why = "Which output of the FMU was recorded?", "the first one with continuous values"
     output = answers.one_of("output", words, offer.outputs, offer.outputs[0], why)
-    asked = decay_boxes_asked(offer, answers, lines, boxes)
-    names = {box.name for box in asked}
+    chosen = decay_boxes_chosen(offer, answers, lines, boxes)
+    names = {box.name for box in chosen}
     start = decay_start(offer, lines, boxes)
     start = {name: value for name, value in start.items() if name not in names}
     if not phasors:
         start[offer.places[0]] = first.reference_hz, "what was demodulated at"
     left = undetermined(offer, lines, boxes)
-    pairs = zip(known, found, strict=True)
+    pairs = zip(known, ringdowns, strict=True)
     tables = {
         "title": ", ".join(file.path.stem for file in known),
         "fmu": fmu_table(offer, start, [name for name in left if name not in names]),
@@ -153,29 +153,32 @@ def demodulated_draft(
         "demodulated_trace": [
             _trace(file, each, offer.inputs[0], len(lines)) for file, each in pairs
         ],
-        **fitted_tables(asked, qualities(offer, lines) if phasors else ()),
+        **fitted_tables(chosen, qualities(offer, lines) if phasors else ()),
     }
     text = blocks("draft/text")
-    said = text.amplitudes(first, offer)
+    notes = text.amplitudes(first, offer)
     if phasors:
-        said = text.decay(str(text.demodulated(first.reference_hz)), lines, lines, offer, left)
-    remarks = [words for each in found for words in each.remarks]
-    said = (*remarks, *str(said).splitlines(), *answers.said, *starts_words(asked))
-    return draft_from(tables, offer, folder, said)
+        notes = text.decay(str(text.demodulated(first.reference_hz)), lines, lines, offer, left)
+    remarks = [words for each in ringdowns for words in each.remarks]
+    notes = (*remarks, *str(notes).splitlines(), *answers.said, *starts_words(chosen))
+    return draft_from(tables, offer, folder, notes)
 
 
-def _trace(file: DemodulatedFile, found: Ringdown, driven: str, modes: int) -> dict[str, Any]:
+def _trace(file: DemodulatedFile, ringdown: Ringdown, driven: str, modes: int) -> dict[str, Any]:
     """The table of a demodulated ringdown."""
     made: dict[str, Any] = {
         "file": file.path,
-        "frequency": noted(f"{found.reference_hz!r} Hz", "what was demodulated at"),
+        "frequency": noted(f"{ringdown.reference_hz!r} Hz", "what was demodulated at"),
         "input": noted(driven, SPANS),
     }
     if modes > 1:
         made["modes"] = modes
-    if found.kind == PHASORS and abs(found.background) > SEEN * found.background_std > 0.0:
+    if (
+        ringdown.kind == PHASORS
+        and abs(ringdown.background) > LEAST_ERRORS * ringdown.background_std > 0.0
+    ):
         made["offset"] = noted(True, "a constant is seen, as of a reference that leaks")
-    if found.left_out > LATEST * file.record.values.size:
+    if ringdown.left_out > LATEST * file.record.values.size:
         made["begin"] = noted(FOUND, EARLIER)
     columns = {key: name for key, name in file.columns.items() if name != key}
     return made | ({"columns": columns} if columns else {})
@@ -198,5 +201,5 @@ def _with_reference(file: DemodulatedFile, answers: Answers) -> DemodulatedFile:
     if math.isfinite(file.record.reference_hz) and QUESTION.key not in answers.told:
         return file
     words, why = (f"{file.path}: {text}" for text in (QUESTION.words, QUESTION.why))
-    [told] = answers.of(replace(QUESTION, words=words, why=why))
-    return replace(file, record=replace(file.record, reference_hz=float(told)))
+    [requested] = answers.of(replace(QUESTION, words=words, why=why))
+    return replace(file, record=replace(file.record, reference_hz=float(requested)))

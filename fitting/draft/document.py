@@ -117,10 +117,10 @@ def draft_from(
         try:
             bind(read_campaign(path), offer.description.variables)
         except BadInput as error:
-            found = (
+            errors = (
                 str(t).replace(f"{path}: ", "").replace(str(path), "draft") for t in error.args
             )
-            raise BadInput(*(f"the draft does not suit: {each}" for each in found)) from error
+            raise BadInput(*(f"the draft does not suit: {each}" for each in errors)) from error
     head = (*head, *wrap(undescribed, HEAD_WIDTH))
     return Draft(_text(tables, folder, head) + missing, tuple(said), undescribed)
 

@@ -129,8 +129,8 @@ def offer_of(name: str, workers: FmuWorkers, interface: str | None, *, is_model:
     places = [v for v in sound if v not in widths and _sets(v, PLACE, PLACE_WORDS, PLACE_UNITS)]
     real = [v for v in workers.description.seen if v.kind == "Real"]
     numbers = [v for v in real if v.unit is not None and same_kind(v.unit, "Hz")]
-    seen = [v for v in real if v not in numbers and v.variability == "continuous"]
-    plain = [v for v in seen if not re.search(r"_at_|error", v.name)]
+    observed = [v for v in real if v not in numbers and v.variability == "continuous"]
+    plain = [v for v in observed if not re.search(r"_at_|error", v.name)]
     switch = [v for v in variables.values() if v.kind == "Boolean" and v.can_be_started]
     return Offer(
         name=name,
@@ -142,7 +142,7 @@ def offer_of(name: str, workers: FmuWorkers, interface: str | None, *, is_model:
         inputs=tuple(
             v.name for v in variables.values() if (v.causality, v.kind) == ("input", "Real")
         ),
-        outputs=tuple(dict.fromkeys(v.name for v in (*plain, *seen))),
+        outputs=tuple(dict.fromkeys(v.name for v in (*plain, *observed))),
         places=tuple(v.name for v in places),
         widths=tuple(v.name for v in widths),
         steady=next((v.name for v in switch if STEADY.search(_words(v))), ""),
@@ -199,8 +199,8 @@ def _tones(variables: Mapping[str, FmuVariable]) -> tuple[tuple[str, str], ...]:
 
 
 def _number(name: str) -> str:
-    found = re.search(r"\d+$", name)
-    return found[0] if found else ""
+    match = re.search(r"\d+$", name)
+    return match[0] if match else ""
 
 
 def _has_unit(variable: FmuVariable, *units: str) -> bool:

@@ -58,7 +58,7 @@ _SETTING = re.compile(
     rf"[\s,;]*[(\[]?(?P<unit>{_UNIT})?[)\]]?[\s,;]*"
 )
 #: Control as it is told: its name, its values, their unit.
-_TOLD = re.compile(
+_REQUESTED = re.compile(
     rf"(?P<name>{_NAME})\s*(?:[(\[](?P<told>[^()\[\]]*)[)\]])?\s*(?:=\s*(?P<values>.+))?"
 )
 _RANGE = re.compile(rf"(?P<a>{_REAL}):(?P<b>{_REAL}):(?P<step>{_REAL})\s*(?P<unit>{_UNIT})?")
@@ -66,7 +66,7 @@ _LIST = re.compile(rf"(?P<list>{_REAL}(?:\s*,\s*{_REAL})*)\s*(?P<unit>{_UNIT})?"
 
 
 #: Settings of a file by their names, each with its value and its unit.
-_Told = Mapping[str, tuple[float, str]]
+_Settings = Mapping[str, tuple[float, str]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,14 +82,14 @@ class Series:
 
 
 def series_of(
-    paths: Sequence[Path], columns: Columns, told: str | None, folder: Path, *, joint: bool
+    paths: Sequence[Path], columns: Columns, requested: str | None, folder: Path, *, joint: bool
 ) -> Series | None:
     """Several sweeps as a map over a control; None where they are none, and may be fitted jointly.
 
     Args:
         paths: of the files, in the order of values that are told.
         columns: what is told of their columns.
-        told: the control by its name, or with its values, as "Vg=-6:6:1"; None: it is found.
+        requested: the control by its name, or with its values, as "Vg=-6:6:1"; None: it is found.
         folder: in which the campaign and the list of the files will be.
         joint: whether sweeps with phases are one campaign without a control, too.
 
@@ -97,7 +97,7 @@ def series_of(
         BadInput: several sweeps of amplitudes without a control, or one that does not suit them.
     """
     if len(paths) < 2:
-        if told is not None:
+        if requested is not None:
             raise BadInput(
                 f"--control: is of several sweeps, a file for each value; found "
                 f"{how_many(len(paths), 'file')}"
@@ -106,24 +106,26 @@ def series_of(
     try:
         roles = gathered([partial(roles_of, path, columns) for path in paths])
     except BadInput:
-        if told is not None:
+        if requested is not None:
             raise
         return None  # tables of experiments, recordings: their readers complain
     phased = any(each.is_complex for each in roles)
-    if told is None and (
+    if requested is None and (
         any(told_density(each) is not None or map_in(each) is not None for each in roles)
         or (phased and (joint or len(paths) < LEAST))
     ):
         return None
-    match = None if told is None else _TOLD.fullmatch(told.strip())
-    if told is not None and match is None:
-        raise BadInput(f"--control: found {shown(told)}, wanted a name and values, as Vg=-6:6:1")
+    match = None if requested is None else _REQUESTED.fullmatch(requested.strip())
+    if requested is not None and match is None:
+        raise BadInput(
+            f"--control: found {shown(requested)}, wanted a name and values, as Vg=-6:6:1"
+        )
     if match is not None and match["values"] is not None:
         where, name = "as asked for", match["name"]
-        values, unit = _told_values(match["values"].strip(), told or "", name, paths)
+        values, unit = _requested_values(match["values"].strip(), requested or "", name, paths)
         unit = match["told"] or unit or "1"
     else:
-        found = _found(paths, told)
+        found = _differing_quantity(paths, requested)
         if found is None:
             look = noise_look(roles[0], hertz_in(roles[0]))
             if phased or (look is not None and look.by == BY_SCATTER):
@@ -141,11 +143,11 @@ def series_of(
     return _joined(paths, roles, (name, unit, values), where, folder)
 
 
-def _told_values(
-    text: str, told: str, name: str, paths: Sequence[Path]
+def _requested_values(
+    text: str, requested: str, name: str, paths: Sequence[Path]
 ) -> tuple[tuple[float, ...], str]:
     """The values of a control that are told, one for each file, and their unit."""
-    values, unit = _values(text, told)
+    values, unit = _values(text, requested)
     if len(values) != len(paths):
         raise BadInput(
             f"--control: {how_many(len(values), 'value')} for {how_many(len(paths), 'file')}; "
@@ -161,33 +163,33 @@ def _told_values(
     return values, unit
 
 
-def _values(text: str, told: str) -> tuple[tuple[float, ...], str]:
+def _values(text: str, requested: str) -> tuple[tuple[float, ...], str]:
     steps = _RANGE.fullmatch(text)
     if steps is not None:
         a, b, step = (float(steps[key]) for key in ("a", "b", "step"))
         count = (b - a) / step if step else math.inf
         if not 0.0 < count < MOST_VALUES or abs(count - round(count)) > 1e-6:
             raise BadInput(
-                f"--control: found {shown(told)}, wanted first:last:step, a whole number of steps"
+                f"--control: found {shown(requested)}, wanted first:last:step, whole steps"
             )
         made = np.linspace(a, b, round(count) + 1)
         return tuple(float(f"{value:.12g}") for value in made), steps["unit"] or ""
     several = _LIST.fullmatch(text)
     if several is None:
         raise BadInput(
-            f"--control: found {shown(told)}, wanted first:last:step, or values with commas"
+            f"--control: found {shown(requested)}, wanted first:last:step, or values with commas"
         )
     return tuple(map(float, several["list"].split(","))), several["unit"] or ""
 
 
-def _found(
+def _differing_quantity(
     paths: Sequence[Path], wanted: str | None
 ) -> tuple[str, str, str, tuple[float, ...]] | None:
     """The one quantity that differs from file to file, by their names, else by their heads.
 
     Where it was found, its name, its unit, and its value in every file.
     """
-    ways: dict[str, Callable[[Path], _Told]] = {
+    ways: dict[str, Callable[[Path], _Settings]] = {
         "by the names of the files": _of_name,
         "by the heads of the files": _of_head,
     }
@@ -210,7 +212,7 @@ def _found(
     return None
 
 
-def _differing(files: Sequence[_Told]) -> dict[str, tuple[str, tuple[float, ...]]]:
+def _differing(files: Sequence[_Settings]) -> dict[str, tuple[str, tuple[float, ...]]]:
     """Units and values of quantities that every file has, in one unit, with different values."""
     made = {}
     for name, (_, unit) in files[0].items():
@@ -221,7 +223,7 @@ def _differing(files: Sequence[_Told]) -> dict[str, tuple[str, tuple[float, ...]
     return made
 
 
-def _of_name(path: Path) -> _Told:
+def _of_name(path: Path) -> _Settings:
     """Numbers in a file's name: behind a name and "=", or before a unit."""
     made: dict[str, tuple[float, str]] = {}
     for k, match in enumerate(_IN_NAME.finditer(path.stem)):
@@ -233,7 +235,7 @@ def _of_name(path: Path) -> _Told:
     return made
 
 
-def _of_head(path: Path) -> _Told:
+def _of_head(path: Path) -> _Settings:
     """Settings in the lines above a file's table, each with its value and unit."""
     made: dict[str, tuple[float, str]] = {}
     for line in head_of(path).lines[:HEAD_LINES]:

@@ -24,7 +24,7 @@ from fitting.draft.boxes import Box, Shown, decade_box, decay_boxes
 from fitting.draft.closer_start import closer_starts
 from fitting.draft.decays import (
     OWN,
-    decay_boxes_asked,
+    decay_boxes_chosen,
     decay_start,
     qualities,
     ringdown_of,
@@ -58,9 +58,9 @@ from fitting.text.units import convert, same_kind
 #: Columns that may be told, by what of the FMU they hold.
 OUTPUT, INPUT = "output", "input"
 #: Samples of a record that are looked at, and for what an output shows of a ringdown.
-LOOKED_AT, AFTER_PULSE = 4000, 2000
+MOST_SAMPLES, AFTER_PULSE = 4000, 2000
 #: Change of a logarithm, and shares of a change below which a parameter has no effect of its own.
-STEP, SEEN, APART = 1e-3, 1e-3, 1e-2
+STEP, LEAST_EFFECT, APART = 1e-3, 1e-3, 1e-2
 #: Share of the samples of an input at which it may change and still seem held.
 CHANGES = 0.25
 #: Share of a record behind which its decay begins late.
@@ -106,9 +106,9 @@ class Recording:
         Args:
             name: of the variable; brackets in it are those of an array, and no unit.
         """
-        found = [c for c in self.others if _called(c, name)]
-        exact = [c for c in found if c.name.lower() == name.lower()]
-        return exact[0] if exact else found[0] if len(found) == 1 else None
+        matches = [c for c in self.others if _called(c, name)]
+        exact = [c for c in matches if c.name.lower() == name.lower()]
+        return exact[0] if exact else matches[0] if len(matches) == 1 else None
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def recordings_of(
     Raises:
         BadInput: no column of the name that is told for the times.
     """
-    columns, found = columns or Columns(), []
+    columns, matches = columns or Columns(), []
     for path in paths:
         try:
             table = read_recording(path, selection=columns.selection)
@@ -158,8 +158,8 @@ def recordings_of(
         none = other or any(c.is_complex for c in table.channels)
         if time is None or len(table.channels) < 2 or none:
             return ()
-        found.append(Recording(table, time))
-    return tuple(found)
+        matches.append(Recording(table, time))
+    return tuple(matches)
 
 
 def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) -> Channel | None:
@@ -167,19 +167,19 @@ def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) ->
 
     A response over frequency is no recording, unless its column of times is told.
     """
-    told = columns.unit_time
+    requested = columns.unit_time
     if columns.time:
         column = table.column(columns.time)
-        return with_unit(column, told or ("" if column.unit else "s"))
+        return with_unit(column, requested or ("" if column.unit else "s"))
     if usual(table, FREQUENCY) is not None:
         return None
     times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
     named = usual(table, TIME)
     if len(times) == 1 or (simulated and named in times):
         return times[0] if len(times) == 1 else named
-    if times or named is None or named.unit is not None or not (told or simulated):
+    if times or named is None or named.unit is not None or not (requested or simulated):
         return None
-    return with_unit(named, told or "s")
+    return with_unit(named, requested or "s")
 
 
 def lines_of_recording(recording: Recording) -> tuple[Shown, ...]:
@@ -209,7 +209,7 @@ def traces_draft(
             does not suit, by the campaign's reader.
         FmuFailure: the FMU failed with its own start values.
     """
-    recordings = [_told_columns(each, answers.columns, offer) for each in recordings]
+    recordings = [_requested_columns(each, answers.columns, offer) for each in recordings]
     if offer.inputs and offer.outputs and all(len(each.others) == 1 for each in recordings):
         shown = lines = lines_of_recording(recordings[0])
         if len(offer.places) == len(offer.widths) == 1 < len(shown):
@@ -242,10 +242,10 @@ def traces_draft(
     traces = [_trace(file, offer, output, driven) for file in files]
     tables = _tables(files, offer, output, traces) | fitted_tables(made)
     tables["fmu"] = fmu_table(offer, taken, tuple(taken))
-    said = _described(files, output, driven)
+    notes = _described(files, output, driven)
     if not driven and offer.inputs:
-        said.append(str(blocks("draft/text").undriven(TIME_PAGE)))
-    return draft_from(tables, offer, folder, (*said, *answers.said, *starts_words(made)))
+        notes.append(str(blocks("draft/text").undriven(TIME_PAGE)))
+    return draft_from(tables, offer, folder, (*notes, *answers.said, *starts_words(made)))
 
 
 def _ringdowns(
@@ -267,15 +267,15 @@ def _ringdowns(
         why = "shows both lines after a pulse"
     words = "Which output of the FMU was recorded?"
     output = answers.one_of(OUTPUT, words, offer.outputs, default, why)
-    asked = decay_boxes_asked(offer, answers, lines, boxes)
-    names = {box.name for box in asked}
+    chosen = decay_boxes_chosen(offer, answers, lines, boxes)
+    names = {box.name for box in chosen}
     files, late = [], False
     for each in recordings:
-        seen = _in_unit_of(each.others[0], offer.unit(output))
-        files.append(TraceFile(each.table, each.time, seen))
-        values = each.table.numbers(seen)  # of two lines at most
-        begun = [first_of_decay(values, states) for states in (2, 4)]
-        late = late or all(k is not None and k > LATEST * values.size for k in begun)
+        observed = _in_unit_of(each.others[0], offer.unit(output))
+        files.append(TraceFile(each.table, each.time, observed))
+        values = each.table.numbers(observed)  # of two lines at most
+        starts = [first_of_decay(values, states) for states in (2, 4)]
+        late = late or all(k is not None and k > LATEST * values.size for k in starts)
     traces = []
     for file in files:
         made: dict[str, Any] = {
@@ -292,12 +292,12 @@ def _ringdowns(
     start = {name: value for name, value in start.items() if name not in names}
     left = undetermined(offer, lines, boxes)
     tables = _tables(files, offer, output, traces)
-    tables |= fitted_tables(asked, qualities(offer, lines))
+    tables |= fitted_tables(chosen, qualities(offer, lines))
     tables["fmu"] = fmu_table(offer, start, [name for name in left if name not in names])
-    said = _described(files, output, "") + ([str(blocks("draft/text").late())] if late else [])
+    notes = _described(files, output, "") + ([str(blocks("draft/text").late())] if late else [])
     lead = "A ringdown: no column drives, and "
-    said += str(blocks("draft/text").decay(lead, shown, lines, offer, left)).splitlines()
-    return draft_from(tables, offer, folder, (*said, *answers.said, *starts_words(asked)))
+    notes += str(blocks("draft/text").decay(lead, shown, lines, offer, left)).splitlines()
+    return draft_from(tables, offer, folder, (*notes, *answers.said, *starts_words(chosen)))
 
 
 def _tables(
@@ -347,13 +347,13 @@ def _is_scaled(file: TraceFile, offer: Offer, output: str) -> bool:
 
 def _described(files: Sequence[TraceFile], output: str, driven: str) -> list[str]:
     """What files were taken for, in sentences."""
-    words, said = blocks("draft/text"), []
+    words, notes = blocks("draft/text"), []
     for file in files:
-        said.append(str(words.recording(file, output, driven)))
+        notes.append(str(words.recording(file, output, driven)))
         columns = [file.time, file.observed, *([file.driven] if file.driven else []), *file.further]
         taken = [f"'{c.name}' in {c.unit}" for c in columns if file.is_silent(c)]
-        said += [str(words.assumed(taken))] if taken else []
-    return said
+        notes += [str(words.assumed(taken))] if taken else []
+    return notes
 
 
 def _called(channel: Channel, name: str) -> bool:
@@ -375,14 +375,16 @@ def _variable(key: str, recording: Recording, options: tuple[str, ...], answers:
     return answers.one_of(key, words, options, (named or list(options))[0], why)
 
 
-def _told_columns(recording: Recording, columns: Mapping[str, str], offer: Offer) -> Recording:
+def _requested_columns(recording: Recording, columns: Mapping[str, str], offer: Offer) -> Recording:
     """Of a recording whose output is told the columns that are told, and those of FMU inputs."""
     if OUTPUT not in columns:
         return recording
     table = recording.table
-    told = {table.column(name).name for name in columns.values()}
-    told |= {c.name for c in recording.others if any(_called(c, name) for name in offer.inputs)}
-    kept = tuple(c for c in table.channels if c.name in {*told, recording.time.name})
+    requested = {table.column(name).name for name in columns.values()}
+    requested |= {
+        c.name for c in recording.others if any(_called(c, name) for name in offer.inputs)
+    }
+    kept = tuple(c for c in table.channels if c.name in {*requested, recording.time.name})
     return replace(recording, table=replace(table, channels=kept))
 
 
@@ -394,18 +396,20 @@ def _file(
     inputs = [name for name in offer.inputs if name != driven]
     further = tuple(c for c in recording.others if driven and c.name in inputs)
     others = [c for c in recording.others if c not in further]
-    seen = table.column(columns[OUTPUT]) if OUTPUT in columns else recording.called(output)
+    observed = table.column(columns[OUTPUT]) if OUTPUT in columns else recording.called(output)
     source = recording.called(driven) if driven else None
     if driven and INPUT in columns:
         source = table.column(columns[INPUT])
     # columns of the FMU's other variables are what they are called
-    free = [c for c in others if c.name not in [t.name for t in (seen, source) if t is not None]]
+    free = [
+        c for c in others if c.name not in [t.name for t in (observed, source) if t is not None]
+    ]
     free = [c for c in free if not any(_called(c, name) for name in known)]
     wants_input = driven != "" and source is None
-    if (seen is None and not 1 <= len(free) <= 1 + wants_input) or (
-        seen is not None and wants_input and len(free) > 1
+    if (observed is None and not 1 <= len(free) <= 1 + wants_input) or (
+        observed is not None and wants_input and len(free) > 1
     ):
-        wanted = output if seen is None else driven
+        wanted = output if observed is None else driven
         key = OUTPUT if wanted in offer.outputs else INPUT
         names = listed(f"'{c.name}'" for c in others) or "none"
         column = others[-1].name if others else "y"
@@ -413,18 +417,18 @@ def _file(
             f"{table.path}: no column '{wanted}' among {names}; wanted one that is called like the "
             f"FMU's {key}, or its name by --{key} {column}={wanted}"
         )
-    seen = free.pop() if seen is None else seen
+    observed = free.pop() if observed is None else observed
     if wants_input and free:
         source = free[0]
-    seen = _in_unit_of(seen, offer.unit(output))
+    observed = _in_unit_of(observed, offer.unit(output))
     if source is None:
-        return TraceFile(table, recording.time, seen)
+        return TraceFile(table, recording.time, observed)
     u = table.numbers(source)
     changes = np.count_nonzero(np.diff(u)) / max(1, u.size - 1)
     return TraceFile(
         table,
         recording.time,
-        seen,
+        observed,
         _in_unit_of(source, offer.unit(driven)),
         HELD if changes <= CHANGES else LINEAR,
         tuple(_in_unit_of(c, offer.unit(c.name)) for c in further),
@@ -446,7 +450,7 @@ def _fitted(
         if y is not None:
             slopes[name] = y - base
             sizes[name] = float(np.linalg.norm(slopes[name]))
-    moved = [n for n in slopes if sizes[n] > SEEN * max(sizes.values())]
+    moved = [n for n in slopes if sizes[n] > LEAST_EFFECT * max(sizes.values())]
     taken: list[str] = []
     basis = np.empty((base.size, 0))
     for name in sorted(moved, key=lambda n: -sizes[n]):
@@ -484,17 +488,20 @@ def _converted(values: FloatArray, unit: str, wanted: str | None, where: str) ->
 
 def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:
     """The first samples of a recording, inputs in the units of the FMU."""
-    time_s = file.time_s(LOOKED_AT)
+    time_s = file.time_s(MOST_SAMPLES)
 
     def driving(column: Channel, name: str) -> tuple[FloatArray, FloatArray]:
-        u, wanted = file.table.numbers(column)[:LOOKED_AT], offer.description.variables[name].unit
+        u, wanted = (
+            file.table.numbers(column)[:MOST_SAMPLES],
+            offer.description.variables[name].unit,
+        )
         if column.unit is not None:
             u = _converted(u, column.unit, wanted, str(file.path))
         return time_s, u
 
     return TraceRecord(
         time_s,
-        file.table.numbers(file.observed)[:LOOKED_AT],
+        file.table.numbers(file.observed)[:MOST_SAMPLES],
         input=driven if file.driven is not None else "",
         driven=None if file.driven is None else driving(file.driven, driven),
         further={column.name: driving(column, column.name) for column in file.further},
@@ -517,7 +524,7 @@ def _simulated(
         input_signal=trace.signal(1),
     )
     try:
-        [seen] = offer.workers.run([run])
+        [observed] = offer.workers.run([run])
     except FmuFailure:
         return None
-    return np.asarray(seen[:, 0])
+    return np.asarray(observed[:, 0])

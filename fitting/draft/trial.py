@@ -21,7 +21,7 @@ ACCURACY, LINEAR = 1e-6, 1e-4
 #: Powers of ten by which the level is lowered, at most; and a level at which a look is taken.
 DECADES, WEAK = 9, 1e-3
 #: Widths from a line at which it has gone, and what its top then is over that, at least.
-AWAY, STANDS_OUT = 5.0, 3.0
+AWAY, LEAST_CONTRAST = 5.0, 3.0
 #: Step of a logarithm, and change of an amplitude with it, relatively, that counts.
 STEP, COUNTS = 0.1, 0.2
 
@@ -96,14 +96,14 @@ def line_pairs(
     """
     sizes = {name: in_unit(width_hz, offer.unit(name)) for name in offer.widths}
     widths = {name: size for name, size in sizes.items() if size is not None}
-    found = []
+    pairs = []
     for place in offer.places:
         value = in_unit(frequency_hz, offer.unit(place))
         if value is None:
             continue
         placed = {place: value}
         here, away = (response({**widths, **placed}, WEAK, k * width_hz) for k in (0.0, AWAY))
-        if not here > STANDS_OUT * away:
+        if not here > LEAST_CONTRAST * away:
             continue
         changes = [(0.0, "")]  # of the logarithm of the top with that of a width
         for name, size in widths.items():
@@ -114,5 +114,5 @@ def line_pairs(
             changes.append((change, name))
         change, width = max(changes)
         if change > COUNTS:
-            found.append((place, width))
-    return found
+            pairs.append((place, width))
+    return pairs

@@ -128,7 +128,7 @@ class Job:
         self.mixture = Mixture.of(self.minima)
         likely = self.target.in_units(self.minima[0].centre)
         self.images = as_likely(self.target, images_of(self.target), likely)
-        #: Samples so far; where their last part was interrupted, where it ends and how it continues.
+        #: Samples so far; where their last part was interrupted, where it ends, how it goes on.
         self.samples: Samples | None = None
         self._until: int | None = None
         self._random: FloatArray | None = None
@@ -253,7 +253,7 @@ class Job:
         return places, log
 
     def draw(self, path: Path | None, tell: Tell) -> tuple[str, Samples, Reached]:
-        """Steps until there are enough, each part kept as it ends: status, samples, how far they are.
+        """Steps until there are enough, each part kept: status, samples, how far these are.
 
         Args:
             path: of the file; None: nothing is kept.
