@@ -1,16 +1,11 @@
 """Free decays as a draft sees them: the lines of a record, and an FMU that rings down like it.
 
 A record without a column that drives is a ringdown where its size falls from its first half to its
-second. Its lines are those that `fitting.resonance.ringdown` finds, one or two that decay. Where it
-finds none, the frequency is that of the highest line of the spectrum of the whole record, refined
-by a parabola through the logarithms about it; the width follows from the halves,
-
-    rms_2/rms_1 = exp(-pi width T/2)
+second, and lines that decay are fitted to it (`fitting.resonance.ringdown`), one or two.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -36,8 +31,6 @@ MOST_SAMPLES, SHOWS = 2000, 0.3
 #: Why the tones of an FMU have no amplitude, and why a parameter that is not fitted has its value.
 OFF = "off: nothing drives while it rings down"
 OWN = "the FMU's own start value, not measured"
-SPECTRUM = "the highest line of the record's spectrum"
-HALVES = "from how the record decays from its first half to its second"
 FITTED = "from lines that decay, fitted to the record"
 
 
@@ -49,23 +42,18 @@ def ringdown_of(time_s: FloatArray, values: FloatArray) -> tuple[Shown, ...]:
         values: of the record, shape (n,), in any unit.
     """
     y = values - np.mean(values)
-    if np.count_nonzero(np.diff(np.sign(y))) < CROSSINGS or _highest(y) < 0.5 * CROSSINGS:
+    # in periods of the whole record: of a drift with noise, which crosses its mean often, it is low
+    highest = int(np.argmax(np.abs(np.fft.rfft(y * np.hanning(y.size)))[1:])) + 1
+    if np.count_nonzero(np.diff(np.sign(y))) < CROSSINGS or highest < 0.5 * CROSSINGS:
         return ()
     first, second = (float(np.sqrt(np.mean(half**2))) for half in np.array_split(y, 2))
     if not 0.0 < second < DECAYS * first:
         return ()
-    with contextlib.suppress(BadInput):  # no decay is found by fits: by spectrum and halves
+    try:
         record = decay_record_of(time_s, values, "1")
         return decaying(lines_of(replace(record, kind=SAMPLES)))
-    span_s = float(time_s[-1] - time_s[0]) * y.size / (y.size - 1)
-    return (
-        Shown(
-            frequency_hz=_highest(y) / span_s,
-            width_hz=2.0 * math.log(first / second) / (math.pi * span_s),
-            frequency_words=SPECTRUM,
-            width_words=HALVES,
-        ),
-    )
+    except BadInput:
+        return ()
 
 
 def decaying(ringdown: Ringdown) -> tuple[Shown, ...]:
@@ -88,17 +76,6 @@ def decaying(ringdown: Ringdown) -> tuple[Shown, ...]:
         )
         for f, w, size in sorted(lines, key=lambda each: each[0])
     )
-
-
-def _highest(y: FloatArray) -> float:
-    """Where the spectrum of a record is highest, in periods of the whole record."""
-    sizes = np.abs(np.fft.rfft(y * np.hanning(y.size)))
-    k = int(np.argmax(sizes[1:])) + 1
-    if k + 1 >= sizes.size:
-        return float(k)
-    below, top, above = np.log(np.maximum(sizes[k - 1 : k + 2], 1e-300))
-    bend = 2.0 * top - below - above
-    return k + (0.5 * float(above - below) / float(bend) if bend > 0.0 else 0.0)
 
 
 def undetermined(offer: Offer, lines: Sequence[Shown], boxes: Sequence[Box]) -> list[str]:
