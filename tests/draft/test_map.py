@@ -296,7 +296,7 @@ def test_a_crossing_deep_in_noise_is_seen_and_one_line_in_it_is_none() -> None:
         rough = np.random.default_rng(6).standard_normal(sizes.shape)
         noisy = np.abs(sizes + 0.2 * np.max(sizes, axis=1, keepdims=True) * rough)
         found = crossing_of(Spectra(volts, [SWEPT_HZ] * 7, list(noisy)))
-        assert found.is_seen is seen
+        assert found.is_observed is seen
 
 
 @pytest.mark.parametrize(
