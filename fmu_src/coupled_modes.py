@@ -28,7 +28,7 @@ from .modes_linear import FOUR_PI_SQUARED, NO_OFFSETS, TWO_PI, ModesSolver, at_r
 from .modes_rk4 import ModesRungeKutta
 from .modes_steady import TOLERANCES
 from .oscillator_phase import Frequency
-from .variables import Accuracy, Variable
+from .variables import START, Accuracy, Variable
 
 if TYPE_CHECKING:
     from .modes_linear import Offsets
@@ -306,8 +306,8 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         "rk4_substep",
         {},
         (
-            ("periodic start", {"periodic_start": True}, None, 0.2),
-            ("rotating frame", {"solver": ENVELOPE}, "{output}_error", 1.0),
+            ("periodic start", {"periodic_start": True}, START),
+            ("rotating frame", {"solver": ENVELOPE}, "{output}_error"),
         ),
     )
 

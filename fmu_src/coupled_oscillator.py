@@ -13,7 +13,7 @@ from .oscillator_linear import LinearSolver
 from .oscillator_rk4 import RungeKuttaSolver
 from .oscillator_single import FULL, LEFT_OUT, QUASI_STATIC, SingleModeSolver, error
 from .two_mode_slave import DERIVED, DISPLACEMENTS, INPUT, PHYSICAL, TwoModeSlave
-from .variables import Accuracy, Variable
+from .variables import START, Accuracy, Variable
 
 EXACT, ENVELOPE, RK4 = 0, 1, 2
 
@@ -95,10 +95,10 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver | SingleMo
         "rk4_substep",
         {},
         (
-            ("periodic start", {"periodic_start": True}, None, 0.2),
-            ("far mode left out", {"other_mode": LEFT_OUT}, "{output}_error", 0.2),
-            ("far mode quasi-static", {"other_mode": QUASI_STATIC}, "{output}_error", 0.2),
-            ("rotating frame", {"solver": ENVELOPE}, "{output}_error", 1.0),
+            ("periodic start", {"periodic_start": True}, START),
+            ("far mode left out", {"other_mode": LEFT_OUT}, "{output}_error"),
+            ("far mode quasi-static", {"other_mode": QUASI_STATIC}, "{output}_error"),
+            ("rotating frame", {"solver": ENVELOPE}, "{output}_error"),
         ),
     )
 

@@ -12,7 +12,7 @@ from .duffing_rk4 import DuffingRungeKutta
 from .model_error import ModelError
 from .oscillator_equations import Parameters
 from .two_mode_slave import DERIVED, DISPLACEMENTS, INPUT, PHYSICAL, TwoModeSlave
-from .variables import Accuracy, Variable
+from .variables import START, Accuracy, Variable
 
 ENVELOPE, RK4 = 1, 2  # the numbers that they have in CoupledOscillator
 LOWER, UPPER = 0, 1
@@ -107,9 +107,9 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
         "rk4_substep",
         {"solver": RK4},
         (
-            ("averaged envelope", {"solver": ENVELOPE}, "envelope_error", 0.5),
-            ("periodic start", {"periodic_start": True}, None, 1.3),
-            ("linear model", {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}, None, 0.05),
+            ("averaged envelope", {"solver": ENVELOPE}, "envelope_error"),
+            ("periodic start", {"periodic_start": True}, START),
+            ("linear model", {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}, None),
         ),
     )
 

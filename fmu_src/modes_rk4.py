@@ -34,7 +34,8 @@ class ModesRungeKutta:
         self.p, self.offsets, self.requested = p, offsets, substep
         self.steady = ModesSolver(p, False, offsets)
         self.envelope = False
-        fastest = max(self.steady.fastest_hz, p.u1, p.u2, p.pump_hz if p.pumped else 0.0)
+        driven = [u for u, size, _ in p.tones if size]  # others have no frequency
+        fastest = max(self.steady.fastest_hz, *driven, p.pump_hz if p.pumped else 0.0)
         self.substep = substep or 1.0 / (SUBSTEPS_PER_PERIOD * fastest)
         m = self.steady.matrices
         square = TWO_PI * TWO_PI

@@ -29,7 +29,8 @@ class RungeKuttaSolver:
         self, p: Parameters, substep: float, offsets: tuple[float, float] = (0.0, 0.0)
     ) -> None:
         self.p, self.offsets, self.requested = p, offsets, substep
-        fastest = max(p.eta_plus, p.eta_minus, p.u1, p.u2)
+        driven = [u for u, size in ((p.u1, p.A1), (p.u2, p.A2)) if size]  # others have no frequency
+        fastest = max(p.eta_plus, p.eta_minus, *driven)
         self.substep = substep or 1.0 / (SUBSTEPS_PER_PERIOD * fastest)
         w11, w22, w12 = damping(p)
         self._damping = TWO_PI * w11, TWO_PI * w22, TWO_PI * w12

@@ -97,19 +97,22 @@ def write_structure(structure: Element, variables: Sequence[Variable]) -> None:
         SubElement(initial, "Unknown", {"index": str(index)})
 
 
+START = "start"
+
+
 @dataclass(frozen=True)
 class Accuracy:
     """What the tool fmu-fit may know of a model's accuracy, for its annotation in the XML.
 
     ``tolerance`` and ``substep`` are parameters; ``full`` start values of the whole model;
-    ``reductions`` rows (name, start values that make it cheaper, output that bounds the error,
-    the part of a run's work that is left: counted once, so that no plan hangs on a clock).
+    ``reductions`` rows (name, start values that make it cheaper, what bounds its error: an output,
+    START where the start state alone is set and the model is whole, None where nothing is known).
     """
 
     tolerance: str | None
     substep: str | None
     full: Mapping[str, Any]
-    reductions: Sequence[tuple[str, Mapping[str, Any], str | None, float]]
+    reductions: Sequence[tuple[str, Mapping[str, Any], str | None]]
 
     def to_xml(self) -> Element:
         """Return the VendorAnnotations element."""
@@ -122,8 +125,10 @@ class Accuracy:
         )
         if self.full:
             _add_settings(SubElement(element, "Full"), self.full)
-        for name, settings, bound, cost in self.reductions:
-            attributes = {"name": name, **({"bound": bound} if bound else {}), "cost": str(cost)}
+        for name, settings, bound in self.reductions:
+            attributes = {"name": name}
+            if bound is not None:
+                attributes.update({"start": "true"} if bound == START else {"bound": bound})
             _add_settings(SubElement(element, "Reduction", attributes), settings)
         return root
 

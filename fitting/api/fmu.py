@@ -31,7 +31,7 @@ from fitting.simulate.frf import SweepResponse
 from fitting.simulate.frf import sweep as sweep_through
 from fitting.simulate.request import USUAL_TONES, RequestBinder
 from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
-from fitting.simulate.unsteady import Sideband, sideband_of
+from fitting.simulate.unsteady import Sideband, missing_damping, sideband_of
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -59,6 +59,7 @@ class Accuracy:
         samples: Number of samples in it; None: by the band.
         force: Reductions of the model that a drive takes, whatever they cost.
         forbid: Reductions that it does not take.
+        work: Communication steps and substeps that a run may take, at most; None: 2e6.
 
     Raises:
         BadInput: a number out of its range.
@@ -70,6 +71,7 @@ class Accuracy:
     samples: int | None = None
     force: str | Sequence[str] = ()
     forbid: str | Sequence[str] = ()
+    work: float | None = None
 
     def __post_init__(self) -> None:
         if self.relative is not None:
@@ -78,6 +80,8 @@ class Accuracy:
             raise BadInput(f"settle_s: found {self.settle_s!r}, wanted a time of at least 0")
         if self.window_s is not None and not 0.0 < self.window_s < math.inf:
             raise BadInput(f"window_s: found {self.window_s!r}, wanted a positive time")
+        if self.work is not None and not 0.0 < self.work < math.inf:
+            raise BadInput(f"work: found {self.work!r}, wanted a positive number of steps")
         if self.samples is not None and self.samples < 1:
             raise BadInput(f"samples: found {self.samples!r}, wanted at least 1")
         for name in ("force", "forbid"):
@@ -277,7 +281,8 @@ class Fmu:
         wanted = RequestBinder(self.description).sweep(
             frequency_hz, start_values, tone, output, directions
         )
-        return sweep_through(self.workers, wanted, asked.relative, settle_s=asked.settle_s)
+        settle_s, work = asked.settle_s, asked.work
+        return sweep_through(self.workers, wanted, asked.relative, settle_s=settle_s, work=work)
 
     def other_tones(
         self, tones: Sequence[str], start_values: Mapping[str, Scalar] | None = None
@@ -308,6 +313,22 @@ class Fmu:
         drive = response.drive
         tones = dict(zip(drive.names, drive.tones_hz, strict=True))
         return sideband_of(response.other_line, tones, drive.start_values, self.variables)
+
+    def missing_damping(self, response: DriveResponse) -> tuple[str, ...]:
+        """Parameters that are 0 and keep a line beside the tones from decaying.
+
+        Args:
+            response: What `simulate` returned.
+
+        Returns:
+            Their names; none where there is no such line, or no single parameter damps it.
+
+        Raises:
+            FmuFailure: the FMU's process does not answer.
+        """
+        if response.other_line is None:
+            return ()
+        return missing_damping(self.workers, response.plan, response.other_line, self.variables)
 
     def write(self, found: DriveResponse | SweepResponse, out: str | Path) -> tuple[Path, ...]:
         """Write what the command line writes of a response: CSV tables and figures.
@@ -385,6 +406,7 @@ class Fmu:
             settle_s=asked.settle_s,
             annotation=asked.annotation,
             shown=Shown(asked.window_s, asked.samples),
+            work=asked.work,
         )
 
 

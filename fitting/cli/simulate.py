@@ -15,6 +15,7 @@ from fitting.cli.words.drive import (
     add_fmu,
     add_isolate,
     add_timeout,
+    add_work,
     complaints_of_options,
     fmu_of,
     start_values,
@@ -78,6 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples", type=whole_number(1), help="samples in the window (by the band)"
     )
+    add_work(parser)
     add_timeout(parser, 60.0, "longest run")
     add_isolate(parser)
 
@@ -130,7 +132,9 @@ def run(args: argparse.Namespace) -> int:
         hand_over(args, drive_document(response, units))
         advice, named = "", not response.steady and args.input is None
         if not (response.steady or (response.remainder.explained and response.plan.settles)):
-            advice = unsteady_words(response, fmu.sideband(response), list(fmu.variables))
+            sideband = fmu.sideband(response)
+            undamped = () if sideband is not None else fmu.missing_damping(response)
+            advice = unsteady_words(response, sideband, list(fmu.variables), undamped)
         others = fmu.other_tones(response.drive.names, response.drive.start_values)
         ran = Ran(model=model, warnings=fmu.warnings, others=others if named else (), files=files)
         lines = drive_lines(response, units, ran, advice=advice, verbose=args.verbose)
@@ -151,6 +155,7 @@ def _asked(args: argparse.Namespace, fmu: ff.Fmu) -> dict[str, Any]:
             samples=args.samples,
             force=args.force,
             forbid=args.forbid,
+            work=args.work,
         ),
     }
     if args.input is not None:

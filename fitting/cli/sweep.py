@@ -17,6 +17,7 @@ from fitting.cli.words.drive import (
     add_fmu,
     add_isolate,
     add_timeout,
+    add_work,
     complaints_of_options,
     fmu_of,
     start_values,
@@ -65,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the amplitudes, relative to the largest: plans settling, solver and samples "
         "(1e-4)",
     )
+    add_work(parser)
     add_timeout(parser, 600.0, "longest run, that is all points one way")
     add_isolate(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder for CSV file and figure")
@@ -92,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
                 tone=args.tone,
                 output=args.output or "",
                 directions=directions,
-                accuracy=ff.Accuracy(args.accuracy, settle_s=args.settle),
+                accuracy=ff.Accuracy(args.accuracy, settle_s=args.settle, work=args.work),
             )
         files = fmu.write(response, args.out)
         output = response.sweep.output

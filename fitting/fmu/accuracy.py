@@ -5,6 +5,7 @@
       <Reduction name="..." bound="{output}_error" cost="0.5">
         <Set name="..." value="..."/>
       </Reduction>
+      <Reduction name="..." start="true"><Set name="..." value="..."/></Reduction>
     </Accuracy></Tool></VendorAnnotations>
 
 In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. Without one nothing is known of an
@@ -38,8 +39,10 @@ class Reduction:
     """Start values under which the FMU computes less than it could.
 
     `bound` names an FMU output that bounds the relative error, "{output}" in it standing for the
-    output that is read; without it the error is measured. `cost` is the part
-    of a run's work that is left by it, by the FMU's own statement, at equal steps.
+    output that is read; without it the error is measured. `start`: the start state alone is set and
+    the model is whole, so that nothing is left out where the orbit closes. `cost` is the part
+    of a run's work that is left by it, by the FMU's own statement, at equal steps: a guess where
+    processor time is not reported.
 
     Raises:
         BadInput: no name, nothing that is set, or a cost that is not positive.
@@ -50,6 +53,7 @@ class Reduction:
     _: KW_ONLY
     bound: str | None = None
     cost: float = 0.5
+    start: bool = False
 
     def __post_init__(self) -> None:
         if not (self.name and self.set):
@@ -167,7 +171,15 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
             raise BadInput(
                 f"{where} declares cost = {cost!r} of the reduction {name!r}, wanted a number"
             ) from None
-        reductions.append(Reduction(name, settings(part), bound=part.get("bound"), cost=share))
+        reductions.append(
+            Reduction(
+                name,
+                settings(part),
+                bound=part.get("bound"),
+                cost=share,
+                start=part.get("start") == "true",
+            )
+        )
     return AccuracyAnnotation(
         tolerance=element.get("tolerance"),
         substep=element.get("substep"),

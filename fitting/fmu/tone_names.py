@@ -22,6 +22,17 @@ class OtherTone:
     amplitude: str
 
 
+def amplitude_of(name: str, variables: Mapping[str, FmuVariable]) -> FmuVariable | None:
+    """The parameter of a tone's amplitude, as A2 of u2; None where there is none.
+
+    Args:
+        name: of the parameter of its frequency.
+        variables: of the FMU, by name.
+    """
+    match = TONE_NAME.fullmatch(name)
+    return variables.get(AMPLITUDE_STEM + match[2]) if match is not None else None
+
+
 def other_tones(
     names: Sequence[str], values: Mapping[str, Scalar], variables: Mapping[str, FmuVariable]
 ) -> tuple[OtherTone, ...]:
@@ -38,7 +49,7 @@ def other_tones(
         match = TONE_NAME.fullmatch(name)
         if match is None or match[1] not in stems or name in names:
             continue
-        amplitude = variables.get(AMPLITUDE_STEM + match[2])
+        amplitude = amplitude_of(name, variables)
         if amplitude is None or not variable.can_be_started:
             continue
         if values.get(amplitude.name, amplitude.start):

@@ -62,6 +62,16 @@ class Plan:
         budget = Budget(self.budget.wanted, (*others, curve_decision(curves)))
         return replace(self, curves=curves, budget=budget)
 
+    def with_decision(self, decision: Decision) -> Plan:
+        """The plan with a further decision, the first of all.
+
+        Args:
+            decision: of the plan.
+        """
+        if self.budget is None:
+            return self
+        return replace(self, budget=Budget(self.budget.wanted, (decision, *self.budget.decisions)))
+
     def step_plan(self, label: str) -> StepPlan | None:
         """What was planned for a trace; None: nothing was.
 

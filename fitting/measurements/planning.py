@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.campaign.parameters import Parameter, axis_ends, bounds, planning_points
+from fitting.campaign.parameters import Parameter, axis_ends, bounds, planning_points, starts
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
-from fitting.simulate.batch import Workers
+from fitting.simulate.batch import Batch, Workers, answered, together
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
+from fitting.simulate.cost import CHEAPER, cost_ratio
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import PlanOptions, plan_drives
 from fitting.simulate.probe import Probe
+from fitting.simulate.reductions import no_cheaper_than
 from fitting.simulate.settling import settling_s
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
@@ -157,22 +160,73 @@ def measured_plan(
         fixed_step=series.fixed_step,
         exchange=series.exchange,
     )
-    options = PlanOptions(examples=True, usual=setup.usual_accuracy)
-    found = plan_drives(drives, setup.accuracy, workers, known, options)
     ends = _drives_at(series, model, axis_ends(series.parameters))
-    while lost := _lost(found, ends, workers, known):
-        kept = tuple(r for r in known.annotation.reductions if r.name not in lost)
-        known = replace(known, annotation=replace(known.annotation, reductions=kept))
+
+    def planned(known: Knowledge) -> Plan:
+        options = PlanOptions(examples=True, usual=setup.usual_accuracy)
         found = plan_drives(drives, setup.accuracy, workers, known, options)
-    settle_s = _settle_s(series, found, draft)
-    measured = Plan(
-        settle_s=settle_s,
-        budget=_with_settling(found, settle_s),
-        order=found.order,
-        settings=found.settings,
-        grid=found.drives[0].grid,
-    )
-    return _refined(series, replace(model, plan=_planned(series, measured)), workers)
+        while lost := _lost(found, ends, workers, known):
+            known = _without(known, lost)
+            found = plan_drives(drives, setup.accuracy, workers, known, options)
+        settle_s = _settle_s(series, found, draft)
+        measured = Plan(
+            settle_s=settle_s,
+            budget=_with_settling(found, settle_s),
+            order=found.order,
+            settings=found.settings,
+            grid=found.drives[0].grid,
+        )
+        return _refined(series, replace(model, plan=_planned(series, measured)), workers)
+
+    # a reduction is judged by the runs of its drives; what it makes of an evaluation of the whole
+    # campaign, whose curves may then need other runs, is seen only when that is planned
+    plan = planned(known)
+    while plan.curves and (taken := _taken(plan)):
+        known = _without(known, {taken[-1].subject})
+        whole = planned(known)
+        if _part(series, replace(model, plan=plan), replace(model, plan=whole), workers) < CHEAPER:
+            return plan
+        plan = whole.with_decision(no_cheaper_than(taken[-1]))
+    return plan
+
+
+def _taken(plan: Plan) -> list[Decision]:
+    """Reductions of the model that a plan has taken; an exact start leaves nothing out."""
+    return [d for d in plan.decisions if d.is_reduction and d.basis != Basis.CLOSED]
+
+
+def _without(known: Knowledge, names: Collection[str]) -> Knowledge:
+    """The same of an FMU that does not declare some reductions."""
+    kept = tuple(r for r in known.annotation.reductions if r.name not in names)
+    return replace(known, annotation=replace(known.annotation, reductions=kept))
+
+
+def _part(series: Series, reduced: DrivenModel, whole: DrivenModel, workers: Workers) -> float:
+    """Processor time of an evaluation of a series at the start by one model over that by another.
+
+    By runs where processor time is not reported.
+    """
+    start = starts(series.parameters)[np.newaxis]
+    runs: dict[int, int] = {}
+
+    def evaluate(model: DrivenModel) -> None:
+        batch = Batch()
+        tasks = [
+            m.predict(replace(model, setup=m.setup), start, batch) for m in series.measurements
+        ]
+        answered(together(tasks), batch, workers)
+        runs[id(model)] = int(batch.count(1)[0])
+
+    try:
+        ratio = cost_ratio(workers, partial(evaluate, reduced), partial(evaluate, whole))
+        if ratio is not None:
+            return ratio
+        evaluate(reduced), evaluate(whole)
+    except NoAnswer:
+        raise
+    except FmuFailure:  # the evaluation has its own way to tell
+        return 0.0
+    return runs[id(reduced)] / runs[id(whole)]
 
 
 def _refined(series: Series, model: DrivenModel, workers: Workers) -> Plan:

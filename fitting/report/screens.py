@@ -100,7 +100,10 @@ def _warnings(budget: Budget, ran: Ran) -> list[str]:
 
 
 def unsteady_words(
-    response: DriveResponse, sideband: Sideband | None, names: Collection[str]
+    response: DriveResponse,
+    sideband: Sideband | None,
+    names: Collection[str],
+    undamped: Sequence[str] = (),
 ) -> str:
     """Why amplitudes do not settle, and what helps.
 
@@ -108,8 +111,9 @@ def unsteady_words(
         response: of the FMU.
         sideband: what its line apart from the tones is, if that is known.
         names: of the FMU's variables.
+        undamped: parameters that are 0 and would damp that line.
     """
-    return phrase("simulation", "unsteady", response, sideband, names)
+    return phrase("simulation", "unsteady", response, sideband, names, undamped)
 
 
 def sweep_lines(

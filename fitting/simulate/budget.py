@@ -53,8 +53,9 @@ class Basis(StrEnum):
     FITTED = "fitted"  # window: tones without a common period
     STATED = "stated"  # model: an output of the FMU
     COMPARED = "compared"  # the change that a better setting makes
-    REFINED = "refined"  # model: against the full model, its substep halved
     UNMEASURED = "unmeasured"  # model: a run without the reduction would take too long
+    CLOSED = "closed"  # model: a start state from which the orbit closes; the model is whole
+    NO_CHEAPER = "no cheaper"  # model: an evaluation takes as long
     FORBIDDEN = "forbidden"  # model: by the user
     REFUSED = "refused"  # model: by the FMU
     DOUBLE = "double"  # rounding of numbers of 53 bits

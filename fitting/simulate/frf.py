@@ -21,7 +21,7 @@ from fitting.signal.window import Window
 from fitting.simulate.drive import Approach, Drive
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.knowledge import FmuLike, knowledge_of
-from fitting.simulate.planner import PlanOptions, plan_drives
+from fitting.simulate.planner import MOST_WORK, PlanOptions, plan_drives
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
@@ -31,7 +31,6 @@ USUAL_SWEEP_ACCURACY = 1e-4
 DIRECTIONS = ("up", "down")
 #: Points at which the plan looks.
 TRIED = 5
-LONGEST_SETTLE_S = 100.0
 #: Directions differ where amplitudes are apart by more than this part of the larger one.
 APART = 0.02
 
@@ -127,6 +126,7 @@ def plan_sweep(
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
+    work: float | None = None,
 ) -> DrivePlan:
     """The plan on which `sweep` stands; its arguments and errors.
 
@@ -136,6 +136,7 @@ def plan_sweep(
         accuracy: relative error that is wanted; None: the usual one, or what the FMU can give.
         settle_s: time before the first sample, s.
         annotation: what the FMU says of its own accuracy.
+        work: communication steps and substeps of a run at most; None: some twenty seconds.
     """
     f = sweep.frequencies_hz
     tried = [f[round(k * (len(f) - 1) / (TRIED - 1))] for k in range(TRIED)]
@@ -148,9 +149,9 @@ def plan_sweep(
         examples=True,
         of_largest=True,
         settle_s=settle_s,
-        longest_settle_s=LONGEST_SETTLE_S,
         fixed=frozenset(sweep.start_values),
         usual=accuracy is None,
+        work=MOST_WORK if work is None else work,
     )
     wanted = USUAL_SWEEP_ACCURACY if accuracy is None else accuracy
     return plan_drives(drives, wanted, workers, replace(known, annotation=whole), options)
@@ -163,6 +164,7 @@ def sweep(
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
+    work: float | None = None,
 ) -> SweepResponse:
     """Plan a sweep of an FMU and take it each way that is asked for.
 
@@ -174,6 +176,7 @@ def sweep(
         settle_s: time at each point in s; None: found by watching the amplitudes at some points,
             come to from the far end of the sweep.
         annotation: which parameters set the solver's accuracy, where the FMU does not say so.
+        work: communication steps and substeps of a run at most; None: some twenty seconds.
 
     Returns:
         A curve per direction, the jumps between them, the plan. The model is the FMU's as its
@@ -183,7 +186,7 @@ def sweep(
         BadInput: the tone cannot be moved during a run, or does not drive the output.
         FmuFailure: the FMU failed.
     """
-    plan = plan_sweep(workers, what, accuracy, settle_s=settle_s, annotation=annotation)
+    plan = plan_sweep(workers, what, accuracy, settle_s=settle_s, annotation=annotation, work=work)
     return take_sweep(workers, what, plan)
 
 

@@ -311,7 +311,7 @@ def steps_decision(steps: Steps, fastest_hz: Sequence[float]) -> Decision:
     return Decision(
         kind=Kind.STEP,
         basis=Basis.ORDER if steps.order else Basis.COMPARED,
-        bound=min(1.0, steps.bound),
+        bound=steps.bound,
         numbers={
             "step_s": steps.grid.longest_s,
             "per_period": 1.0 / (steps.grid.longest_s * max(fastest_hz)),

@@ -16,6 +16,7 @@ from fitting.fmu.accuracy import Reduction
 from fitting.signal.grid import ANY_TIME, Grid
 from fitting.simulate.batch import Workers
 from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
+from fitting.simulate.cost import CHEAPER
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan, window_decision
 from fitting.simulate.knowledge import Knowledge
@@ -30,13 +31,12 @@ from fitting.simulate.own_step import (
 )
 from fitting.simulate.probe import Probe, Reading
 from fitting.simulate.reductions import (
-    CHEAPER,
-    FullModel,
     forbidden,
-    measured,
     model_decision,
+    no_cheaper,
     not_taken,
     refused,
+    roughly,
     with_numbers,
 )
 from fitting.simulate.settling import (
@@ -56,8 +56,6 @@ from fitting.text.units import checked_accuracy
 
 #: Combinations of the tones that do not fold onto a tone, tried in this order.
 ORDERS = (1, 5, 11, 21, 41)
-#: Of the accuracy, what a reduction that was measured may use; the other shares then shrink.
-MEASURED = 0.6
 #: A tolerance is tried from so many times its share on, where the very run that is planned tells.
 COARSE = 400.0
 #: Held steps of an input in a period, at most.
@@ -72,6 +70,9 @@ FIRST_PERIODS = 10.0
 BEARABLE = 0.05
 #: How much longer they may settle at such steps than they were seen to without these.
 SOON = 64.0
+#: Substeps in a period of the fastest tone, to begin with; halvings from there at most; and the
+#: change of an amplitude by the next one that a search for the time to settle can bear.
+PER_PERIOD, HALVINGS, COARSE_SUBSTEP = 40.0, 20, 0.05
 #: Amplitudes repeat better at an FMU's own steps where they do so by this factor.
 BETTER = 0.1
 #: What bounds rest on that no other setting of a plan makes smaller.
@@ -153,8 +154,8 @@ class _Planner:
         self.budget = Budget(accuracy)
         self.known = known
         self.limits = Limits(options.work, options.longest_settle_s)
-        self._room = 1.0  # part of their shares that a reduction leaves to other decisions
         self._settled: dict[object, Settled] = {}
+        self._substeps: dict[object, float | None] = {}
 
     def plan(self) -> DrivePlan:
         """All decisions, one after the other."""
@@ -192,7 +193,7 @@ class _Planner:
         self.budget = self.budget.with_decision(decision)
 
     def _share(self, kind: Kind) -> float:
-        return self.accuracy * SHARES[kind] * self._room
+        return self.accuracy * SHARES[kind]
 
     # -- settling -------------------------------------------------------------------------------
 
@@ -214,12 +215,46 @@ class _Planner:
         return self._settled[key]
 
     def _fine(self, settings: Mapping[str, Scalar]) -> dict[str, Scalar]:
-        """A solver fine enough that its own noise is not taken for a transient."""
+        """A solver fine enough that its own error is not taken for a transient."""
+        found: dict[str, Scalar] = {}
         name = self.annotation.tolerance
-        if name is None or name in settings or name in self.options.fixed:
-            return {}
-        low, high = self._range(name)
-        return {name: min(max(0.1 * self._share(Kind.SETTLING), low), high)}
+        if name is not None and name not in settings and name not in self.options.fixed:
+            low, high = self._range(name)
+            found[name] = min(max(0.1 * self._share(Kind.SETTLING), low), high)
+        name = self.annotation.substep
+        if name is not None and name not in settings and name not in self.options.fixed:
+            value = self._fine_substep(name, {**settings, **found})
+            if value is not None:
+                found[name] = value
+        return found
+
+    def _fine_substep(self, name: str, settings: Mapping[str, Scalar]) -> float | None:
+        """The longest substep by which the FMU is integrated at all; None: it does not act.
+
+        Halved from a fortieth of a period, or from the FMU's own where that is shorter, until half
+        of it changes a short run little: what it starts with, 0 for one, may be none at all.
+        """
+        key = tuple(sorted(settings.items()))
+        if key not in self._substeps:
+            acts = self.probe.acts_as_substep(settings)
+            value = self._first_substep(name) if acts else None
+            parameter, settle_s = (
+                self._solver_parameter(name),
+                FIRST_PERIODS / self.probe.fastest_hz,
+            )
+            for _ in range(HALVINGS if acts else 0):
+                if not parameter.error_at(settings, settle_s, value) > COARSE_SUBSTEP:
+                    break
+                value *= 0.5
+            self._substeps[key] = value
+        return self._substeps[key]
+
+    def _first_substep(self, name: str) -> float:
+        """A fortieth of a period of the fastest tone, or the FMU's own start where that is less."""
+        variable, first = self.variables.get(name), 1.0 / (PER_PERIOD * self.probe.fastest_hz)
+        own = float(self.probe.drives[0].start_values.get(name, 0.0))
+        own = own or float(getattr(variable, "start", None) or 0.0)
+        return min(own, first) if own > 0.0 else first
 
     # -- steps of the FMU's own -----------------------------------------------------------------
 
@@ -322,7 +357,7 @@ class _Planner:
             coarse = 1.0 if self.options.examples else COARSE
             found.append((self.annotation.tolerance, coarse * self._share(Kind.SOLVER)))
         if self.annotation.substep is not None:
-            found.append((self.annotation.substep, 1.0 / (40.0 * self.probe.fastest_hz)))
+            found.append((self.annotation.substep, self._first_substep(self.annotation.substep)))
         return [(name, value) for name, value in found if name not in settings]
 
     def _range(self, name: str) -> tuple[float, float]:
@@ -362,7 +397,7 @@ class _Planner:
             Decision(
                 kind=Kind.SOLVER,
                 basis=Basis.PRESCRIBED if forced else Basis.COMPARED,
-                bound=min(bound, 1.0),
+                bound=bound,
                 subject=name,
                 numbers={"safety": SAFETY, "part": parameter.part},
                 settings={name: value},
@@ -391,7 +426,7 @@ class _Planner:
             Decision(
                 kind=Kind.INPUT,
                 basis=Basis.COMPARED,
-                bound=min(bound, 1.0),
+                bound=bound,
                 numbers={"steps_per_period": steps, "safety": SAFETY},
             )
         )
@@ -420,7 +455,7 @@ class _Planner:
             Decision(
                 kind=Kind.SAMPLES,
                 basis=Basis.COMPARED,
-                bound=min(bound, 1.0),
+                bound=bound,
                 numbers={
                     "least": min(counts),
                     "most": max(counts),
@@ -445,54 +480,71 @@ class _Planner:
                 settings = {**settings, **reduction.set}
                 chosen |= set(reduction.set)
                 spent += decision.bound
-        self._leave(spent / self.accuracy)
         return settings
-
-    def _leave(self, spent: float) -> None:
-        """Shrink all further shares but the maximum's where reductions took more than theirs."""
-        model, free = SHARES[Kind.MODEL], 1.0 - SHARES[Kind.MAXIMUM]
-        if model < spent <= MEASURED:
-            self._room = (free - spent) / (free - model)
-            self._settled.clear()
 
     def _reduction(
         self, settings: dict[str, Scalar], reduction: Reduction, left: float
     ) -> Decision:
-        """Whether a reduction is taken: it fits into what is left and saves work."""
+        """Whether a reduction is taken: an evaluation gets cheaper by it, and its error fits."""
         if reduction.name in self.annotation.forbid:
             return forbidden(reduction)
         forced = reduction.name in self.annotation.force
-        if not forced and reduction.cost >= 1.0 and not self._too_long(settings):
-            # what is known not to save is not looked at: that may take long
-            self._settle(settings)
-            least = reduction.cost * self.probe.work({**settings, **reduction.set}, 0.0)
-            if (part := least / self._work(settings)) > CHEAPER:
-                unknown = model_decision(reduction, Basis.UNMEASURED, 0.0)
-                return replace(not_taken(with_numbers(unknown, work=part)), bound=math.nan)
+        reduced = {**settings, **reduction.set}
         try:
-            decision = with_numbers(self._effect(settings, reduction), left=left)
-            if decision.basis == Basis.STATED and decision.bound > left:
-                decision = self._measured(settings, reduction, decision)
+            self.probe.shorten_windows(reduced)
+            after = self._settle(reduced)
+            part = 0.0 if forced else self._part(settings, reduced, reduction, after)
+            # what does not pay is not examined; an exact start has no price but time
+            if part > (1.0 if self._closes(reduction, after) else CHEAPER):
+                return no_cheaper(reduction)
+            decision = with_numbers(self._effect(settings, reduction, after), left=left)
         except FmuFailure as error:
             if forced:
                 raise
             return refused(reduction, error.message)
-        fits = decision.bound <= float(decision.numbers["left"])
         if forced:
-            return replace(decision, bound=min(decision.bound, 1.0), forced=True)
-        if not fits and not self._too_long(settings):
+            return replace(decision, forced=True)
+        if decision.bound > left and not self._too_long(settings):
             return not_taken(decision)
-        part = reduction.cost * self._work({**settings, **reduction.set}) / self._work(settings)
-        decision = with_numbers(decision, work=part)
-        if part > CHEAPER:
-            return not_taken(decision)
-        return replace(decision, bound=min(decision.bound, 1.0))
+        return with_numbers(decision, times_cheaper=roughly(1.0 / part))
 
-    def _effect(self, settings: dict[str, Scalar], reduction: Reduction) -> Decision:
-        """A reduction with its bound: what the FMU states, else the change that it makes."""
+    @staticmethod
+    def _closes(reduction: Reduction, after: Settled) -> bool:
+        """Whether a reduction is an exact start: of the state alone, and its orbit closes."""
+        return reduction.start and after.steady and after.settle_s == 0.0
+
+    def _part(
+        self,
+        settings: Mapping[str, Scalar],
+        reduced: Mapping[str, Scalar],
+        reduction: Reduction,
+        after: Settled,
+    ) -> float:
+        """Processor time of an evaluation with a reduction, over that without it.
+
+        Without it runs settle as long as they are known to need; where that is not known, it is
+        asked only if the reduction has no bound of the FMU's: what else would it be compared with?
+        """
+        if not (self._too_long(settings) or self._bound_outputs(reduction)):
+            self._settle(settings)
+        key = tuple(sorted(settings.items()))
+        known = self._settled.get(key, after)
+        ratio = self.probe.cost_ratio((reduced, after.settle_s), (settings, known.settle_s))
+        if ratio is None:  # steps are known, their cost is not
+            work = self.probe.work(reduced, after.settle_s)
+            return reduction.cost * work / self.probe.work(settings, known.settle_s)
+        return ratio
+
+    def _effect(
+        self, settings: dict[str, Scalar], reduction: Reduction, after: Settled
+    ) -> Decision:
+        """A reduction with its bound: what the FMU states, else the change that it makes.
+
+        One that sets the start state alone leaves the model whole: where the orbit closes, that is
+        the response, and a comparison from rest, which keeps a transient of its own, shows only
+        whether it is the same one of several.
+        """
         reduced = {**settings, **reduction.set}
-        self.probe.shorten_windows(reduced)
-        after = self._settle(reduced)
         names = self._bound_outputs(reduction)
         if names:
             fine = {**reduced, **self._fine(reduced)}
@@ -501,47 +553,15 @@ class _Planner:
             bound *= max(reading.spread for reading in after.last)
             decision = model_decision(reduction, Basis.STATED, bound)
             return with_numbers(decision, outputs=" and ".join(names))
-        if self._too_long(settings):
-            return model_decision(reduction, Basis.UNMEASURED, 1.0)
-        whole = self._settle(settings)
+        closes = self._closes(reduction, after)
+        whole = None if self._too_long(settings) else self._settle(settings)
+        if whole is None or (closes and not whole.steady):
+            basis, bound = (Basis.CLOSED, 0.0) if closes else (Basis.UNMEASURED, math.inf)
+            return model_decision(reduction, basis, bound)
         bound = SAFETY * self.probe.errors(after.last, whole.last) + whole.bound
+        if closes and bound <= SAFETY * (SAFETY * whole.bound + self._share(Kind.MODEL)):
+            return model_decision(reduction, Basis.CLOSED, 0.0)
         return with_numbers(model_decision(reduction, Basis.COMPARED, bound), safety=SAFETY)
-
-    def _measured(
-        self, settings: dict[str, Scalar], reduction: Reduction, stated: Decision
-    ) -> Decision:
-        """The decision with a measured bound, where that may fit and the stated one does not."""
-        left = float(stated.numbers["left"])
-        first, substep = dict(self._solver_parameters(settings)), self.annotation.substep
-        most = left + self.accuracy * (MEASURED - SHARES[Kind.MODEL])
-        if self.options.examples or most <= 0.0 or substep not in first or substep is None:
-            return stated
-        if substep in self.options.fixed or self._too_long(settings):
-            return stated
-        reduced = {**settings, **reduction.set}
-        full = FullModel(
-            settings={**settings, **self._fine(settings)},
-            substep=substep,
-            first=first[substep],
-            order=ORDERS[2],
-        )
-        try:
-            found = measured(
-                self.probe, {**reduced, **self._fine(reduced)}, full, (left, most), self.limits
-            )
-        except (BadInput, FmuFailure):  # then what is stated has to do
-            return stated
-        if found is None or found["bound"] >= stated.bound:
-            return stated
-        bound = found.pop("bound")
-        return with_numbers(
-            replace(stated, basis=Basis.REFINED, bound=bound),
-            left=most,
-            stated=stated.bound,
-            safety=SAFETY,
-            substep=substep,
-            **found,
-        )
 
     def _too_long(self, settings: Mapping[str, Scalar]) -> bool:
         """Whether a settled run costs more than allowed."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from fitting.fmu.runs import communication_steps
 from fitting.signal.grid import Grid
 from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.batch import Workers
+from fitting.simulate.cost import cost_ratio
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
@@ -46,6 +48,8 @@ LINEAR = 16.0
 #: fifty steps of seven evaluations. Averaged equations of two modes in Python were measured to
 #: take as long as 280 substeps at a tolerance of 2e-6.
 BEAT_STEPS = 400
+#: Steps of a run from which it is timed at its beginning.
+TIMED = 2e4
 #: Looks by which it shows whether amplitudes repeat, how far apart they are in periods, and the
 #: held steps in a period that tell these times apart.
 SHIFTS, SHIFT, FINEST = 9, 0.01, 100
@@ -291,6 +295,46 @@ class Probe:
         runs = [d.run(d.window(settle_s, 1, self.longest_s), settings) for d in self.drives]
         return max(_communication_steps(run) + row_times(run)[-1] * rate for run in runs)
 
+    def cost_ratio(
+        self,
+        reduced: tuple[Mapping[str, Scalar], float],
+        whole: tuple[Mapping[str, Scalar], float],
+    ) -> float | None:
+        """Processor time of all drives' runs with some settings over that with others.
+
+        None where it is not reported. Long runs are timed at their beginning.
+
+        Args:
+            reduced: settings by name, and the time before the first sample, s.
+            whole: the others.
+        """
+        evaluations, scale = [], 1.0
+        for power, (settings, settle_s) in ((1.0, reduced), (-1.0, whole)):
+            work = self.work(settings, settle_s)
+            begun_s = settle_s * min(1.0, TIMED / work)
+            scale *= (work / self.work(settings, begun_s)) ** power
+            evaluations.append(partial(self._all, settings, begun_s))
+        ratio = cost_ratio(self.workers, *evaluations)
+        return None if ratio is None else scale * ratio
+
+    def _all(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
+        """Simulate every drive, whatever is known."""
+        windows = [drive.window(settle_s, 1, self.longest_s) for drive in self.drives]
+        self.workers.run(
+            [d.run(window, settings) for d, window in zip(self.drives, windows, strict=True)]
+        )
+
+    def acts_as_substep(self, settings: Mapping[str, Scalar]) -> bool:
+        """Whether the parameter that is called a substep changes anything with these settings.
+
+        Args:
+            settings: values of FMU variables, by name.
+        """
+        coarse = 1.0 / (SUBSTEPS * self.fastest_hz)
+        return self.substep is not None and self._acts(
+            settings, self.substep, (coarse, 0.5 * coarse)
+        )
+
     def substeps_per_s(self, settings: Mapping[str, Scalar]) -> float:
         """Substeps that the FMU takes in a second of its time, counted by a fixed rule.
 
@@ -310,11 +354,9 @@ class Probe:
         if self.exchange:
             integrated = self.tolerance and self._acts(settings, self.tolerance, TOLERANCES)
             return (EXCHANGED if integrated else LINEAR) * self.fastest_hz
-        if self.substep is not None:
-            coarse = 1.0 / (SUBSTEPS * self.drives[0].fastest_hz)
-            if self._acts(settings, self.substep, (coarse, 0.5 * coarse)):
-                value = {**self.drives[0].start_values, **settings}.get(self.substep)
-                return 1.0 / float(value) if value else SUBSTEPS * self.fastest_hz
+        if self.substep is not None and self.acts_as_substep(settings):
+            value = {**self.drives[0].start_values, **settings}.get(self.substep)
+            return 1.0 / float(value) if value else SUBSTEPS * self.fastest_hz
         if self.tolerance is not None:
             if not self._acts(settings, self.tolerance, TOLERANCES):
                 return 0.0

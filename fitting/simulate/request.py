@@ -11,7 +11,7 @@ import numpy.typing as npt
 from fitting.campaign.binder import Binder
 from fitting.campaign.setup import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable
-from fitting.fmu.tone_names import other_tones
+from fitting.fmu.tone_names import amplitude_of, other_tones
 from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.simulate.drive import Drive
 from fitting.simulate.frf import DIRECTIONS, Sweep
@@ -65,7 +65,7 @@ class RequestBinder:
                     "wanted the names of those that hold the frequencies of the tones, or an "
                     "input to drive"
                 )
-            names = tuple(map(str, tones))
+            names = self._sounding(tuple(map(str, tones)), values)
             return Drive(
                 start_values=values,
                 tones_hz=tuple(self._tone_hz(name, values) for name in names),
@@ -206,6 +206,16 @@ class RequestBinder:
             if (v.kind, v.variability) == ("Real", "continuous"):
                 return (v.name,)
         raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
+
+    def _sounding(self, names: tuple[str, ...], values: Mapping[str, Scalar]) -> tuple[str, ...]:
+        """The tones that drive: one whose amplitude is 0 has no frequency; all where none does."""
+        driving = tuple(
+            name
+            for name in names
+            if (amplitude := amplitude_of(name, self.variables)) is None
+            or values.get(amplitude.name, amplitude.start)
+        )
+        return driving or names
 
     def _tone_hz(self, name: str, values: Mapping[str, Scalar]) -> float:
         unit = self.frequency_unit("tones", name)

@@ -21,7 +21,7 @@ from fitting.simulate.batch import Workers
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan, constants_of
 from fitting.simulate.knowledge import FmuLike, knowledge_of
-from fitting.simulate.planner import PlanOptions, plan_drives
+from fitting.simulate.planner import MOST_WORK, PlanOptions, plan_drives
 from fitting.simulate.unsteady import OtherLine, strongest_other_line
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
@@ -37,8 +37,6 @@ CARRIER_PERIODS = 6
 CARRIER_SAMPLES = 40  # per period
 BESIDE = 1e-6  # of the largest peak: what is more than that beside the tones needs a reason
 SMALL = 1e-8  # of the largest peak: what is less than that is rounding
-#: The search for the time to settle ends at the longer one of these, in s and in spectra.
-LONGEST_SETTLE_S, LONGEST_SETTLE_WINDOWS = 100.0, 4096
 EPS = float(np.finfo(float).eps)
 ROUNDING = 10.0 * EPS  # of the largest value: lines of an FFT that are nothing else
 
@@ -147,7 +145,7 @@ class DriveResponse:
         return self.plan.budget.kept and self.remainder.explained
 
 
-def plan_drive(
+def plan_drive(  # noqa: PLR0913 - keywords that all have defaults
     workers: FmuLike,
     drive: Drive,
     accuracy: float | None = None,
@@ -155,6 +153,7 @@ def plan_drive(
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
     shown: Shown | None = None,
+    work: float | None = None,
 ) -> DrivePlan:
     """The plan on which `simulate` stands; its arguments and errors.
 
@@ -165,14 +164,14 @@ def plan_drive(
         settle_s: time before the first sample, s.
         annotation: what the FMU says of its own accuracy.
         shown: the window that is kept as samples, None for none.
+        work: communication steps and substeps of a run at most; None: some twenty seconds.
     """
-    band, _ = _band(drive, shown or Shown())
-    longest_s = max(LONGEST_SETTLE_S, LONGEST_SETTLE_WINDOWS * float(band.window_s))
+    _band(drive, shown or Shown())  # what cannot be shown is refused before it is planned
     options = PlanOptions(
         settle_s=settle_s,
-        longest_settle_s=longest_s,
         fixed=frozenset(drive.start_values),
         usual=accuracy is None,
+        work=MOST_WORK if work is None else work,
     )
     known = knowledge_of(workers.description, annotation)
     wanted = USUAL_ACCURACY if accuracy is None else accuracy

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from fitting.simulate.budget import Basis, Decision, Kind
 from fitting.simulate.probe import Probe, Reading
 from fitting.text.arrays import Scalar
 
-#: Doublings of the time to settle, at most, and about how far beyond the end one more look is.
-DOUBLINGS, FAR = 48, 16.3
+#: Periods of the fastest line before the first sample, at most: time is a number of 53 bits, and
+#: phases after so many are known to 1e-5. About how far beyond the end one more look is.
+MOST_PERIODS, FAR = 1e10, 16.3
 #: Two times count as the same where they differ by no more than this part: by rounding.
 ROUNDED = 1e-9
 #: A change stands still that is at most this part of what is wanted.
@@ -63,6 +66,8 @@ class Settled:
 
     `steady`: the amplitudes stood still at last; `prescribed`: the time is the user's own.
     `repeats`: how far amplitudes repeat, where they do not do so as far as was wanted, else 0.
+    `ended_by`: what ended the search where it is not steady, "work" in steps of the FMU or
+    "periods", at that `limit`; `change`: how far they moved at last.
     """
 
     settle_s: float
@@ -71,6 +76,9 @@ class Settled:
     steady: bool
     prescribed: bool = False
     repeats: float = 0.0
+    ended_by: str = ""
+    limit: float = 0.0
+    change: float = 0.0
 
 
 def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: Limits) -> Settled:
@@ -87,10 +95,11 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
     """
     times, seen, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
     first_s, looked_s = _first_s(probe), 0.0
-    for k in range(DOUBLINGS):
+    most_s = min(limits.longest_s, max(MOST_PERIODS / probe.fastest_hz, first_s))
+    for k in itertools.count():
         time_s = first_s * 2.0**k
         # once a change is small enough, one doubling more shows whether the next one is so too
-        longest_s = limits.longest_s * (2.0 if changes[-1] <= QUIET * wanted else 1.0)
+        longest_s = most_s * (2.0 if changes[-1] <= QUIET * wanted else 1.0)
         if time_s > longest_s * (1.0 + ROUNDED) or probe.work(settings, time_s) > limits.work:
             break
         seen.append(probe.read(settings, time_s))
@@ -106,7 +115,23 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
             if changes[-1] <= NOISY * repeats:
                 found = _as_it_repeats(probe, times, seen, repeats)
                 return found if repeats > QUIET * wanted else replace(found, repeats=0.0)
-    bound = min(1.0, SAFETY * changes[-1])
+    ended_by_work = probe.work(settings, time_s) > limits.work
+    return replace(
+        _unsteady(times, seen, changes),
+        ended_by="work" if ended_by_work else "periods",
+        limit=limits.work if ended_by_work else most_s * probe.fastest_hz,
+        change=changes[-1],
+    )
+
+
+def _unsteady(times: list[float], seen: list[list[Reading]], changes: list[float]) -> Settled:
+    """What there is where amplitudes do not stand still.
+
+    Changes that die away bound what is left. Others bound nothing: a response that grows with time
+    changes by half at every doubling, however far it is from its end.
+    """
+    dies = len(changes) > 3 and all(b <= DYING * a for a, b in pairwise(changes[-3:]))
+    bound = SAFETY * changes[-1] if dies and changes[-1] < DYING else math.inf
     return Settled(settle_s=times[-1], bound=bound, last=tuple(seen[-1]), steady=False)
 
 
@@ -126,7 +151,7 @@ def _as_it_repeats(
     errors = [probe.errors(reading, seen[-1]) for reading in seen[k:]]
     return Settled(
         settle_s=times[k],
-        bound=min(1.0, SAFETY * max(repeats, *errors)),
+        bound=SAFETY * max(repeats, *errors),
         last=tuple(seen[k]),
         steady=True,
         repeats=repeats,
@@ -149,7 +174,7 @@ def settle_as_prescribed(
     return replace(
         reference,
         settle_s=settle_s,
-        bound=min(1.0, bound),
+        bound=bound,
         last=tuple(here),
         prescribed=True,
     )
@@ -238,7 +263,13 @@ def settling_decision(settled: Settled) -> Decision:
         basis = Basis.PRESCRIBED
     elif settled.steady and settled.settle_s == 0.0:
         basis = Basis.STEADY
-    numbers = {"settle_s": settled.settle_s}
+    numbers: dict[str, Scalar] = {"settle_s": settled.settle_s}
+    if not settled.steady:
+        numbers |= {
+            "ended_by": settled.ended_by,
+            "limit": settled.limit,
+            "change": settled.change,
+        }
     if settled.repeats:
         basis, numbers["repeats"] = Basis.REPEATED, settled.repeats
     return Decision(

@@ -14,8 +14,10 @@ import numpy as np
 from fitting.fmu import FmuVariable, row_times
 from fitting.signal.tones import ToneFit
 from fitting.simulate.batch import Workers
+from fitting.simulate.budget import Kind
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import FmuFailure, NoAnswer
 from fitting.text.units import convert, same_kind
 
 #: Samples of the look, and those in a period of the fastest tone: no ratio of small numbers.
@@ -24,6 +26,9 @@ SAMPLES, PER_PERIOD = 8192, 4.618034
 TAPERED = 3
 #: A line that is less than this part of what amplitudes may be off by does not explain it.
 EXPLAINS = 0.02
+#: Parameters that are tried for a missing damping, their values, for rates as parts of the line's
+#: frequency, and what is left of a line that decays.
+MOST_TRIED, TRIED, TRIED_HZ, DECAYED = 12, 1e-3, 1e-4, 0.5
 #: A distance is that of a parameter where the two are the same within this part of a bin.
 SAME = 0.5
 
@@ -56,9 +61,65 @@ def strongest_other_line(workers: Workers, plan: DrivePlan) -> OtherLine | None:
         workers: processes that run the FMU.
         plan: of one drive, whose amplitudes did not stand still.
     """
+    [settling] = plan.budget.of(Kind.SETTLING)
+    share, rate_hz = _shares(workers, plan, plan.settings)
+    k, output = divmod(int(np.argmax(share)), share.shape[1])
+    top = float(share[k, output])
+    moved = float(settling.numbers.get("change", plan.promised))
+    if not (TAPERED <= k < len(share) - 1 and top > EXPLAINS * moved):
+        return None
+    return OtherLine(
+        at_hz=(k + _beyond(share[k - 1 : k + 2, output])) / rate_hz,
+        share=top,
+        bin_hz=1.0 / rate_hz,
+    )
+
+
+def missing_damping(
+    workers: Workers, plan: DrivePlan, line: OtherLine, variables: Mapping[str, FmuVariable]
+) -> tuple[str, ...]:
+    """Parameters that are 0 and, where they are not, let a line beside the tones decay.
+
+    Each is tried: a rate at a ten-thousandth of the line's frequency, others at a thousandth.
+
+    Args:
+        workers: processes that run the FMU.
+        plan: of one drive, whose amplitudes did not stand still.
+        line: that does not decay.
+        variables: of the FMU, by name.
+    """
+    drive, found = plan.drives[0], []
+    values = {**drive.start_values, **plan.settings}
+    zeros = [
+        name
+        for name, variable in variables.items()
+        if (variable.causality, variable.kind) == ("parameter", "Real")
+        and name not in drive.names
+        and values.get(name, variable.start) == 0.0
+    ]
+    for name in zeros[:MOST_TRIED]:
+        unit = variables[name].unit or "1"
+        rate = same_kind(unit, "Hz")
+        tried = convert(TRIED_HZ * line.at_hz, "Hz", unit, where=name) if rate else TRIED
+        try:
+            share, rate_hz = _shares(workers, plan, {**plan.settings, name: tried})
+        except NoAnswer:
+            raise
+        except FmuFailure:  # no such value
+            continue
+        k = round(line.at_hz * rate_hz)
+        if float(np.max(share[max(0, k - TAPERED) : k + TAPERED + 1])) < DECAYED * line.share:
+            found.append(name)
+    return tuple(found)
+
+
+def _shares(
+    workers: Workers, plan: DrivePlan, settings: Mapping[str, Scalar]
+) -> tuple[FloatArray, float]:
+    """Lines (bins, outputs) beside the tones over the largest peak of each output; 1/bin in s."""
     drive = plan.drives[0]
     step_s = 1.0 / (PER_PERIOD * drive.fastest_hz)
-    run = drive.run_at(plan.settings, plan.settle_s, step_s, SAMPLES)
+    run = drive.run_at(settings, plan.settle_s, step_s, SAMPLES)
     values = workers.run([run])[0][-SAMPLES:]
     found = ToneFit(drive.tones_hz, np.array(row_times(run))[-SAMPLES:])(values)
     share = _tapered(found.rest) / np.maximum(found.amplitudes.max(axis=0), np.finfo(float).tiny)
@@ -67,15 +128,7 @@ def strongest_other_line(workers: Workers, plan: DrivePlan) -> OtherLine | None:
         k = round(tone * rate_hz)
         share[max(0, k - TAPERED) : k + TAPERED + 1] = 0.0
     share[:TAPERED] = 0.0
-    k, output = divmod(int(np.argmax(share)), share.shape[1])
-    top = float(share[k, output])
-    if not (TAPERED <= k < len(share) - 1 and top > EXPLAINS * plan.promised):
-        return None
-    return OtherLine(
-        at_hz=(k + _beyond(share[k - 1 : k + 2, output])) / rate_hz,
-        share=top,
-        bin_hz=1.0 / rate_hz,
-    )
+    return share, rate_hz
 
 
 def _tapered(values: FloatArray) -> FloatArray:

@@ -18,7 +18,9 @@ struct rk4_equations rk4_equations_of(const struct parameters *p, const struct m
     memset(&e, 0, sizeof e);
     e.pumped = pumped(&p->modes);
     e.fastest_hz = fastest_hz;
-    fastest = fmax(fmax(fastest_hz, p->u[0]), fmax(p->u[1], e.pumped ? p->modes.pump_hz : 0.0));
+    fastest = fmax(fastest_hz, e.pumped ? p->modes.pump_hz : 0.0);
+    for (int i = 0; i < 2; ++i) /* a tone that is switched off has no frequency */
+        fastest = p->size[i] != 0.0 ? fmax(fastest, p->u[i]) : fastest;
     e.substep = substep != 0.0 ? substep : 1.0 / (SUBSTEPS_PER_PERIOD * fastest);
     for (int i = 0; i < MODES; ++i) {
         e.damping[i] = TWO_PI * p->modes.d[i];

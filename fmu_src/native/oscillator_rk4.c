@@ -8,7 +8,9 @@ void rk4_prepare(struct rk4_solver *solver, const struct parameters *p, double s
                  const double offsets[2])
 {
     const double u[] = {p->u1, p->u2}, size[] = {p->A1, p->A2}, phase[] = {p->phase1, p->phase2};
-    const double fastest = fmax(fmax(p->eta_plus, p->eta_minus), fmax(p->u1, p->u2));
+    /* a tone that is switched off has no frequency */
+    const double driven = fmax(p->A1 != 0.0 ? p->u1 : 0.0, p->A2 != 0.0 ? p->u2 : 0.0);
+    const double fastest = fmax(fmax(p->eta_plus, p->eta_minus), driven);
     const struct damping w = damping_of(p);
     const double plus = TWO_PI * p->eta_plus, minus = TWO_PI * p->eta_minus;
     memset(solver, 0, sizeof *solver);

@@ -106,7 +106,7 @@ def planned(
 def test_the_fmu_says_what_may_be_left_out(workers: FmuWorkers) -> None:
     own = read_accuracy_annotation(workers.description)
     assert own.substep == "rk4_substep"
-    assert own.reductions[0] == Reduction("periodic start", {"periodic_start": True}, cost=0.2)
+    assert own.reductions[0] == Reduction("periodic start", {"periodic_start": True}, start=True)
     assert own.reductions[1].bound == "{output}_error"
 
 

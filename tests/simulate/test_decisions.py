@@ -144,11 +144,11 @@ def test_an_input_that_cannot_be_held_more_finely_is_promised_nothing() -> None:
     drive = replace(DRIVE, input="b", steps_per_period=400)
     found = plan_drives((drive,), 1e-3, Staircase(), Knowledge(), None)
     decision = only(found, Kind.INPUT)
-    assert (decision.numbers["steps_per_period"], decision.bound) == (400, 1.0)
+    assert (decision.numbers["steps_per_period"], decision.bound) == (400, math.inf)
 
 
 def test_a_users_own_value_of_which_no_finer_one_runs_is_promised_nothing() -> None:
-    """An error that cannot be measured may be all of the amplitude, and is not more."""
+    """An error that cannot be measured has no bound."""
 
     def output(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
         if float(values.get("h", 1.0)) < 4e-4:
@@ -157,7 +157,8 @@ def test_a_users_own_value_of_which_no_finer_one_runs_is_promised_nothing() -> N
 
     drive = replace(DRIVE, start_values={"h": 5e-4})
     found = plan(output, 1e-4, PlanOptions(fixed=frozenset({"h"})), drive, substep="h")
-    assert only(found, Kind.SOLVER).bound == 1.0
+    assert only(found, Kind.SOLVER).bound == math.inf
+    assert not found.budget.kept
     assert not found.budget.kept
 
 
@@ -184,11 +185,11 @@ def test_a_linear_response_needs_no_more_than_its_tones() -> None:
     assert only(found, Kind.SAMPLES).numbers["finer"] == 5
 
 
-def test_what_folds_onto_the_tone_whatever_is_tried_may_be_all_of_it_and_is_not_more() -> None:
+def test_what_folds_onto_the_tone_whatever_is_tried_is_in_the_bound() -> None:
     """Pulses: forty harmonics as strong as the tone. Each that is folded adds all of it again."""
     found = plan(together(*(line(k * F_HZ, 1.0) for k in range(1, 42))), 1e-3)
     assert found.amplitudes[0][0, 0] > 1.5
-    assert only(found, Kind.SAMPLES).bound == 1.0
+    assert only(found, Kind.SAMPLES).bound >= found.amplitudes[0][0, 0] - 1.0
 
 
 def test_rounding_is_that_of_the_weakest_tone_of_all_drives() -> None:
@@ -249,7 +250,7 @@ def test_a_reduction_is_taken_where_its_error_fits_and_it_saves() -> None:
     assert decision.basis is Basis.COMPARED
     assert 2.0 * 5e-5 <= decision.bound <= 1e-3 * SHARES[Kind.MODEL]
     assert decision.numbers["left"] == pytest.approx(1e-3 * SHARES[Kind.MODEL])
-    assert 0.0 < float(decision.numbers["work"]) < 0.8
+    assert float(decision.numbers["times_cheaper"]) >= 1.0
     assert found.promised <= 1e-3
     assert found.amplitudes[0][0, 0] == pytest.approx(1.0 + 5e-5)
 
@@ -325,33 +326,6 @@ def stated_plan(
     variables: Any = {"x_error": SimpleNamespace(min=None, max=None)}
     known = Knowledge(AccuracyAnnotation(substep="h", reductions=(STATED,)), variables)
     return plan_drives(drives, 1e-3, workers, known, options)
-
-
-def test_a_reduction_is_measured_against_a_full_model_whose_own_error_is_told() -> None:
-    """By Richardson's rule the change of a halving of h^4 is fifteen times what is left."""
-    found = stated_plan(stated(2.8e-4))
-    decision = only(found, Kind.MODEL)
-    assert decision.basis is Basis.REFINED
-    own = (float(decision.numbers["step"]) / FULL_S) ** 4
-    assert decision.numbers["own"] == pytest.approx(own, rel=0.01)
-    assert decision.numbers["difference"] == pytest.approx(2.8e-4 - own, rel=0.01)
-    assert 2.0 * 2.8e-4 <= decision.bound <= 0.6e-3
-
-
-@pytest.mark.parametrize(("full_s", "fits"), [(2e-3, False), (2.6e-3, False), (2.9e-3, True)])
-def test_what_a_measured_reduction_takes_is_left_out_elsewhere(full_s: float, fits: bool) -> None:
-    """It takes 0.56 of the accuracy, so the 0.34 beside the maximum's are for 0.6 of shares.
-
-    The substep's quarter is then 1.4e-4, of which a fortieth of a period takes 15/8 (h/T)^4.
-    """
-    first_s = 1.0 / (40.0 * F_HZ)
-    assert (15.0 / 8.0 * (first_s / full_s) ** 4 <= 1e-3 * 0.25 * 0.34 / 0.6) is fits
-    found = stated_plan(stated(2.8e-4, full_s))
-    model = only(found, Kind.MODEL)
-    assert model.taken
-    assert model.bound == pytest.approx(5.6e-4, rel=0.01)
-    assert (float(found.settings["h"]) == first_s) is fits
-    assert found.promised <= 1e-3
 
 
 def test_a_substep_of_the_users_own_is_not_refined_to_measure_a_reduction() -> None:

@@ -193,11 +193,17 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
             ("maximum of the sweep: 5 points 0.25 Hz", "1 kHz", "at most 2.0e-06"),
         ),
         (
-            model(Basis.STATED, 1e-4, numbers={"left": 3e-4, "work": 0.25, "outputs": "x_error"}),
-            ("far mode left out: far = false; ", "x_error", "0.25 of", "at most 1.0e-04"),
+            model(
+                Basis.STATED,
+                1e-4,
+                numbers={"left": 3e-4, "times_cheaper": 4.0, "outputs": "x_error"},
+            ),
+            ("far mode left out: far = false; ", "x_error", "1/4 of", "at most 1.0e-04"),
         ),
         (
-            model(Basis.COMPARED, 4e-4, numbers={"left": 3e-4, "work": 0.25, "safety": 2.0}),
+            model(
+                Basis.COMPARED, 4e-4, numbers={"left": 3e-4, "times_cheaper": 4.0, "safety": 2.0}
+            ),
             ("far mode left out: far = false; ", "2 times", "too long", "at most 4.0e-04"),
         ),
         (
@@ -214,8 +220,12 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
             ),
         ),
         (
-            model(Basis.UNMEASURED, math.nan, numbers={"work": 0.9}, taken=False),
-            ("far mode left out: far = false; not taken", "takes 0.9 of"),
+            model(Basis.NO_CHEAPER, math.nan, taken=False),
+            ("far mode left out: far = false; not taken", "as long"),
+        ),
+        (
+            model(Basis.CLOSED, 0.0, numbers={"left": 3e-4, "times_cheaper": 8.0}),
+            ("far mode left out: far = false; ", "orbit closes", "1/8 of"),
         ),
         (
             model(Basis.FORBIDDEN, math.nan, forced=True, taken=False),

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import fitting as ff
-from fitting.cli.words.values import positive_time, quantity
+from fitting.cli.words.values import number_of_steps, positive_time, quantity
 from fitting.text.choices import INTERFACES
 
 if TYPE_CHECKING:
@@ -55,6 +55,20 @@ def add_interface(parser: argparse.ArgumentParser) -> None:
         "--interface",
         choices=INTERFACES,
         help=f"by which the FMU is run ({INTERFACES[0]} where it offers that)",
+    )
+
+
+def add_work(parser: argparse.ArgumentParser) -> None:
+    """Declare how many steps of the FMU a run may take.
+
+    Args:
+        parser: of the command.
+    """
+    parser.add_argument(
+        "--work",
+        type=number_of_steps,
+        metavar="STEPS",
+        help="steps of the FMU that a run may take, at most (2e6)",
     )
 
 

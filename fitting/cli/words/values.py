@@ -85,6 +85,21 @@ def bounded_number(text: str) -> float:
     return value
 
 
+def number_of_steps(text: str) -> float:
+    """An argparse type: how many steps, as "2e6".
+
+    Args:
+        text: of the option.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 1.0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"found {shown(text)}, wanted a number of at least 1")
+    return value
+
+
 def relative_accuracy(option: str) -> Callable[[str], float]:
     """An argparse type: a relative accuracy above 0 and below 1.
 
