@@ -62,12 +62,14 @@ class Problem:
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
         noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.
+        accuracy: Wanted relative accuracy of simulated amplitudes, between 0 and 1; None: those of
+            the setups, or a tenth of the noise of the data.
 
     Raises:
         BadInput: nothing to fit, or names, units or shapes that fit neither FMU nor each other.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - keywords that all have defaults
         self,
         fmu: Fmu | str | Path,
         parameters: Sequence[Parameter] | Parameter,
@@ -76,7 +78,10 @@ class Problem:
         derived: Sequence[str] | str = (),
         alternatives: Mapping[str, Sequence[Scalar]] | None = None,
         noise: Noise | None = None,
+        accuracy: float | None = None,
     ) -> None:
+        if accuracy is not None:
+            checked_accuracy(accuracy, "accuracy")
         if noise is not None and not isinstance(noise, Noise):
             raise BadInput(f"problem: noise is {shown(noise)}, wanted a Noise")
         fmu = held_fmu(fmu)
@@ -88,6 +93,8 @@ class Problem:
             alternatives=alternatives,
             noise=noise,
         )
+        if accuracy is not None:
+            bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
         refuse_repeats(bound)
         record = problem_of(bound)
         self._take(record, options_of(ContinuationSettings(), record.measurements), fmu)
@@ -123,10 +130,7 @@ class Problem:
         bound = [bind(campaign, fmu.variables) for campaign in read]
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
-            bound = [
-                replace(b, setup=replace(b.setup, accuracy=accuracy, usual_accuracy=False))
-                for b in bound
-            ]
+            bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
         if start is not None:
             bound = started(bound, start)
         record = problem_of(bound)

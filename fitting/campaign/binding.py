@@ -124,7 +124,6 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             steady_start=file.observe.steady_start,
             line_width_hz=file.observe.line_width,
             accuracy=USUAL_ACCURACY if accuracy is None else accuracy,
-            usual_accuracy=accuracy is None,
             annotation=annotation,
         )
         experiments = _bind_experiments(campaign, binder, drive, drift, output)

@@ -568,7 +568,8 @@ class WrittenAccuracy(AccuracyNames):
     """
 
     amplitude: Positive | None = None
-    """Wanted relative accuracy of simulated amplitudes, below 1; none: 1e-6, or the FMU's best."""
+    """Wanted relative accuracy of simulated amplitudes, below 1; none: a tenth of the noise of the
+    data, or the FMU's best."""
     full: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the model with nothing left out."""
     reductions: Annotated[

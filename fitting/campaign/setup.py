@@ -71,8 +71,12 @@ class Drive:
         return "tones" if self.frequency_names else "none"
 
 
-#: Wanted relative accuracy of simulated amplitudes where none is asked for.
-USUAL_ACCURACY = 1e-6
+class UsualAccuracy(float):
+    """An accuracy that nobody has requested: a plan takes that for the noise of the data."""
+
+
+#: Wanted relative accuracy of simulated amplitudes where none is requested and no noise is known.
+USUAL_ACCURACY = UsualAccuracy(1e-6)
 
 
 @checked
@@ -86,9 +90,8 @@ class Setup:
         start_values: Start values of every run by variable, none of them a fitted one.
         steady_start: Whether the FMU begins on its periodic orbit: then nothing has to settle.
         line_width_hz: Width of the narrowest line, Hz, which tells how long settling takes.
-        accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1.
-        usual_accuracy: Whether nobody has asked for it: then it is what the FMU can give, where
-            that is less.
+        accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1; none: a
+            tenth of the noise of the data, or what the FMU can give, where that is less.
         annotation: What is known of the FMU's accuracy, and of what it may leave out.
         laws: Formulas that variables of the FMU follow.
         source: What complaints name it by.
@@ -101,7 +104,11 @@ class Setup:
     steady_start: bool = False
     line_width_hz: float | None = None
     accuracy: float = USUAL_ACCURACY
-    usual_accuracy: bool = False
     annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
     laws: Laws = field(default_factory=Laws)
     source: str = ""
+
+    @property
+    def usual_accuracy(self) -> bool:
+        """Whether nobody has requested the accuracy."""
+        return isinstance(self.accuracy, UsualAccuracy)

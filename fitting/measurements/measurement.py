@@ -25,6 +25,7 @@ import numpy.typing as npt
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
 from fitting.measurements.complex.gain import Solved
+from fitting.measurements.datum_noise import least_noise
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.plan import Plan
@@ -122,6 +123,11 @@ class Measurement:
     def measured_rows(self) -> FloatArray:
         """What the scale multiplies in each row where the model fits: dr/d ln chi = r + it."""
         return np.zeros(self.rows)
+
+    @property
+    def datum_noise(self) -> float:
+        """Relative standard deviation of its least noisy datum, stated or estimated; else zero."""
+        return least_noise(self.sigma, self.measured_rows)
 
     @property
     def settles(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter, axis_ends, bounds, planning_points, starts
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import VariableLike
+from fitting.measurements.datum_noise import accuracy_for
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
@@ -61,6 +62,26 @@ class Series:
         """How all of them drive the FMU."""
         return self.measurements[0].setup
 
+    @cached_property
+    def noise(self) -> float:
+        """Relative standard deviation of the least noisy datum; zero where none is known."""
+        return min((n for m in self.measurements if (n := m.datum_noise) > 0.0), default=0.0)
+
+    @property
+    def accuracy(self) -> float:
+        """Wanted relative accuracy: the campaign's, else that for the noise, else the usual one."""
+        of_noise = accuracy_for([self.noise]) if self.setup.usual_accuracy else None
+        return self.setup.accuracy if of_noise is None else of_noise
+
+    @property
+    def goal(self) -> Budget:
+        """The budget of that accuracy, with why it is wanted where nobody has requested it."""
+        if not (self.setup.usual_accuracy and self.noise):
+            return Budget(self.accuracy)
+        numbers = {"given": self.accuracy, "noise": self.noise}
+        why = Decision(kind=Kind.ACCURACY, basis=Basis.NOISE, bound=0.0, numbers=numbers)
+        return Budget(self.accuracy, (why,))
+
     @property
     def line_width_hz(self) -> float | None:
         """Line width that the setup states, or that a measurement shows, Hz."""
@@ -81,14 +102,14 @@ def plan_series(series: Series) -> Plan:
             apart.
     """
     if not any(m.settles for m in series.measurements):
-        return _planned(series, Plan(0.0, budget=Budget(series.setup.accuracy)))
+        return _planned(series, Plan(0.0, budget=series.goal))
     if series.setup.drive.kind == "none":
         raise BadInput(
             f"{series.setup.source}: [drive] names neither frequencies nor an input; wanted what "
             "drives the FMU"
         )
     settle_s, decision = _settling(series)
-    return _planned(series, Plan(settle_s, budget=Budget(series.setup.accuracy, (decision,))))
+    return _planned(series, Plan(settle_s, budget=series.goal.with_decision(decision)))
 
 
 def _planned(series: Series, plan: Plan) -> Plan:
@@ -109,7 +130,7 @@ def _settling(series: Series) -> tuple[float, Decision]:
             f"line_width; "
             "wanted one of them, or a sweep, to know how long the FMU takes to settle"
         )
-    left = TRANSIENT * series.setup.accuracy
+    left = TRANSIENT * series.accuracy
     settle = settling_s(width, left)
     return settle, Decision(
         kind=Kind.SETTLING,
@@ -164,14 +185,14 @@ def measured_plan(
 
     def planned(known: Knowledge) -> Plan:
         options = PlanOptions(examples=True, usual=setup.usual_accuracy)
-        found = plan_drives(drives, setup.accuracy, workers, known, options)
+        found = plan_drives(drives, series.accuracy, workers, known, options)
         while lost := _lost(found, ends, workers, known):
             known = _without(known, lost)
-            found = plan_drives(drives, setup.accuracy, workers, known, options)
+            found = plan_drives(drives, series.accuracy, workers, known, options)
         settle_s = _settle_s(series, found, draft)
         measured = Plan(
             settle_s=settle_s,
-            budget=_with_settling(found, settle_s),
+            budget=_with_settling(series, found, settle_s),
             order=found.order,
             settings=found.settings,
             grid=found.drives[0].grid,
@@ -260,14 +281,18 @@ def _settle_s(series: Series, found: DrivePlan, draft: Plan) -> float:
     return max(stated, LESS_DAMPING * found.settle_s)
 
 
-def _with_settling(found: DrivePlan, settle_s: float) -> Budget:
+def _with_settling(series: Series, found: DrivePlan, settle_s: float) -> Budget:
     """The budget with the settling that is planned, which is longer than what was measured.
+
+    What was wanted, and why, is said first, unless it is what the FMU can give.
 
     The windows are those of the campaign's experiments, which are decided on by themselves.
     """
     kept = (d for d in found.budget.decisions if d.kind != Kind.WINDOW)
     decisions = tuple(_longer(d, settle_s) for d in kept)
-    return Budget(found.budget.wanted, decisions)
+    is_goal = found.budget.wanted == series.accuracy
+    why = series.goal.decisions if is_goal else ()
+    return Budget(found.budget.wanted, (*why, *decisions))
 
 
 def _longer(decision: Decision, settle_s: float) -> Decision:

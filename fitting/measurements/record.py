@@ -9,6 +9,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
+from fitting.measurements.datum_noise import white_noise
 from fitting.measurements.measurement import Values
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.text.arrays import FloatArray, Scalar
@@ -45,6 +46,12 @@ class Measured:
     def row_sigma(self) -> float:
         """Standard deviation of its rows; zero where unknown."""
         raise NotImplementedError
+
+    @property
+    def estimated_noise(self) -> float:
+        """Standard deviation of a datum over the largest one, from the scatter of all."""
+        largest = float(np.max(np.abs(self.y), initial=0.0))
+        return white_noise(self.y) / largest if largest > 0.0 else 0.0
 
     def rows_of(self, values: Values) -> FloatArray:
         """Rows of a difference from the data.

@@ -18,6 +18,7 @@ import numpy as np
 from fitting.campaign import BoundCampaign, Setup, SweepData
 from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigmas
 from fitting.measurements.curve_survey import plan_curve
+from fitting.measurements.datum_noise import least_noise, white_noise
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import (
@@ -148,6 +149,14 @@ class Sweep(Measurement):
         return self._shape / self.maximum_v if self.fitted else np.empty(0)
 
     @property
+    def datum_noise(self) -> float:
+        """Relative standard deviation of its least noisy datum, or of the scale that it gives."""
+        if not self.fitted:
+            return self.scale_sigma
+        stated = least_noise(self.sigma, self.measured_rows)
+        return stated or white_noise(self.amplitude_v) / self.maximum_v
+
+    @property
     def added(self) -> str:
         """What is solved inside beside its amplitudes: "offset", "slope", or nothing: "none"."""
         return self.background if self.fitted and self.background in ADDED else "none"
@@ -241,7 +250,8 @@ class Sweep(Measurement):
             return plan
         centre = laboratory_maximum(self.frequency_hz, self.amplitude_v).frequency_hz
         spacing = 0.5 * self.line_width_hz
-        bias = SHARES[Kind.MAXIMUM] * self.setup.accuracy
+        wanted = self.setup.accuracy if plan.budget is None else plan.budget.wanted
+        bias = SHARES[Kind.MAXIMUM] * wanted
         decision = Decision(
             kind=Kind.MAXIMUM,
             basis=Basis.POLYNOMIAL,

@@ -12,6 +12,7 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.measurements.curve_survey import plan_curve
+from fitting.measurements.datum_noise import least_noise
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.few_places import few_of
 from fitting.measurements.figure import Figure
@@ -101,6 +102,13 @@ class Together(Measurement, Generic[R]):
     def sigma(self) -> FloatArray:
         """Standard deviation of every row, (rows,); zero where unknown."""
         return np.concatenate([np.full(x.rows, x.row_sigma) for x in self.records])
+
+    @property
+    def datum_noise(self) -> float:
+        """Relative standard deviation of its least noisy datum, stated or estimated; else zero."""
+        stated = least_noise(self.sigma, self.measured_rows)
+        seen = [noise for x in self.records if not stated and (noise := x.estimated_noise) > 0.0]
+        return stated or min(seen, default=0.0)
 
     @property
     def solved_inside(self) -> int:

@@ -43,6 +43,7 @@ class Basis(StrEnum):
     OWN_STEP = "own step"  # grid: the FMU stands still between steps of its own
     FIXED_STEP = "fixed step"  # grid: the FMU declares a fixed step
     OTHER_STEPS = "other steps"  # grid: the FMU refuses steps that are no multiple of it
+    NOISE = "noise"  # accuracy: a part of the noise of the data
     USUAL = "usual"  # accuracy: none was asked for, and the usual one is beyond the FMU
     ORDER = "order"  # step: errors fall as a power of it, seen over three steps
     PRESCRIBED = "prescribed"  # settling, solver: the user's own value

@@ -18,7 +18,7 @@ from fitting.simulate.batch import Workers
 #: A reduction is taken where an evaluation then takes less than this part of the processor time.
 CHEAPER = 0.8
 #: Pairs that are timed, those in all where their median is a doubtful one, and what is doubtful.
-PAIRS, MORE_PAIRS, DOUBTFUL = 5, 25, (0.6, 1.3)
+PAIRS, MORE_PAIRS, DOUBTFUL = 3, 15, (0.65, 0.95)
 #: Processor time of pairs from which no more are timed, s.
 ENOUGH_S = 0.5
 

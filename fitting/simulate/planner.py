@@ -72,7 +72,7 @@ BEARABLE = 0.05
 SOON = 64.0
 #: Substeps in a period of the fastest tone, to begin with; halvings from there at most; and the
 #: change of an amplitude by the next one that a search for the time to settle can bear.
-PER_PERIOD, HALVINGS, COARSE_SUBSTEP = 40.0, 20, 0.05
+PER_PERIOD, HALVINGS, COARSE_SUBSTEP = 40.0, 20, 0.01
 #: Amplitudes repeat better at an FMU's own steps where they do so by this factor.
 BETTER = 0.1
 #: What bounds rest on that no other setting of a plan makes smaller.
@@ -237,16 +237,12 @@ class _Planner:
         key = tuple(sorted(settings.items()))
         if key not in self._substeps:
             acts = self.probe.acts_as_substep(settings)
-            value = self._first_substep(name) if acts else None
-            parameter, settle_s = (
-                self._solver_parameter(name),
-                FIRST_PERIODS / self.probe.fastest_hz,
-            )
+            value = self._first_substep(name)
             for _ in range(HALVINGS if acts else 0):
-                if not parameter.error_at(settings, settle_s, value) > COARSE_SUBSTEP:
+                if self.probe.substep_error(settings, value) <= COARSE_SUBSTEP:
                     break
                 value *= 0.5
-            self._substeps[key] = value
+            self._substeps[key] = value if acts else None
         return self._substeps[key]
 
     def _first_substep(self, name: str) -> float:
@@ -499,7 +495,7 @@ class _Planner:
                 return no_cheaper(reduction)
             decision = with_numbers(self._effect(settings, reduction, after), left=left)
         except FmuFailure as error:
-            if forced:
+            if forced or isinstance(error, NoAnswer):
                 raise
             return refused(reduction, error.message)
         if forced:

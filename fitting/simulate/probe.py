@@ -48,8 +48,8 @@ LINEAR = 16.0
 #: fifty steps of seven evaluations. Averaged equations of two modes in Python were measured to
 #: take as long as 280 substeps at a tolerance of 2e-6.
 BEAT_STEPS = 400
-#: Steps of a run from which it is timed at its beginning.
-TIMED = 2e4
+#: Steps of a run from which it is timed at its beginning, and drives that are timed.
+TIMED, MOST_TIMED = 4e3, 4
 #: Looks by which it shows whether amplitudes repeat, how far apart they are in periods, and the
 #: held steps in a period that tell these times apart.
 SHIFTS, SHIFT, FINEST = 9, 0.01, 100
@@ -300,29 +300,28 @@ class Probe:
         reduced: tuple[Mapping[str, Scalar], float],
         whole: tuple[Mapping[str, Scalar], float],
     ) -> float | None:
-        """Processor time of all drives' runs with some settings over that with others.
+        """Processor time of the first drives' runs with some settings over that with others.
 
-        None where it is not reported. Long runs are timed at their beginning.
+        None where it is not reported. Of long runs the first steps are timed, and all are counted.
 
         Args:
             reduced: settings by name, and the time before the first sample, s.
             whole: the others.
         """
+        timed = self.drives[:MOST_TIMED]
         evaluations, scale = [], 1.0
         for power, (settings, settle_s) in ((1.0, reduced), (-1.0, whole)):
             work = self.work(settings, settle_s)
-            begun_s = settle_s * min(1.0, TIMED / work)
-            scale *= (work / self.work(settings, begun_s)) ** power
-            evaluations.append(partial(self._all, settings, begun_s))
+            if work <= TIMED:
+                windows = [drive.window(settle_s, 1, self.longest_s) for drive in timed]
+                runs = [d.run(w, settings) for d, w in zip(timed, windows, strict=True)]
+            else:
+                rate, step_s = self.substeps_per_s(settings), 1.0 / (FINEST * self.fastest_hz)
+                runs = [d.run_at(settings, TIMED / rate, step_s, 2) for d in timed]
+                scale *= (work / TIMED) ** power
+            evaluations.append(partial(self.workers.run, runs))
         ratio = cost_ratio(self.workers, *evaluations)
         return None if ratio is None else scale * ratio
-
-    def _all(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
-        """Simulate every drive, whatever is known."""
-        windows = [drive.window(settle_s, 1, self.longest_s) for drive in self.drives]
-        self.workers.run(
-            [d.run(window, settings) for d, window in zip(self.drives, windows, strict=True)]
-        )
 
     def acts_as_substep(self, settings: Mapping[str, Scalar]) -> bool:
         """Whether the parameter that is called a substep changes anything with these settings.
@@ -380,18 +379,41 @@ class Probe:
             if period > beats and self.substeps_per_s(settings) * period > COSTLY:
                 self.longest_s = min(self.longest_s, beats)
 
+    def substep_error(self, settings: Mapping[str, Scalar], value: float) -> float:
+        """Change of a short run by half a substep, over its largest value; infinite: one fails.
+
+        Args:
+            settings: values of FMU variables, by name.
+            value: of the substep, in its unit.
+        """
+        try:
+            a, b = self._short_runs(settings, str(self.substep), (value, 0.5 * value))
+        except NoAnswer:
+            raise
+        except FmuFailure:  # too long a substep, for one
+            return math.inf
+        largest = float(np.max(np.abs(b)))
+        change = float(np.max(np.abs(a - b)))
+        return change / largest if largest > 0.0 and math.isfinite(change) else math.inf
+
+    def _short_runs(
+        self, settings: Mapping[str, Scalar], name: str, values: tuple[float, float]
+    ) -> list[FloatArray]:
+        """Short runs with each of these values of a solver's parameter."""
+        drive = self.drives[0]
+        tone = drive.fastest_hz
+        # the window of one tone is short, whatever the others are
+        one = replace(drive, tones_hz=(tone,), read_hz=(), highest_order=1)
+        window = one.window(TRIAL_PERIODS / tone)
+        return self.workers.run([one.run(window, {**settings, name: v}) for v in values])
+
     def _acts(self, settings: Mapping[str, Scalar], name: str, values: tuple[float, float]) -> bool:
         """Whether a short run with these values of a solver's parameter differs in any bit."""
         others = {key: value for key, value in settings.items() if key != name}
         key = name, _key(others)
         if key not in self._acting:
-            drive = self.drives[0]
-            tone = drive.fastest_hz
-            # the window of one tone is short, whatever the others are
-            one = replace(drive, tones_hz=(tone,), read_hz=(), highest_order=1)
-            window = one.window(TRIAL_PERIODS / tone)
             try:
-                a, b = self.workers.run([one.run(window, {**others, name: v}) for v in values])
+                a, b = self._short_runs(others, name, values)
                 self._acting[key] = a.tobytes() != b.tobytes()
             except NoAnswer:
                 raise

@@ -108,6 +108,11 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
             )
 
     @property
+    def datum_noise(self) -> float:
+        """Relative standard deviation of the amplitude in a bin, half of that of its density."""
+        return float(0.5 / np.sqrt(max(each.count for each in self.spectra)))
+
+    @property
     def is_curve(self) -> bool:
         """Its residuals tell how neighbours are correlated, where enough was averaged."""
         return all(each.is_curve for each in self.spectra)
