@@ -307,7 +307,7 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         {},
         (
             ("periodic start", {"periodic_start": True}, START),
-            ("rotating frame", {"solver": ENVELOPE}, "{output}_error"),
+            ("rotating frame", {"solver": ENVELOPE}, "{output}_error", 1.0),
         ),
     )
 

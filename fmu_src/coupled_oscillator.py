@@ -98,7 +98,7 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver | SingleMo
             ("periodic start", {"periodic_start": True}, START),
             ("far mode left out", {"other_mode": LEFT_OUT}, "{output}_error"),
             ("far mode quasi-static", {"other_mode": QUASI_STATIC}, "{output}_error"),
-            ("rotating frame", {"solver": ENVELOPE}, "{output}_error"),
+            ("rotating frame", {"solver": ENVELOPE}, "{output}_error", 1.0),
         ),
     )
 

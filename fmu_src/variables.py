@@ -106,13 +106,14 @@ class Accuracy:
 
     ``tolerance`` and ``substep`` are parameters; ``full`` start values of the whole model;
     ``reductions`` rows (name, start values that make it cheaper, what bounds its error: an output,
-    START where the start state alone is set and the model is whole, None where nothing is known).
+    START where the start state alone is set and the model is whole, None where nothing is known;
+    and the part of a run's work that is left at equal steps, where that is known beforehand).
     """
 
     tolerance: str | None
     substep: str | None
     full: Mapping[str, Any]
-    reductions: Sequence[tuple[str, Mapping[str, Any], str | None]]
+    reductions: Sequence[tuple[Any, ...]]
 
     def to_xml(self) -> Element:
         """Return the VendorAnnotations element."""
@@ -125,10 +126,12 @@ class Accuracy:
         )
         if self.full:
             _add_settings(SubElement(element, "Full"), self.full)
-        for name, settings, bound in self.reductions:
+        for name, settings, bound, *cost in self.reductions:
             attributes = {"name": name}
             if bound is not None:
                 attributes.update({"start": "true"} if bound == START else {"bound": bound})
+            if cost:
+                attributes["cost"] = str(cost[0])
             _add_settings(SubElement(element, "Reduction", attributes), settings)
         return root
 

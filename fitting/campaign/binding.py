@@ -442,7 +442,13 @@ def _bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> Acc
     readers.append(partial(binder.settings, choice.full))
     gathered(readers)
     reductions = tuple(
-        Reduction(entry.name, binder.settings(entry.set), bound=entry.bound, cost=entry.cost)
+        Reduction(
+            entry.name,
+            binder.settings(entry.set),
+            bound=entry.bound,
+            cost=entry.cost,
+            start=entry.start,
+        )
         for entry in choice.reductions
     )
     same = {of.name: getattr(choice, of.name) for of in fields(AccuracyNames)}

@@ -552,8 +552,10 @@ class WrittenReduction(Keys):
     """Start values that make the FMU cheaper."""
     bound: Text | None = None
     """FMU output that bounds what is left out; {output} is the observed one."""
+    start: Switch = False
+    """Whether it sets the start state alone, and the model is whole."""
     cost: Positive = 0.5
-    """Part of a run's work that is left: 1 where the reduction saves nothing."""
+    """Part of a run's work that is left, where processor time is not reported."""
 
     def __post_init__(self) -> None:
         if not self.set:

@@ -525,11 +525,12 @@ class _Planner:
             self._settle(settings)
         key = tuple(sorted(settings.items()))
         known = self._settled.get(key, after)
+        work = self.probe.work(reduced, after.settle_s)
+        counted = reduction.cost * work / self.probe.work(settings, known.settle_s)
+        if reduction.cost >= 1.0 and counted > CHEAPER:  # stated to save nothing at equal steps
+            return counted
         ratio = self.probe.cost_ratio((reduced, after.settle_s), (settings, known.settle_s))
-        if ratio is None:  # steps are known, their cost is not
-            work = self.probe.work(reduced, after.settle_s)
-            return reduction.cost * work / self.probe.work(settings, known.settle_s)
-        return ratio
+        return counted if ratio is None else ratio
 
     def _effect(
         self, settings: dict[str, Scalar], reduction: Reduction, after: Settled
