@@ -19,12 +19,15 @@ LOCK_IN, ZERO_SPAN = DEMODULATED = ("lock-in", "zero-span")
 CURVES = (*WIRED, CROSSING, *TIME_SERIES, *DEMODULATED)
 #: Series of the virtual laboratory.
 SERIES = (*BENCHES, PUMPED, SUBHARMONIC)
-#: Scenes of a study of accuracy against cost, `fitting.lab.tradeoff.scenes`.
-SCENES = ("string", "low-q", "duffing", "duffing-string")
-#: What such a study measures: the amplitudes of a two-tone drive; the line width, read off a sweep
-#: by a fit of one mode; the line width, fitted through the simulator to the amplitudes.
-AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS = "amplitudes", "width by sweep", "width by amplitudes"
-QUANTITIES = (AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS)
+#: Synthetic campaigns whose accuracy is compared with its cost: a series of the virtual laboratory,
+#: or a curve.
+SCENES = {
+    "string": ("series", "q1"),
+    "duffing-string": ("series", DUFFING),
+    "pumped-string": ("series", SUBHARMONIC),
+    "ringdown": ("curve", RINGDOWN),
+}
+USUAL_SCENE = "string"
 #: The file that holds the truth behind a campaign.
 TRUTH_NAME = "truth.toml"
 #: What synthetic campaigns consist of, whichever of them was made before in the same folder.

@@ -27,10 +27,9 @@ from fitting.design.api import CAMPAIGN_FOLDER, TABLE_NAME
 from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME, SWEEPS_NAME
 from fitting.fit import checkpoint
 from fitting.lab import benches
-from fitting.lab.names import BENCHES, SCENES
+from fitting.lab.names import BENCHES, CURVES, SCENES, SERIES
 from fitting.lab.tradeoff import FILES as STUDY_FILES
-from fitting.lab.tradeoff import study
-from fitting.lab.tradeoff.scenes import scene_named
+from fitting.lab.tradeoff import ROWS_NAME
 from fitting.result.result import write_result
 from tests.support.processes import MOST_S
 
@@ -67,9 +66,9 @@ def test_names_that_stand_by_themselves_are_those_of_the_rooms() -> None:
     assert {design_result.NAME, TABLE_NAME} < set(DESIGN_FILES)
     proposed = {CAMPAIGN_NAME, EXPERIMENTS_NAME, f"{SWEEP_NAME}.*", SWEEPS_NAME}
     assert {f"{CAMPAIGN_FOLDER}/{name}" for name in proposed} < set(DESIGN_FILES)
-    assert study.CHECKPOINT_NAME in STUDY_FILES
+    assert ROWS_NAME in STUDY_FILES
     assert (*benches.SERIES_THETA, *benches.PUBLISHED_BEND_HZ, "duffing") == BENCHES
-    assert [scene_named(name).name for name in SCENES] == list(SCENES)
+    assert {name for _, name in SCENES.values()} <= {*SERIES, *CURVES}
 
 
 #: For each room as in an interpreter of its own: what the package had loaded is forgotten before.

@@ -1,10 +1,11 @@
-"""Accuracy against cost, measured on this machine: `ff.tradeoff`, `fmu-fit tradeoff`."""
+"""Accuracy of a campaign's simulation and fit against cost: `ff.tradeoff`, `fmu-fit tradeoff`."""
 
 FILES = (
     "tradeoff.csv",
     "tradeoff.md",
-    "report.html",
-    "tradeoff-checkpoint.json",
-    "figures/1_tradeoff_*.*",
-    "figures/tradeoff_*.*",
+    "tradeoff-rows.jsonl",
+    "figures/1_tradeoff.*",
+    "figures/tradeoff.*",
 )
+#: Finished rows, one a line.
+ROWS_NAME = "tradeoff-rows.jsonl"

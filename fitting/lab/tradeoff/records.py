@@ -1,154 +1,110 @@
-"""Records of a study of accuracy against cost: what was set, what it cost, what came out."""
+"""Records of a study: a setting, what it costs and how far off it is, all rows together."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fitting.lab.names import QUANTITIES
 from fitting.text.arrays import Scalar
-from fitting.text.records import EndedRecord, to_plain
 
-#: A reference that is none of these: amplitudes over the maximum of the sweep.
-RATIOS = "amplitudes over the maximum"
-
-#: How amplitudes are read: a window of whole periods (a fit of the tones where there is none), the
-#: largest line of a flat-top window, the largest line without a window.
-COHERENT, FLAT_TOP, NO_WINDOW = "coherent", "flat-top", "none"
-READERS = (COHERENT, FLAT_TOP, NO_WINDOW)
-
-#: What the resolution of a setting counts.
-SUBSTEPS, HELD, TOLERANCE = "substeps per period", "held steps per period", "tolerance"
+#: Largest shift of a value, or error of a datum, that is sufficient, in standard deviations.
+SUFFICIENT = 0.1
+#: Costs that are apart by no more than this factor are the same.
+SAME = 1.1
+PLAN = "plan"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """How a simulation is told to give one quantity.
+    """One way to simulate a campaign.
 
-    `values` start values of the FMU that belong to the solver; `resolution` of the kind
-    `resolution_kind` ("" for none); `settle_s` time before the window, 0 with a periodic start;
-    `window_s` its length, `samples` in it. `sweep_points`, `jacobian_step` (relative to the width)
-    and `iterations` (Gauss-Newton steps) belong to the width, 0 where there is none.
-
-    Raises:
-        ValueError: an unknown quantity or reader, or times that are not finite.
+    `accuracy` is what its plan aims at (0: what it aims at anyway), `force` and `forbid` name
+    reductions, `start` are start values of the FMU.
     """
 
-    quantity: str
-    solver: str
-    values: Mapping[str, Scalar] = field(default_factory=dict)
-    resolution: float = 0.0
-    resolution_kind: str = ""
-    periodic: bool = False
-    settle_s: float = 0.0
-    reader: str = COHERENT
-    window_s: float
-    samples: int
-    sweep_points: int = 0
-    jacobian_step: float = 0.0
-    iterations: int = 0
-
-    def __post_init__(self) -> None:
-        if self.quantity not in QUANTITIES or self.reader not in READERS:
-            raise ValueError(f"quantity {self.quantity!r}, reader {self.reader!r}")
-        if not (math.isfinite(self.settle_s) and 0.0 < self.window_s < math.inf):
-            raise ValueError(f"settling {self.settle_s!r} s, window {self.window_s!r} s")
-
-    @property
-    def key(self) -> str:
-        """The setting as text: equal for equal settings, on any machine."""
-        return json.dumps(to_plain(self), sort_keys=True)
+    name: str
+    accuracy: float = 0.0
+    force: tuple[str, ...] = ()
+    forbid: tuple[str, ...] = ()
+    start: Mapping[str, Scalar] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cost:
-    """What something costs, `repeats` times timed (0: not run, extrapolated).
+class Row:
+    """What a setting costs, and how far off it is; `failed`: why there is nothing, else empty.
 
-    `seconds` wall time, a median; `cpu_s` processor time of this process and the FMU's, NaN where
-    the system does not tell or several processes share the work. `runs`, `steps` (doStep calls) and
-    `reads` (getReal calls) of one repeat; `solver_steps` of the solver itself, None where it does
-    not tell.
-    """
-
-    seconds: float = 0.0
-    cpu_s: float = 0.0
-    repeats: int = 0
-    runs: int = 0
-    steps: int = 0
-    reads: int = 0
-    solver_steps: int | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Measurement:
-    """What a setting gave.
-
-    `error` relative, worst of all amplitudes, infinite where the setting failed and `note` says
-    why; `bounded`: it is the reference's own error, the true one is at most that. `extrapolated`:
-    not run, `note` says what the numbers come from. `planned_for`: the accuracy for which the plan
-    chose it, None: the grid's.
+    `evaluation_s` is the processor time of one evaluation of the whole campaign, of the FMU and of
+    the thread that asks, a median; `runs` and `steps` of the FMU in it. `promised` is the relative
+    error that its plan admits. Errors are those of the simulated data at the start values against
+    the reference: the largest over the largest datum of its row (`error`), and in standard
+    deviations of the noise (`error_sigma`, NaN where none is known). With a fit: its processor
+    time, and by parameter the value and its shift against the reference's fit in standard errors.
     """
 
     setting: Setting
-    error: float
-    cost: Cost
-    bounded: bool = False
-    extrapolated: bool = False
-    note: str = ""
-    planned_for: float | None = None
+    failed: str = ""
+    evaluation_s: float = math.nan
+    runs: int = 0
+    steps: int = 0
+    promised: float = math.nan
+    error: float = math.nan
+    error_sigma: float = math.nan
+    fit_s: float = math.nan
+    values: Mapping[str, float] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
+    shifts: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def failed(self) -> bool:
-        """Whether nothing came out."""
-        return math.isinf(self.error)
+    def off(self) -> float:
+        """Its largest shift, else its largest error, in standard deviations: it decides."""
+        if self.shifts:
+            return max(map(abs, self.shifts.values()))
+        return self.error_sigma
 
     @property
     def cost_s(self) -> float:
-        """What settings are compared by: processor time, wall time where that is not known.
-
-        A machine that does other work as well spoils the wall time only.
-        """
-        return self.cost.cpu_s if math.isfinite(self.cost.cpu_s) else self.cost.seconds
+        """Processor time of the fit where there is one, else of an evaluation, s."""
+        return self.fit_s if self.shifts else self.evaluation_s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reference:
-    """What errors are measured from: `values` of a quantity, their relative `error`, `source`."""
+class Study:
+    """All rows of a campaign.
 
-    quantity: str
-    values: tuple[float, ...]
-    error: float
-    source: str
+    `reference` is the row that the others are compared with, with the error that its own plan
+    admits; `status` "finished" or "interrupted" with a `message`.
+    """
 
-
-@dataclass(frozen=True, kw_only=True)
-class Study(EndedRecord):
-    """Everything that a run of the command found."""
-
-    scene: str
-    description: str
-    references: tuple[Reference, ...]
-    measurements: tuple[Measurement, ...]
-    accuracies: tuple[float, ...]
-    notes: tuple[str, ...] = ()
+    title: str
+    synthetic: bool
+    reference: Row
+    rows: tuple[Row, ...]
+    status: str = "finished"
+    message: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def cost_kind(self) -> str:
-        """What the costs are: "processor" or "wall" time."""
-        counted = all(math.isfinite(m.cost.cpu_s) for m in self.measurements)
-        return "processor" if counted else "wall"
+    def cheapest(self) -> Row | None:
+        """The cheapest of the rows that are sufficient; None: there is none.
 
-    def of(self, quantity: str, *, planned: bool = False) -> list[Measurement]:
-        """Measurements of a quantity, the grid's or the plan's.
+        Of those that cost about the same the first: the plan's own, where it is one of them.
+        """
+        found = [row for row in self.rows if not row.failed and row.off <= SUFFICIENT]
+        least = min((row.cost_s for row in found), default=0.0)
+        return next((row for row in found if row.cost_s <= SAME * least), None)
+
+    @property
+    def planned(self) -> Row | None:
+        """The plan's own choice; None: it was not measured."""
+        return next((row for row in self.rows if row.setting.name == PLAN), None)
+
+    def mark(self, row: Row) -> str:
+        """What is said of a row: "cheapest", "plan", both, or nothing.
 
         Args:
-            quantity: what is measured of a response.
-            planned: whether the plan's are wanted instead of the grid's.
+            row: of the study.
         """
-        return [
-            m
-            for m in self.measurements
-            if m.setting.quantity == quantity and (m.planned_for is not None) == planned
-        ]
+        marks = ["cheapest"] if row is self.cheapest else []
+        marks += ["plan"] if row is self.planned else []
+        return ", ".join(marks)

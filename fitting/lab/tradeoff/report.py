@@ -1,203 +1,102 @@
-"""A study of accuracy against cost as page and tables: choices, Pareto fronts, every setting."""
+"""A study as tables and on the screen: a row per setting."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from fitting.extension.report import (
-    Figure,
-    Table,
-    csv_text,
-    markdown_lines,
-    printed_lines,
-    render,
-    table,
-    write_page,
+from fitting.extension.report import markdown_lines, printed_lines, table
+from fitting.lab.tradeoff.records import Row, Study
+from fitting.text.csv_cells import csv_text
+from fitting.text.notation import number
+from fitting.text.rendering import with_prefix
+
+HEADS = (
+    "setting",
+    "mark",
+    "evaluation_s",
+    "runs",
+    "steps",
+    "promised",
+    "error",
+    "error_sigma",
+    "fit_s",
+    "largest_shift_sigma",
+    "failed",
 )
-from fitting.lab.names import QUANTITIES, WIDTH_SWEEP
-from fitting.lab.tradeoff.front import Choice, choices, pareto
-from fitting.lab.tradeoff.records import COHERENT, TOLERANCE, Measurement, Setting, Study
-from fitting.text.notation import number, prefixed
-
-TEMPLATE = "lab/tradeoff/page.html.j2"
-
-
-def write_report(study: Study, figures: Sequence[Figure], folder: Path) -> Path:
-    """Write `report.html` into a folder, whole or not at all, and return its path.
-
-    Args:
-        study: errors and costs of every setting.
-        figures: saved for the page.
-        folder: where the files go.
-
-    Raises:
-        BadInput: the folder cannot be written.
-    """
-    return write_page(folder, TEMPLATE, **_content(study, figures))
-
-
-def page_of(study: Study, figures: Sequence[Figure]) -> str:
-    """The page as HTML text.
-
-    Args:
-        study: errors and costs of every setting.
-        figures: saved for the page.
-    """
-    return render(TEMPLATE, **_content(study, figures))
-
-
-def _content(study: Study, figures: Sequence[Figure]) -> dict[str, Any]:
-    missed = [
-        f"{choice.quantity}: the plan's setting for {choice.accuracy:g} has an error of "
-        f"{error_text(choice.planned)}."
-        for choice in choices(study)
-        if choice.kept is False
-    ]
-    failed = dict.fromkeys(m.note for m in study.measurements if m.failed and m.note)
-    described = f"{study.description[0].upper()}{study.description[1:]}"
-    return {
-        "title": f"{study.title}: accuracy against cost",
-        "kind": "trade-off",
-        "status": study.status,
-        "message": f"{described}. {study.message}",
-        "mark": "" if study.status == "finished" else "bad",
-        "synthetic": study.synthetic,
-        "warnings": [*missed, *(f"A setting failed: {text}" for text in failed)],
-        "figures": figures,
-        "study": study,
-        "choices": choice_tables(study),
-        "fronts": [
-            table("lab/tradeoff/front", quantity=q, rows=pareto(study.of(q)), w=globals())
-            for q in QUANTITIES
-            if study.of(q)
-        ],
-    }
-
-
-def words(setting: Setting) -> str:
-    """A setting in words.
-
-    Args:
-        setting: of the simulation: solver, settling, samples.
-    """
-    parts = [setting.solver]
-    if setting.resolution_kind == TOLERANCE:
-        parts.append(f"tolerance {number(setting.resolution, 3)}")
-    elif setting.resolution_kind:
-        parts.append(f"{number(setting.resolution, 4)} {setting.resolution_kind}")
-    if setting.periodic:
-        parts.append("periodic start")
-    if setting.settle_s:
-        parts.append(f"settled {time_text(setting.settle_s)}")
-    if setting.quantity != WIDTH_SWEEP:
-        window = "whole periods" if setting.reader == COHERENT else f"window {setting.reader}"
-        parts.append(f"{setting.samples} samples in {time_text(setting.window_s)}, {window}")
-    if setting.sweep_points:
-        parts.append(f"{setting.sweep_points} sweep points")
-    if setting.iterations:
-        parts.append(f"Jacobian step {number(setting.jacobian_step, 2)}")
-        parts.append(f"{setting.iterations} iterations")
-    return ", ".join(parts)
-
-
-def time_text(seconds: float) -> str:
-    """A time with a prefix, three digits; minutes and hours in s.
-
-    Args:
-        seconds: time, s.
-    """
-    if not math.isfinite(seconds):
-        return "–"
-    factor, unit = prefixed(seconds, "s") if seconds < 1.0 else (1.0, "s")
-    return f"{number(seconds / factor, 3)}\u00a0{unit}"
-
-
-def error_text(m: Measurement | None) -> str:
-    """An error; one that is the reference's own as a bound.
-
-    Args:
-        m: error and cost, None where it was not measured.
-    """
-    return "–" if m is None else f"{'≤ ' if m.bounded else ''}{number(m.error, 2)}"
-
-
-def cost_text(m: Measurement | None) -> str:
-    """A cost; one that was not run is called so.
-
-    Args:
-        m: error and cost, None where it was not measured.
-    """
-    if m is None:
-        return "–"
-    return time_text(m.cost_s) + (" (extrapolated)" if m.extrapolated else "")
-
-
-def reference_sentence(study: Study, quantity: str) -> str:
-    """What errors of a quantity are measured from.
-
-    Args:
-        study: errors and costs of every setting.
-        quantity: what is measured of a response.
-    """
-    for reference in study.references:
-        if reference.quantity == quantity:
-            return f"Errors from: {reference.source}; its own error {number(reference.error, 2)}."
-    return ""
 
 
 def csv_of(study: Study) -> str:
-    """A row per setting; cells that have no number are empty.
+    """All rows as CSV, the reference first, with the shift of every value.
 
     Args:
-        study: errors and costs of every setting.
+        study: what was measured.
     """
-    fronts = {id(m) for quantity in QUANTITIES for m in pareto(study.of(quantity))}
-    order = QUANTITIES.index
-    rows = sorted(study.measurements, key=lambda m: (order(m.setting.quantity), m.cost_s))
-    return csv_text(
-        table("lab/tradeoff/settings_csv", study=study, rows=[(m, id(m) in fronts) for m in rows])
-    )
-
-
-def choice_tables(study: Study) -> dict[str, Table]:
-    """For this accuracy: these settings, by quantity; the plan's where it was used.
-
-    Args:
-        study: errors and costs of every setting.
-    """
-    rows: dict[str, list[Choice]] = {}
-    for choice in choices(study):
-        rows.setdefault(choice.quantity, []).append(choice)
-    return {
-        quantity: table(
-            "lab/tradeoff/choices", study=study, quantity=quantity, rows=each, w=globals()
-        )
-        for quantity, each in rows.items()
-    }
+    names = list(dict.fromkeys(name for row in study.rows for name in row.shifts))
+    rows = [
+        [*_cells(study, row), *(_text(row.shifts.get(name, math.nan)) for name in names)]
+        for row in (study.reference, *study.rows)
+    ]
+    return csv_text([[*HEADS, *(f"shift_{name}_sigma" for name in names)], *rows])
 
 
 def markdown(study: Study) -> str:
-    """All tables as Markdown, a heading per quantity.
+    """The study as a page of Markdown.
 
     Args:
-        study: errors and costs of every setting.
+        study: what was measured.
     """
-    lines = [f"# {study.title}: accuracy against cost", "", f"{study.description}.", ""]
-    if study.synthetic:
-        lines += ["Synthetic: simulated, not measured on a device.", ""]
-    lines += [f"Cost: {study.cost_kind} time.", ""]
-    tables = choice_tables(study).items()
-    return "\n".join([*lines, *markdown_lines((f"{q[0].upper()}{q[1:]}", t) for q, t in tables)])
+    made = table("lab/tradeoff/rows", study=study, w=globals())
+    lines = [f"# {study.title}: accuracy against cost", "", *markdown_lines([("Settings", made)])]
+    lines += ["", *(f"- {name}: {value}" for name, value in study.provenance.items()), ""]
+    return "\n".join(lines)
 
 
-def screen_lines(study: Study, files: Sequence[Path] = ()) -> list[str]:
-    """What `fmu-fit tradeoff` prints: for each accuracy the cheapest settings, and the plan's.
+def screen_lines(study: Study, files: Sequence[Path]) -> list[str]:
+    """What `fmu-fit tradeoff` prints.
 
     Args:
-        study: errors and costs of every setting.
+        study: what was measured.
         files: that were written.
     """
-    return printed_lines("lab/tradeoff/text", "screen", study, choice_tables(study), files)
+    made = table("lab/tradeoff/rows", study=study, w=globals())
+    return printed_lines("lab/tradeoff/text", "screen", study, made, files)
+
+
+def off_text(row: Row) -> str:
+    """Its largest shift or error in standard deviations.
+
+    Args:
+        row: of a study.
+    """
+    return number(row.off, 2) if math.isfinite(row.off) else "–"
+
+
+def time_text(seconds: float) -> str:
+    """A time, or a dash where there is none.
+
+    Args:
+        seconds: processor time, s.
+    """
+    return with_prefix(seconds, "s", 2) if math.isfinite(seconds) else "–"
+
+
+def error_text(error: float) -> str:
+    """A relative error, or a dash where there is none.
+
+    Args:
+        error: relative.
+    """
+    return f"{error:.1e}" if not math.isnan(error) else "–"
+
+
+def _cells(study: Study, row: Row) -> list[str]:
+    shift = max(map(abs, row.shifts.values()), default=math.nan)
+    numbers = (row.evaluation_s, row.runs, row.steps, row.promised, row.error, row.error_sigma)
+    texts = [_text(float(value)) for value in (*numbers, row.fit_s, shift)]
+    return [row.setting.name, study.mark(row), *texts, row.failed]
+
+
+def _text(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.9g}"
