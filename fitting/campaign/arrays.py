@@ -385,7 +385,10 @@ def _bound_series(
     given, name, top = mine[0].setup, mine[0].series, _top(mine[0].series)
     binder = Binder(variables, given.laws.names, top, IN_PROGRAM)
     if any(m.setup != given for m in mine):
-        raise BadInput(f"{top}measurements with different setups; wanted a series for each setup")
+        raise BadInput(
+            f"{top}measurements with different setups; wanted a series for each setup, or of "
+            "several outputs under one drive one setup, and output= of each measurement"
+        )
     output = binder.real(given.output, f"{top}setup: output", READABLE, "observed")
     sweeps = [m for m in mine if isinstance(m, Sweep)]
     if len(sweeps) > 1:

@@ -165,7 +165,8 @@ class _Planner:
         settings = self._reductions(settings)
         self.probe.shorten_windows(settings)
         settled = self._aligned(settings, self._settle(settings))
-        _require_oscillation(self.probe.drives, settled.last)
+        forced = [d.subject for d in self.budget.of(Kind.MODEL) if d.taken and d.forced]
+        _require_oscillation(self.probe.drives, settled.last, forced)
         self._add(settling_decision(settled))
         place = len(self.budget.decisions)
         settings = self._solver(settings, settled.settle_s)
@@ -589,12 +590,14 @@ class _Planner:
         return self.probe.work(settings, max(others, default=0.0))
 
 
-def _require_oscillation(drives: Sequence[Drive], readings: Sequence[Reading]) -> None:
+def _require_oscillation(
+    drives: Sequence[Drive], readings: Sequence[Reading], forced: Sequence[str]
+) -> None:
     for drive, reading in zip(drives, readings, strict=True):
         if all(reading.constant):
             pairs = zip(drive.outputs, reading.mean, strict=True)
             said = ", ".join(f"{name} is constant at {float(v):.9g}" for name, v in pairs)
-            raise BadInput(
-                f"outputs: {said}; wanted one that oscillates under the drive (does the drive "
-                "reach the observed output?)"
-            )
+            cause = "does the drive reach the observed output?"
+            if forced:
+                cause = f"forced: {', '.join(forced)}, which may leave out what is observed"
+            raise BadInput(f"outputs: {said}; wanted one that oscillates under the drive ({cause})")

@@ -172,3 +172,9 @@ def test_workers_report_processor_time(oscillator_fmu: Path) -> None:
         ratio = cost_ratio(workers, lambda: workers.run([short]), lambda: workers.run([long] * 8))
     assert ratio is not None
     assert ratio < 0.8
+
+
+def test_a_forced_reduction_that_silences_an_output_is_named(fmu: ff.Fmu) -> None:
+    scene = {**MODES, "theta": 0.0, "A2": 0.0, "u1": 7.0276e6}
+    with pytest.raises(ff.BadInput, match="far mode left out"):
+        fmu.plan(scene, outputs="q1_hybrid", accuracy=ff.Accuracy(1e-3, force="far mode left out"))
