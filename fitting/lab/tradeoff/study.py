@@ -30,7 +30,7 @@ LEAST_TIMED, MOST_TIMED, TIMED_S = 3, 25, 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """What is compared.
+    """What a study of accuracy against cost compares.
 
     Args:
         accuracies: At which plans are made, between 0 and 1.
