@@ -238,12 +238,16 @@ class Job:
         least = min(m.log for m in own) - UNLIKELY
         whose = np.argmin([m.distances(places) for m in own], axis=0)
         towards = np.array([m.centre for m in own])[whose]
+        along = []
         for k in np.flatnonzero(np.isfinite(log) & (log < least)):
             near = polished(self.target, "", self.target.in_units(places[k]))
             if near is not None and near.log >= least:
                 towards[k] = near.centre
+                along.append(near)
                 step = np.linalg.solve(near.root, random.standard_normal(places.shape[1]))
                 places[k] = np.clip(near.centre + step, 0.0, 1.0)
+        if along:  # proposals along it, too, which do not change once draws begin
+            self.mixture = Mixture.of(self.minima).joined(Mixture.along([*self.minima, *along]))
         for _ in range(ROUNDS):
             lost = ~(log >= least)
             if not np.any(lost):
@@ -368,7 +372,7 @@ class Job:
             late = slice(samples.steps // 2, None)
             places, log = samples.places[late], samples.log[late].ravel()
             flat = places.reshape(-1, places.shape[-1])
-            blind = share_of(self.mixture, flat, log) <= GOOD
+            blind = share_of(Mixture.of(self.minima), flat, log) <= GOOD
         return reached(self.target, self.minima, samples, self.likely, None if blind else known)
 
     def summary(

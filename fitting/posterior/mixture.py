@@ -23,10 +23,13 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
+from fitting.extension.problem import UNIFORM_WIDTH
 from fitting.text.arrays import FloatArray, IntArray
 
 #: Degrees of freedom of Student's t.
 DOF = 5.0
+#: Reach of a place along a bent posterior at least, in units of the box.
+LEAST_REACH = 1e-3
 #: Share of draws that all minima have in equal parts, however unlike their weights.
 EQUAL = 0.5
 #: A minimum that is this much less likely (ln) than the best is none to set out from.
@@ -83,6 +86,28 @@ class Mixture:
             np.array([m.centre for m in minima]),
             np.array([m.root for m in minima]),
             np.asarray(EQUAL / len(minima) + (1.0 - EQUAL) * shares),
+        )
+
+    @classmethod
+    def along(cls, places: Sequence[Minimum]) -> Mixture:
+        """Of places along a bent posterior: as wide as the data allow, and along it to the next one.
+
+        Args:
+            places: two at least, with roots that count the bounds as a uniform prior.
+        """
+        centres = np.array([m.centre for m in places])
+        distances = np.linalg.norm(centres[:, None] - centres, axis=2)
+        reach = max(float(np.median(np.sort(distances, axis=1)[:, 1])), LEAST_REACH)
+        more = math.sqrt(max(reach**-2 - UNIFORM_WIDTH**2, 0.0)) * np.eye(centres.shape[1])
+        roots = [np.linalg.qr(np.vstack([m.root, more]), mode="r") for m in places]
+        return cls(centres, np.array(roots), np.full(len(places), 1.0 / len(places)))
+
+    def joined(self, other: Mixture) -> Mixture:
+        """Both in one, each with half of the weight."""
+        return Mixture(
+            np.concatenate([self.centres, other.centres]),
+            np.concatenate([self.roots, other.roots]),
+            0.5 * np.concatenate([self.weights, other.weights]),
         )
 
     def draw(self, count: int, rng: np.random.RandomState) -> FloatArray:
