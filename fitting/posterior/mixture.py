@@ -90,7 +90,7 @@ class Mixture:
 
     @classmethod
     def along(cls, places: Sequence[Minimum]) -> Mixture:
-        """Of places along a bent posterior: as wide as the data allow, and along it to the next one.
+        """Of places along a bent posterior: as wide as the data allow, along it to the next one.
 
         Args:
             places: two at least, with roots that count the bounds as a uniform prior.
