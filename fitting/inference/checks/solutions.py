@@ -28,7 +28,7 @@ from fitting.inference.solved import Solved
 from fitting.measurements.sweep import Sweep
 from fitting.signal.residual_tests import NOTABLE
 from fitting.text.finding import Finding, Kind, note, warning
-from fitting.text.notation import listed, settings_words
+from fitting.text.notation import settings_words
 
 #: What a finding is about that is about all measurements.
 EVERYTHING = "measurements"
@@ -229,8 +229,9 @@ def check_profiles(solved: Solved) -> Iterator[Finding]:
 def check_combinations(solved: Solved) -> Iterator[Finding]:
     """Pairs of parameters of which the data determine little but one combination.
 
-    The subject names both, and derived values that follow. Numbers are the `correlation`, and of
-    each parameter in SI units ``std_NAME`` and ``std_alone_NAME``, with the other one known.
+    The subject names both; derived values that follow are `following`. Numbers are the
+    `correlation`, and of each parameter in SI units ``std_NAME`` and ``std_alone_NAME``, with the
+    other one known.
     """
     if not solved.describes:
         return
@@ -259,6 +260,6 @@ def check_combinations(solved: Solved) -> Iterator[Finding]:
             std = errors.of(gradient)[0] if np.all(np.isfinite(gradient)) else 0.0
             if std > 0.0 and abs(float(gradient @ along)) >= FOLLOWS * std:
                 following.append(name)
-        subject = listed(parameters[k].name for k in (i, j))
-        subject += f", and with them {listed(following)}" if following else ""
-        yield warning(Kind.combination, subject, None, **numbers)
+        pair = parameters[i].name, parameters[j].name
+        names = {"pair": pair, "following": tuple(following)}
+        yield warning(Kind.combination, ", ".join(pair), names, **numbers)
