@@ -16,10 +16,10 @@ import fitting.resonance.line as sweeps
 import fitting.resonance.noise_line as spectra
 import fitting.resonance.ringdown as decays
 from fitting.api.printed import HtmlText
+from fitting.lines.dip import DipReading
 from fitting.report.resonance import text
 from fitting.resonance.decay_reading import is_over_time, read_decay_of
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS, decay_record_of
-from fitting.resonance.dip_reading import DipReading
 from fitting.resonance.line import WIRINGS, line_of
 from fitting.resonance.noise_line import noise_line_of, noise_record_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
@@ -159,7 +159,7 @@ def line(
     """One resonance of a measured response: eigenfrequency, full width and quality, with errors.
 
     What stands beside the line, nothing, a constant or a slope, is found by comparing, see
-    `fitting.resonance.form` for the formula. Where points outside of ``within_hz`` show another
+    `fitting.lines.form` for the formula. Where points outside of ``within_hz`` show another
     line, its tail is fitted, too. Errors hold for noise as it is seen in what the fit
     leaves, and are wider where neighbouring points follow each other.
 

@@ -14,13 +14,42 @@ kind.py          what a further kind of measurement adds to all of these
 
 from __future__ import annotations
 
-from fitting.campaign.binding import bind
-from fitting.campaign.bound import BoundCampaign, Drift
-from fitting.campaign.data import Campaign, read_campaign
-from fitting.campaign.file import ContinuationSettings, WrittenFmu
-from fitting.campaign.measured import Experiment, Phases, Spectrum, SweepData
-from fitting.campaign.setup import Drive, Setup
-from fitting.fmu.variables import VariableLike
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fitting.campaign.binding import bind as bind
+    from fitting.campaign.bound import BoundCampaign as BoundCampaign
+    from fitting.campaign.bound import Drift as Drift
+    from fitting.campaign.data import Campaign as Campaign
+    from fitting.campaign.data import read_campaign as read_campaign
+    from fitting.campaign.file import ContinuationSettings as ContinuationSettings
+    from fitting.campaign.file import WrittenFmu as WrittenFmu
+    from fitting.campaign.measured import Experiment as Experiment
+    from fitting.campaign.measured import Phases as Phases
+    from fitting.campaign.measured import Spectrum as Spectrum
+    from fitting.campaign.measured import SweepData as SweepData
+    from fitting.campaign.setup import Drive as Drive
+    from fitting.campaign.setup import Setup as Setup
+    from fitting.fmu.variables import VariableLike as VariableLike
+
+#: The module of each name: loaded when it is used, as most of what reads instruments needs none.
+HOMES = {
+    "BoundCampaign": "fitting.campaign.bound",
+    "Campaign": "fitting.campaign.data",
+    "ContinuationSettings": "fitting.campaign.file",
+    "Drift": "fitting.campaign.bound",
+    "Drive": "fitting.campaign.setup",
+    "Experiment": "fitting.campaign.measured",
+    "Phases": "fitting.campaign.measured",
+    "Setup": "fitting.campaign.setup",
+    "Spectrum": "fitting.campaign.measured",
+    "SweepData": "fitting.campaign.measured",
+    "VariableLike": "fitting.fmu.variables",
+    "WrittenFmu": "fitting.campaign.file",
+    "bind": "fitting.campaign.binding",
+    "read_campaign": "fitting.campaign.data",
+}
 
 __all__ = [
     "BoundCampaign",
@@ -38,3 +67,11 @@ __all__ = [
     "bind",
     "read_campaign",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name not in HOMES:
+        raise AttributeError(f"module 'fitting.campaign' has no attribute '{name}'")
+    value = getattr(importlib.import_module(HOMES[name]), name)
+    globals()[name] = value
+    return value

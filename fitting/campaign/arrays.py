@@ -36,7 +36,7 @@ from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES
 from fitting.campaign.setup import Setup
 from fitting.fmu.variables import READABLE, VariableLike
-from fitting.signal.peaks import BACKGROUNDS
+from fitting.lines.names import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar

@@ -14,7 +14,7 @@ from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import Channel, Recording, read_trace, unit_of
 from fitting.campaign.instruments.recording import of_table
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
-from fitting.campaign.instruments.wide import read_spectra_table
+from fitting.campaign.instruments.wide import LEAST_POINTS, read_spectra_table
 from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
@@ -29,8 +29,6 @@ S = TypeVar("S")
 FILE = "file"
 #: Columns that a spectrum's own points, or their file, stand in.
 OWN_COLUMNS = ("frequency", "amplitude", FILE)
-#: Points of a spectrum, at least.
-LEAST_POINTS = 8
 #: A line is looked for so far from its harmonic, in fundamentals: odd ones are two apart.
 REACH = 0.8
 

@@ -26,8 +26,8 @@ from fitting.campaign.measured import (
     SweepData,
     checked_experiment,
 )
+from fitting.lines.clipped_top import clipped_top
 from fitting.signal.amplitudes import to_peak
-from fitting.signal.clipped_top import clipped_top
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered

@@ -21,9 +21,10 @@ from fitting.campaign.measured import UNKNOWN
 from fitting.campaign.other_kinds import other_kind
 from fitting.campaign.parameters import ParameterTable
 from fitting.fmu.accuracy import AccuracyNames
+from fitting.lines.names import ADDED, BACKGROUNDS
 from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
-from fitting.signal.peaks import ADDED, BACKGROUNDS, FLOOR_KINDS
+from fitting.signal.peaks import FLOOR_KINDS
 from fitting.signal.scale import SCALES
 from fitting.text.choices import CRITERIA, ESTIMATORS, INTERFACES, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput

@@ -94,8 +94,6 @@ def run(args: argparse.Namespace) -> int:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
     from fitting.api.line import is_noise_spectrum, is_over_time, write_line
-    from fitting.report.resonance import forms_table
-    from fitting.report.table import text_lines
 
     columns = columns_of(args)
     found: ff.Line | ff.Ringdown | ff.NoiseLine
@@ -123,9 +121,12 @@ def run(args: argparse.Namespace) -> int:
             found = ff.line(args.file, within_hz=ends, wiring=wiring, columns=columns)
     hand_over(args, found)
     print(found)
-    forms = forms_table(found)
-    if args.verbose and forms is not None:
-        print(*text_lines(forms), sep="\n")
+    if args.verbose:
+        from fitting.report.resonance import forms_table
+        from fitting.report.table import text_lines
+
+        forms = forms_table(found)
+        print(*([] if forms is None else text_lines(forms)), sep="\n")
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")
     return 0

@@ -15,6 +15,7 @@ import numpy as np
 from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
 from fitting.draft.questions import Answers, Question
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
+from fitting.lines.second import TwoLines, TwoResonances, as_two
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import (
@@ -28,7 +29,6 @@ from fitting.resonance.reading import (
     units_untold,
 )
 from fitting.resonance.spikes import spike_note, spikes_in
-from fitting.resonance.two_lines import TwoLines, TwoResonances, as_two
 from fitting.signal.line_record import LineResult, line_numbers
 from fitting.signal.noise_lines import TOGETHER
 from fitting.text.errors import BadInput, gathered

@@ -14,21 +14,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitting.campaign.density import DENSITY, HOLDS, ROOT, SEEN_UNITS, Density, relative_density
 from fitting.draft.questions import Question
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
 from fitting.draft.two_modes import TwoModes, apart_hz
 from fitting.extension.records import PLAIN
-from fitting.measurements.noise.table import (
-    DENSITY,
-    HOLDS,
-    ROOT,
-    SEEN_UNITS,
-    Density,
-    relative_density,
-)
+from fitting.lines.second import TwoLines
 from fitting.resonance.noise_reading import BY_NAME, BY_UNIT, told_density
 from fitting.resonance.reading import Roles
-from fitting.resonance.two_lines import TwoLines
 from fitting.signal.noise_lines import COUPLED, TOGETHER, NoiseLines, noise_lines
 from fitting.text.arrays import FloatArray
 from fitting.text.units import same_kind

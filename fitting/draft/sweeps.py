@@ -28,9 +28,18 @@ from fitting.draft.model import COUPLING, UNCOUPLED, Offer
 from fitting.draft.questions import Answers, Question
 from fitting.draft.trial import line_pairs, linear_level, response_at
 from fitting.draft.two_modes import DRIVEN, TwoModes
+from fitting.lines.names import (
+    FANO,
+    FLOOR,
+    OFFSET,
+    RICE,
+    SLOPE,
+    SLOPED,
+    TAIL,
+    WORDS,
+    WORDS_COMPLEX,
+)
 from fitting.measurements.noise.record import THERMAL, WHITE
-from fitting.resonance.form import FANO, SLOPED, WORDS_BESIDE, WORDS_BESIDE_COMPLEX
-from fitting.signal.peaks import FLOOR, OFFSET, RICE, SLOPE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, listed
@@ -241,7 +250,7 @@ def _undescribed(files: Files, offer: Offer) -> str:
     for sweep in files.sweeps:
         line = None if sweep.is_complex else sweep.driven_line
         if line is not None and line.forms[0].name in BEYOND:
-            return str(blocks("draft/text").undescribed(line, WORDS_BESIDE, offer.is_model))
+            return str(blocks("draft/text").undescribed(line, WORDS, offer.is_model))
     return ""
 
 
@@ -254,7 +263,7 @@ def _described(files: Files) -> list[str]:
         if sweep.is_noise and sweep.noise is not None:
             said += str(words.noise(sweep.noise)).splitlines()
         elif line is not None:
-            known = WORDS_BESIDE_COMPLEX if line.is_complex else WORDS_BESIDE
+            known = WORDS_COMPLEX if line.is_complex else WORDS
             said += str(words.line(line, known.get(line.forms[0].name))).splitlines()
         elif sweep.two is not None and files.line is None:
             said.append(str(words.two_lines(sweep.two, sweep.is_complex)))

@@ -8,7 +8,7 @@ With D = f0^2 - f^2 + i f d of each mode by itself, and k = lambda^2 the couplin
 
 times a gain, and beside a constant where there are phases. The first has lines in phase, or half a
 turn apart; of coupled modes of unlike dampings they are not. The simplest one is taken that leaves
-no more than noise lets it beside two lines of any heights and phases (`fitting.signal.pair`); both
+no more than noise lets it beside two lines of any heights and phases (`fitting.lines.pair`); both
 with one unknown less are equally simple, and the first of them goes before.
 
 The lines of a pair, p = f + i w/2 with residues r, give the begin: z = (r1 p2 + r2 p1)/(r1 + r2) is
@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.lines.pair import Pair, pair_of
 from fitting.resonance.trace import Trace
 from fitting.signal.least_squares import minimise_squares
-from fitting.signal.pair import Pair, pair_of
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 
 BESIDE, COUPLED, DRIVEN = "beside", "coupled", "driven"

@@ -43,13 +43,14 @@ from fitting.inference.line_fits import (
     pair,
     single_lines,
 )
+from fitting.lines.form import LineFit
+from fitting.lines.names import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS
+from fitting.lines.pair import NO_NOISE, Pair
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.traces.record import UNKNOWN, TraceRecord
 from fitting.measurements.traces.traces import Traces
-from fitting.signal.pair import NO_NOISE, Pair
-from fitting.signal.peaks import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS, Resonance
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure
 from fitting.text.arrays import ComplexArray, FloatArray
 
@@ -148,7 +149,7 @@ class _Form:
     unknowns: int
     lines: int = 1
     observed: bool = True
-    fit: Resonance | Pair | ComplexLines
+    fit: LineFit | Pair | ComplexLines
     rival: Rival
 
     @property

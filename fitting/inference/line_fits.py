@@ -11,12 +11,13 @@ from functools import cached_property
 
 import numpy as np
 
+from fitting.lines.form import LineFit, fit_resonance
+from fitting.lines.names import FLOOR, OFFSET, RICE, SLOPE
+from fitting.lines.pair import Pair, bent_line, pair_of
 from fitting.measurements.traces.record import TraceRecord
 from fitting.signal.complex_line import complex_line
 from fitting.signal.decaying_lines import DecayingLines, decaying_lines
 from fitting.signal.lines_together import LinesTogether, lines_together
-from fitting.signal.pair import Pair, bent_line, pair_of
-from fitting.signal.peaks import FLOOR, OFFSET, RICE, SLOPE, Resonance, fit_resonance
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
@@ -31,7 +32,7 @@ class LineFits:
     """Fits of one line to amplitudes, remembered by their data and background."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[bytes, bytes, str], Resonance | str] = {}
+        self._known: dict[tuple[bytes, bytes, str], LineFit | str] = {}
 
     def line(
         self,
@@ -39,13 +40,13 @@ class LineFits:
         amplitude: FloatArray,
         background: str = "none",
         source: str = "sweep",
-    ) -> Resonance | str:
+    ) -> LineFit | str:
         """One line with a background, or why there is none.
 
         Args:
             frequency_hz: rising, shape (n,), Hz.
             amplitude: shape (n,), any unit.
-            background: of `fitting.signal.peaks`.
+            background: one of `fitting.lines.names.FORM_OF`.
             source: of the data, for the reason.
         """
         key = (frequency_hz.tobytes(), amplitude.tobytes(), background)
@@ -60,7 +61,7 @@ class LineFits:
 
     def with_backgrounds(
         self, frequency_hz: FloatArray, amplitude: FloatArray
-    ) -> dict[str, Resonance]:
+    ) -> dict[str, LineFit]:
         """Every form of one line with a background that can be fitted, by background.
 
         Args:

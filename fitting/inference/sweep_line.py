@@ -18,6 +18,8 @@ from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.line_fits import LineFits
+from fitting.lines.form import LineFit
+from fitting.lines.names import ADDED, OFFSET, SLOPE, UNKNOWNS
 from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
 from fitting.signal.line_record import (
@@ -29,7 +31,6 @@ from fitting.signal.line_record import (
     no_line,
     number_of_line,
 )
-from fitting.signal.peaks import ADDED, OFFSET, SLOPE, UNKNOWNS, Resonance
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale
@@ -89,7 +90,7 @@ def line_of_sweep(
 
     Fits with other backgrounds show what depends on that choice. A sweep that shows no such line is
     no mistake here (another FMU may have two): every number is then NaN and the message gives the
-    reason. See `fitting.signal.peaks.fit_resonance` for the formula.
+    reason. See `fitting.lines.form.fit_resonance` for the formula.
 
     Args:
         sweep: the measured sweep.
@@ -99,7 +100,7 @@ def line_of_sweep(
     """
     lines, (frequency_hz, amplitude) = fits or LineFits(), sweep.of_line
 
-    def fitted(background: str) -> Resonance | str:
+    def fitted(background: str) -> LineFit | str:
         return lines.line(frequency_hz, amplitude, background, sweep.source.name)
 
     forms = {background: fitted(background) for background in ("none", "complex")}
@@ -151,21 +152,21 @@ def line_of_sweep(
     )
 
 
-def _left(fit: Resonance) -> float:
+def _left(fit: LineFit) -> float:
     """Root mean square of the residuals, in the sweep's unit."""
     return fit.residual * fit.amplitude.value
 
 
-def _is_less(fit: Resonance | str, other: Resonance | str) -> bool:
+def _is_less(fit: LineFit | str, other: LineFit | str) -> bool:
     """Whether a fit leaves less than another one, or than nothing."""
     return not isinstance(fit, str) and (isinstance(other, str) or _left(fit) < _left(other))
 
 
 def background_p(
     amplitude: FloatArray,
-    plain: Resonance | str,
+    plain: LineFit | str,
     name: str,
-    full: Resonance | str,
+    full: LineFit | str,
     of: str = "none",
 ) -> float:
     """Probability that noise alone lets a background gain this much; NaN if it is not known.

@@ -13,18 +13,10 @@ from fitting.fit.solution import Solution
 from fitting.inference.line_fits import LineFits
 from fitting.inference.sweep_agreement import SweepAgreement, explained_by_model, sweep_agreement
 from fitting.inference.sweep_line import SweepLine, line_of_sweep
+from fitting.lines.faults import Fault, SweepFault, fault_finding, sweep_faults
 from fitting.measurements.sweep import Sweep
-from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.finding import Finding, Kind, warning
 
-#: Kinds of findings of a sweep that is no line.
-FAULTS = {
-    Fault.POWER: Kind.sweep_power,
-    Fault.SATURATION: Kind.sweep_saturated,
-    Fault.CLIPPING: Kind.sweep_clipped,
-    Fault.OUTLIER: Kind.sweep_outlier,
-    Fault.BACKGROUND: Kind.sweep_background,
-}
 #: Faults that make the top of a sweep too low or too high.
 BENT_TOPS = (Fault.SATURATION, Fault.CLIPPING, Fault.BACKGROUND)
 #: Share of a top that is missing, at most.
@@ -122,25 +114,3 @@ def _faults(
     if like_lines and explained_by_model(solution, series):
         return tuple(fault for fault in faults if fault not in like_lines)
     return faults
-
-
-def fault_finding(fault: SweepFault, subject: str = "", *, gives_scale: bool = False) -> Finding:
-    """What makes a sweep no damped line, as a finding.
-
-    Args:
-        fault: of the sweep.
-        subject: name of its campaign, where there are several.
-        gives_scale: whether the scale of peaks depends on the faulty top.
-    """
-    plain_hz, corrected_hz = fault.width_hz
-    numbers = {
-        "size": fault.size,
-        "std": fault.std,
-        "width_hz": plain_hz,
-        "corrected_width_hz": corrected_hz,
-        "two_lines": float(fault.two_lines),
-        "gives_scale": float(gives_scale),
-    }
-    if not math.isnan(fault.frequency_hz):
-        numbers["frequency_hz"] = fault.frequency_hz
-    return warning(FAULTS[fault.fault], subject, None, **numbers)

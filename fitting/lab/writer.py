@@ -15,7 +15,7 @@ from fitting.lab.benches import PUBLISHED_BEND_HZ
 from fitting.lab.duffing import CubicModes
 from fitting.lab.names import TRUTH_NAME
 from fitting.lab.truth import truth_toml
-from fitting.signal.peaks import Resonance, fit_resonance
+from fitting.lines.form import LineFit, fit_resonance
 from fitting.text import csv_cells
 from fitting.text.arrays import FloatArray
 from fitting.text.toml import Tables, inline, put, rewritten
@@ -127,7 +127,7 @@ def _campaign(series: Series, head: Sequence[str]) -> str:
     return rewritten(text, edit, head)
 
 
-def _line(series: Series) -> Resonance:
+def _line(series: Series) -> LineFit:
     """The line of the sweep, as a laboratory would fit it.
 
     Too much noise hides it, and a drift moves it out of the sweep: both are told.
@@ -169,7 +169,7 @@ def _linear(tables: Tables, series: Series) -> None:
     damping["reference"] = width
 
 
-def _start_as_published(tables: Tables, fit: Resonance) -> None:
+def _start_as_published(tables: Tables, fit: LineFit) -> None:
     """Both dampings start at the width in Hz over 2 pi, as the paper's text has it; one start.
 
     The drift stays a straight line, as the paper interpolates it, although it bends.

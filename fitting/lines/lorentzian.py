@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 
 
@@ -20,18 +21,6 @@ class Response(NamedTuple):
 
     values: ComplexArray
     slopes: ComplexArray
-
-
-def mode_response(frequency_hz: FloatArray, eta_hz: float, width_hz: float) -> ComplexArray:
-    """Response g of one driven damped mode, 1 at eta in magnitude, shape of ``frequency_hz``.
-
-    Args:
-        frequency_hz: frequencies (n,), Hz.
-        eta_hz: eigenfrequency, Hz.
-        width_hz: FWHM, Hz.
-    """
-    detuning = (eta_hz - frequency_hz) * (eta_hz + frequency_hz)
-    return np.asarray(width_hz * eta_hz / (detuning + 1j * frequency_hz * width_hz))
 
 
 def lorentzian(frequency_hz: FloatArray, eta_hz: float, width_hz: float) -> Response:

@@ -2,22 +2,23 @@
 
     curve = sum_k c_k B_k(x)        residual = W (y - curve)
 
-The linear c are solved at every x, Q an orthogonal basis of W B. The residual (1 - Q Q^H) W y is a
-function of x alone, and its derivatives are those of Kaufman,
+The linear c are solved at every x: with W B = Q R the residual (1 - Q Q^H) W y is a function of x
+alone, of which the derivatives are, dB = W dB/dx,
 
-    d residual/dx = -(1 - Q Q^H) W (dB/dx) c
+    d residual/dx = -(1 - Q Q^H) dB c - Q R^-H dB^H residual
 
 so that one call of MINPACK's Levenberg-Marquardt fits any model with analytic derivatives. Values
 are real, or complex with complex c; rows of complex residuals are all real parts, then all
 imaginary ones. A likelihood other than the normal one has all unknowns in one call instead.
 
-Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; L. Kaufman, BIT 15 (1975) 49.
+Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
@@ -28,12 +29,14 @@ from fitting.lines.likelihood import Likelihood
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import ComplexArray, FloatArray
 
-#: Steps and gains, relative, below which the solver ends; evaluations at most.
-TOLERANCE, EVALUATIONS = 1e-12, 400
+#: Relative gain of the squares, and step, at which the solver ends; evaluations at most.
+TOLERANCE, FINEST, EVALUATIONS = 1e-10, 1e-14, 400
 #: Share of a column that other columns lack, below which it is one of them.
 COLLINEAR = 1e-11
 #: Condition of the scaled derivatives from which a direction is not determined.
 UNDETERMINED = 1e-13
+#: Share of the largest singular value below which a direction may be folded; first step along it.
+FOLDED, SMALL = 0.1, 0.01
 
 Array = FloatArray | ComplexArray
 
@@ -65,6 +68,8 @@ class Fit:
             imaginary part of each in turn, (rows, unknowns).
         converged: whether the solver ended by itself.
         message: how it ended.
+        pull: weights of the rows of x that were fitted, too.
+        folds: inverse to be taken in place of (J^T J)^-1, see `folded`.
     """
 
     x: FloatArray
@@ -74,6 +79,8 @@ class Fit:
     jacobian: FloatArray
     converged: bool
     message: str
+    pull: FloatArray | None = None
+    folds: FloatArray | None = None
 
     @property
     def squares(self) -> float:
@@ -98,41 +105,56 @@ class Fit:
     @cached_property
     def inverse(self) -> FloatArray:
         """(J^T J)^-1 (unknowns, unknowns); infinite where the data do not determine a direction."""
-        sizes = np.linalg.norm(self.jacobian, axis=0)
+        if self.folds is not None:
+            return self.folds
+        rows = self.jacobian
+        if self.pull is not None:
+            rows = np.concatenate(
+                [rows, np.eye(self.pull.size, rows.shape[1]) * self.pull[:, None]]
+            )
+        with np.errstate(over="ignore"):
+            sizes = np.linalg.norm(rows, axis=0)
         count = sizes.size
         if not (np.all(np.isfinite(sizes)) and np.all(sizes > 0.0)):
             return np.full((count, count), np.inf)
-        _, singular, rows = np.linalg.svd(self.jacobian / sizes, full_matrices=False)
+        _, singular, directions = np.linalg.svd(rows / sizes, full_matrices=False)
         if singular.size < count or singular[-1] <= UNDETERMINED * singular[0]:
             return np.full((count, count), np.inf)
-        weighted = rows / singular[:, None]
+        weighted = directions / singular[:, None]
         return np.asarray(weighted.T @ weighted / np.outer(sizes, sizes))
 
 
-def fit_model(
+def fit_model(  # noqa: PLR0913 - what a fit may know
     model: Model,
     values: Array,
     starts: Sequence[FloatArray],
     *,
     weights: FloatArray | None = None,
     likelihood: Likelihood | None = None,
+    pull: FloatArray | None = None,
+    tries: int = 1,
 ) -> Fit:
     """Fit a model to values, from the best of several starts.
 
     Args:
         model: the curve.
         values: measured, shape (n,), real or complex, of order one.
-        starts: where x may begin, one at least, shape (q,) each; the one with the least sum of
-            squares is taken.
+        starts: where x may begin, one at least, shape (q,) each.
         weights: one over the standard deviation of every value, shape (n,); None: all are alike.
         likelihood: of the values; None: normal noise of one size.
+        pull: weights of rows ``pull * x`` that count with the residuals, (q,); they are not among
+            those of the result.
+        tries: from how many starts the fit is made, those with the least sums of squares; the best
+            minimum is taken.
 
     Raises:
         ValueError: fewer rows than unknowns, or a curve that is not finite.
     """
-    problem = _Problem(model, values, weights)
-    ranked = sorted(starts, key=lambda x: problem.at(x).squares)
-    x, converged, message = _minimum(problem, ranked[0])
+    problem = _Problem(model, values, weights, pull)
+    if tries < len(starts):
+        starts = sorted(starts, key=lambda x: problem.at(x).squares)[:tries]
+    ends = [_minimum(problem, start) for start in starts]
+    x, converged, message = min(ends, key=lambda end: problem.at(end[0]).squares)
     point = problem.at(x)
     if likelihood is None:
         return problem.fit(point, converged=converged, message=message)
@@ -146,6 +168,7 @@ class _Point:
     x: FloatArray
     columns: Columns
     basis: Array
+    upper: Array
     coefficients: Array
     residuals: Array
 
@@ -158,8 +181,14 @@ class _Point:
 class _Problem:
     """Values and a model; the last point is stored, as a solver takes residuals, then slopes."""
 
-    def __init__(self, model: Model, values: Array, weights: FloatArray | None) -> None:
-        self.model, self.weights = model, weights
+    def __init__(
+        self,
+        model: Model,
+        values: Array,
+        weights: FloatArray | None,
+        pull: FloatArray | None = None,
+    ) -> None:
+        self.model, self.weights, self.pull = model, weights, pull
         self.values = values if weights is None else np.asarray(values * weights)
         self.is_complex = np.iscomplexobj(values)
         self._last: _Point | None = None
@@ -184,6 +213,7 @@ class _Problem:
             x=np.array(x),
             columns=columns,
             basis=basis,
+            upper=upper,
             coefficients=np.linalg.solve(upper, along),
             residuals=self.values - basis @ along,
         )
@@ -197,13 +227,17 @@ class _Problem:
         return np.concatenate([values.real, values.imag])
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        return self.rows(self.at(x).residuals)
+        rows = self.rows(self.at(x).residuals)
+        return rows if self.pull is None else np.concatenate([rows, self.pull * x])
 
     def slopes(self, x: FloatArray) -> FloatArray:
         point = self.at(x)
         moved = point.columns.slopes @ point.coefficients  # (q, n)
         apart = moved.T - point.basis @ (point.basis.conj().T @ moved.T)
-        return -self.rows(apart)
+        across = np.conj(point.columns.slopes).transpose(2, 0, 1) @ point.residuals  # (k, q)
+        apart += point.basis @ np.linalg.solve(point.upper.conj().T, across)
+        rows = -self.rows(apart)
+        return rows if self.pull is None else np.concatenate([rows, np.diag(self.pull)])
 
     def jacobian(self, point: _Point) -> FloatArray:
         """Derivatives of the residuals by all unknowns."""
@@ -221,6 +255,7 @@ class _Problem:
             curve=curve if self.weights is None else curve / self.weights,
             residuals=self.rows(point.residuals),
             jacobian=self.jacobian(point),
+            pull=self.pull,
             converged=converged and bool(np.all(np.isfinite(point.residuals))),
             message=message,
         )
@@ -239,7 +274,7 @@ def _minimum(problem: _Problem, start: FloatArray) -> tuple[FloatArray, bool, st
             Dfun=problem.slopes,
             full_output=True,
             ftol=TOLERANCE,
-            xtol=TOLERANCE,
+            xtol=FINEST,
             gtol=0.0,
             maxfev=EVALUATIONS,
         )
@@ -271,7 +306,7 @@ def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
             Dfun=jacobian,
             full_output=True,
             ftol=TOLERANCE,
-            xtol=TOLERANCE,
+            xtol=FINEST,
             gtol=0.0,
             maxfev=EVALUATIONS,
         )
@@ -284,3 +319,67 @@ def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
         converged=status in (1, 2, 3, 4, 6, 7, 8) and bool(np.all(np.isfinite(unknowns))),
         message=" ".join(str(message).split()),
     )
+
+
+def folded(model: Model, values: Array, fit: Fit, weights: FloatArray | None = None) -> Fit:
+    """The fit with errors that hold where residuals are even along a direction.
+
+    Two minima that lie mirrored merge where the truth is near the mirror: r(x + t v) = r + t^2 h/2,
+    and the slope along v, a right singular vector of the jacobian with value s, vanishes though the
+    data bound t. Where |h'| sigma > s^2, with h' the part of h that other unknowns do not make up
+    for, h takes the place of the slope and t^2/2 that of t:
+
+        |t| = sqrt(2 sigma/|h'|)
+
+    Args:
+        model: that was fitted.
+        values: measured, (n,), real.
+        fit: its minimum.
+        weights: with which it was fitted, (n,).
+    """
+    count = fit.x.size
+    whole = np.concatenate([fit.x, fit.coefficients])
+
+    def residuals(unknowns: FloatArray) -> FloatArray:
+        left = values - model.columns(unknowns[:count]).values @ unknowns[count:]
+        return np.asarray(left if weights is None else weights * left)
+
+    pull = np.zeros((0, whole.size))
+    if fit.pull is not None:
+        pull = np.eye(count, whole.size) * fit.pull[:, None]
+    left, singular, rows = np.linalg.svd(np.concatenate([fit.jacobian, pull]), full_matrices=False)
+    sigma = math.sqrt(fit.squares / fit.dof)
+    columns, known, bends = left * singular, np.ones(singular.size, dtype=bool), []
+    for k, along in enumerate(rows):
+        if singular[k] > FOLDED * singular[0]:
+            continue
+        bend = np.concatenate([_bend(residuals, whole, fit, along, sigma), np.zeros(len(pull))])
+        rest = np.delete(left, k, axis=1)
+        own = float(np.linalg.norm(bend - rest @ (rest.T @ bend)))
+        if own * sigma > singular[k] ** 2:
+            columns[:, k], known[k] = bend, False
+            bends.append(k)
+    if not bends or np.linalg.matrix_rank(columns) < whole.size:
+        return fit
+    spread = np.linalg.pinv(columns.T @ columns)
+    inverse = rows[known].T @ spread[np.ix_(known, known)] @ rows[known]
+    for k in bends:  # spread is that of t^2/2 over sigma^2
+        inverse = inverse + 2.0 * math.sqrt(spread[k, k]) / sigma * np.outer(rows[k], rows[k])
+    return replace(fit, folds=inverse)
+
+
+def _bend(
+    residuals: Callable[[FloatArray], FloatArray],
+    whole: FloatArray,
+    fit: Fit,
+    along: FloatArray,
+    sigma: float,
+) -> FloatArray:
+    """Second derivative (m,) along a direction, over the step that the data allow."""
+    step = SMALL
+    for _ in range(2):
+        ends = residuals(whole + step * along) + residuals(whole - step * along)
+        bend = (ends - 2.0 * fit.residuals) / step**2
+        size = float(np.linalg.norm(bend))
+        step = float(np.clip(math.sqrt(2.0 * sigma / size), 0.01 * SMALL, 1.0)) if size else SMALL
+    return np.asarray(bend)

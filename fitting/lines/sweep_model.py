@@ -22,7 +22,7 @@ import numpy as np
 from fitting.lines.duffing import duffing
 from fitting.lines.lorentzian import Response, lorentzian
 from fitting.lines.solve import Columns
-from fitting.signal.rician import rician_mean, rician_slope
+from fitting.signal.rician import rician_mean, rician_rise, rician_slope
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Largest logarithm of a factor on a width.
@@ -79,6 +79,19 @@ class Shapes:
             )
             for k, start in enumerate(self.starts)
         ]
+
+    def at(self, places: Sequence[Place]) -> FloatArray:
+        """The x of the lines at some places."""
+        return np.array(
+            [
+                part
+                for start, place in zip(self.starts, places, strict=True)
+                for part in (
+                    (place.frequency_hz - start.frequency_hz) / start.width_hz,
+                    math.log(place.width_hz / start.width_hz),
+                )
+            ]
+        )
 
     def responses(self, x: FloatArray) -> list[Response]:
         """Every line with its derivatives by all unknowns of the lines, (count, n)."""
@@ -214,6 +227,5 @@ def _detected(
     sigma = math.sqrt(0.5 * max(abs(power), 1e-18))
     mean, rise = rician_mean(size, sigma), rician_slope(size, sigma)
     slopes *= rise
-    # the mean is of first order in size and sigma together, sigma^2 half of the power
-    slopes[-1] = math.copysign(1.0, power) * (mean - size * rise) / (4.0 * sigma**2)
+    slopes[-1] = math.copysign(0.5, power) * rician_rise(size, sigma)  # sigma^2 is half of it
     return mean, slopes

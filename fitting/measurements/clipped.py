@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.signal.clipped_top import clipped_parts, clipped_top
-from fitting.signal.peaks import MIN_SWEEP_POINTS
+from fitting.lines.clipped_top import clipped_parts, clipped_top
+from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.finding import Finding, left_out
 

@@ -17,6 +17,9 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Setup, SweepData
 from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigmas
+from fitting.lines.form import LineFit, fit_resonance
+from fitting.lines.names import ADDED, OFFSET, SLOPE
+from fitting.lines.sweep_model import along
 from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.datum_noise import least_noise, white_noise
 from fitting.measurements.driven_model import DrivenModel
@@ -33,7 +36,6 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.response_curve import ResponseCurve
-from fitting.signal.peaks import ADDED, OFFSET, SLOPE, Resonance, along, fit_resonance
 from fitting.signal.scale import (
     FINE_POINTS,
     SCALES,
@@ -446,7 +448,7 @@ class Sweep(Measurement):
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """The frequency response, and what is left between measured and simulated points."""
         found = self._line()
-        resonance = found if isinstance(found, Resonance) else None
+        resonance = found if isinstance(found, LineFit) else None
         curves = ShownResponse(
             frequency_hz=self.frequency_hz,
             measured=self.amplitude_v,
@@ -484,7 +486,7 @@ class Sweep(Measurement):
         )
         return (figure,)
 
-    def _line(self) -> Resonance | str:
+    def _line(self) -> LineFit | str:
         """One damped mode that is fitted to it without the FMU, or why that fails."""
         f, a = self.frequency_hz, self.amplitude_v
         try:
@@ -513,7 +515,7 @@ class ShownResponse:
         return float(np.sqrt(np.mean(left**2)))
 
 
-def response_panel(curves: ShownResponse, resonance: Resonance | None = None) -> Panel:
+def response_panel(curves: ShownResponse, resonance: LineFit | None = None) -> Panel:
     """Amplitudes over drive frequency: measured points, simulated curves before and after.
 
     Args:
@@ -541,7 +543,7 @@ def response_panel(curves: ShownResponse, resonance: Resonance | None = None) ->
     )
 
 
-def residual_panel(curves: ShownResponse, resonance: Resonance | None = None) -> Panel:
+def residual_panel(curves: ShownResponse, resonance: LineFit | None = None) -> Panel:
     """Simulated minus measured amplitudes over drive frequency, in % of the largest measured.
 
     Args:
@@ -564,7 +566,7 @@ def residual_panel(curves: ShownResponse, resonance: Resonance | None = None) ->
     )
 
 
-def resonance_words(resonance: Resonance) -> list[str]:
+def resonance_words(resonance: LineFit) -> list[str]:
     """Eigenfrequency, full width and Q of a fitted mode, each with its standard deviation.
 
     Args:

@@ -10,7 +10,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from fitting.inference.sweeps import fault_finding
+from fitting.lines.choice import SIMPLER
+from fitting.lines.dip import NOTCH, REFLECTION
+from fitting.lines.faults import fault_finding
+from fitting.lines.names import FANO, TRANSMISSION, WORDS, WORDS_COMPLEX
 from fitting.report.table import (
     Table,
     environment,
@@ -19,22 +22,12 @@ from fitting.report.table import (
     wrapped,
 )
 from fitting.resonance.decay_record import AMPLITUDES, PHASORS
-from fitting.resonance.dip_reading import NOTCH, REFLECTION
-from fitting.resonance.form import (
-    FANO,
-    SLOPED,
-    TRANSMISSION,
-    WORDS_BESIDE,
-    WORDS_BESIDE_COMPLEX,
-)
-from fitting.resonance.form_choice import AS_GOOD
 from fitting.resonance.line import Line
 from fitting.resonance.noise_line import NoiseLine
 from fitting.resonance.record import MeasuredLine
 from fitting.resonance.ringdown import ALONE, FORM_WORDS, MOVING, NOISE, Ringdown
 from fitting.signal.line_record import TriedForm
 from fitting.signal.noise_lines import COUPLED, TOGETHER
-from fitting.signal.peaks import TAIL
 from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.text.estimate import Estimate
@@ -46,7 +39,8 @@ from fitting.text.sentences import sentence
 #: What each wiring is, in words.
 WIRINGS = {
     TRANSMISSION: "the line alone",
-    **{form: f"the line and {words}" for form, words in WORDS_BESIDE.items()},
+    **{form: f"the line and {words}" for form, words in WORDS.items()},
+    "duffing": "a line whose frequency follows its amplitude (Duffing)",
     NOTCH: "a resonator next to a feed line",
     REFLECTION: "a resonator at the end of a line",
 }
@@ -124,7 +118,7 @@ def _of_line(line: Line) -> dict[str, Any]:
     return {
         "name": _name(line.forms[0]),
         # a complex slope is complex
-        "besides": (WORDS_BESIDE_COMPLEX if line.is_complex else WORDS_BESIDE).get(line.wiring),
+        "besides": (WORDS_COMPLEX if line.is_complex else WORDS).get(line.wiring),
         "choice": _choice(line),
         "wirings": WIRINGS,
         "other": _other_amplitude(line),
@@ -155,16 +149,10 @@ def _choice(line: Line) -> dict[str, Any]:
         return {}
     chosen, best = line.forms[0].criterion, min(fitted, key=lambda form: form.criterion)
     rest = sorted(form.criterion for form in fitted)
-    numbers = {"count": len(fitted), "near": AS_GOOD, "delta": rest[1] - rest[0]}
-    kind = "no_delay"
-    if not chosen > best.criterion:
-        kind = "lowest"
-    elif line.wiring == TAIL:
+    numbers = {"count": len(fitted), "near": SIMPLER, "delta": rest[1] - rest[0]}
+    kind = "simplest" if chosen > best.criterion else "lowest"
+    if line.wiring == "tail" and chosen > best.criterion:
         kind = "other_line"
-    elif best.name == SLOPED and not line.is_complex:
-        kind = "no_slope"
-    elif not line.is_complex or line.second is not None:
-        kind = "simplest"
     return {"kind": kind, **numbers}
 
 
@@ -188,7 +176,7 @@ def _moving(line: Line) -> list[tuple[str, dict[str, float]]]:
             )
             if abs(there.value - here.value) > MOVES * own.std
         }
-        if moved and form.criterion - chosen.criterion < AS_GOOD:
+        if moved and form.criterion - chosen.criterion < SIMPLER:
             moving.append((form.name, moved))
     return moving
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.resonance.form import SLOPED, TRANSMISSION, FittedForm, fit_amplitudes
+from fitting.lines.clipped_top import clipped_parts
+from fitting.lines.faults import CLIPPED_POINTS
+from fitting.lines.form import AMPLITUDE_FORMS, LineFit, fit_form
+from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.resonance.trace import Trace
-from fitting.signal.clipped_top import clipped_parts
-from fitting.signal.peaks import MIN_SWEEP_POINTS, OFFSET
-from fitting.signal.sweep_faults import CLIPPED_POINTS
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
@@ -30,7 +30,7 @@ FINE = 0.1
 #: What is missing at the top over its error, from which that needs no such scale.
 NOTABLE = 2.0
 #: Forms of the line that decide which points are close to the limit.
-FORMS = (TRANSMISSION, OFFSET, SLOPED)
+FORMS = ("transmission", "offset", "sloped")
 #: Rounds in which the points close to the limit are found.
 ROUNDS = 3
 
@@ -149,23 +149,23 @@ def _kept(trace: Trace, below: BoolArray, limit: float) -> BoolArray | None:
     return kept
 
 
-def _no_chance(a: FloatArray, form: FittedForm) -> bool:
+def _no_chance(a: FloatArray, form: LineFit) -> bool:
     """Whether noise is so much larger than steps of the scale that it makes no points equal."""
     steps = np.diff(np.unique(a))
     return bool(np.min(steps) < FINE * form.residual * form.amplitude.value)
 
 
-def _is_below(limit: float, form: FittedForm) -> bool:
+def _is_below(limit: float, form: LineFit) -> bool:
     """Whether a limit is below the top of a line by more than its error."""
     return form.amplitude.value + form.background.real - limit > NOTABLE * form.amplitude.std
 
 
-def _line(f: FloatArray, a: FloatArray, source: str) -> FittedForm | None:
+def _line(f: FloatArray, a: FloatArray, source: str) -> LineFit | None:
     """The line of some points, alone or beside a real background, by Akaike's criterion."""
     forms = []
     for name in FORMS:
         with contextlib.suppress(BadInput):
-            forms.append(fit_amplitudes(f, a, name, source))
+            forms.append(fit_form(f, a, AMPLITUDE_FORMS[name], source=source))
     return min(
         forms,
         key=lambda form: f.size * np.log(form.residual * form.amplitude.value) + form.unknowns,

@@ -2,30 +2,25 @@
 
 The points outside of a range that was chosen show them: a top that stands above the lowest point
 between it and the end of the range by `STANDS_OUT` times the noise, which second differences
-tell, and by a share of the largest point. Without points there, another line may begin right
-beyond either end.
+tell, and by a share of the largest point.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.lines.starts import point_noise
 from fitting.resonance.trace import Trace
 from fitting.signal.complex_line import extent
-from fitting.signal.least_squares import minimise_squares
-from fitting.signal.peaks import mode_response, point_noise
 from fitting.text.arrays import FloatArray
 
 #: Noise, and share of the largest point, by which another line stands out.
 STANDS_OUT, LEAST_SHARE = 10.0, 0.03
 #: Rise over that of the highest one from which a nearer top is a line.
 NEAREST_SHARE = 0.3
-#: Evaluations after which a flank that is still looked for is none.
-ROUNDS = 100
 
 
 @dataclass(frozen=True)
@@ -64,52 +59,3 @@ def _nearest_top(a: FloatArray, rises: FloatArray, least: float) -> int:
     fallen = np.maximum.accumulate(a[begin:]) - a[begin:] >= enough
     end = begin + int(np.argmax(fallen)) if np.any(fallen) else a.size
     return begin + int(np.argmax(a[begin:end]))
-
-
-def beyond_ends(frequency_hz: FloatArray, width_hz: float) -> tuple[FurtherLine, ...]:
-    """Where another line may be of which nothing is known: a width beyond either end.
-
-    Args:
-        frequency_hz: of the points, rising, shape (n,), Hz.
-        width_hz: full width that lines have here, Hz.
-    """
-    ends = frequency_hz[0] - width_hz, frequency_hz[-1] + width_hz
-    return tuple(FurtherLine(float(end), width_hz) for end in ends)
-
-
-@dataclass(frozen=True)
-class Flank:
-    """A line beyond the points, as they show its flank: place, full width, Hz, squares left."""
-
-    frequency_hz: float
-    width_hz: float
-    squares: float
-
-
-def flank(trace: Trace, begin: Sequence[FurtherLine]) -> Flank | None:
-    """The one line, outside of the points, that describes amplitudes best; None without one.
-
-    Args:
-        trace: amplitudes.
-        begin: where it may be.
-    """
-    f, shares = trace.frequency_hz, trace.amplitude / float(np.max(trace.amplitude))
-    found = []
-    for line in begin:
-        near = 0 if line.frequency_hz < f[0] else -1
-
-        def curve(x: FloatArray, line: FurtherLine = line) -> FloatArray:
-            width = line.width_hz * math.exp(float(np.clip(x[1], -50.0, 50.0)))
-            return np.abs(mode_response(f, line.frequency_hz + line.width_hz * float(x[0]), width))
-
-        height = min(float(shares[near] / curve(np.zeros(2))[near]), 1e3)
-
-        def left(x: FloatArray, curve=curve, height: float = height) -> FloatArray:  # type: ignore[no-untyped-def]
-            return np.asarray(height * x[2] * curve(x) - shares)
-
-        fit = minimise_squares(left, np.array([0.0, 0.0, 1.0]), rounds=ROUNDS)
-        eta = line.frequency_hz + line.width_hz * float(fit.values[0])
-        width = line.width_hz * math.exp(float(np.clip(fit.values[1], -50.0, 50.0)))
-        if not f[0] < eta < f[-1]:
-            found.append(Flank(eta, width, float(fit.residuals @ fit.residuals)))
-    return min(found, key=lambda each: each.squares, default=None)

@@ -1,82 +1,34 @@
-"""One resonance of a trace: every form that may stand beside it, fitted, and the best one."""
+"""One resonance of a trace: what is left out of it, its line, and what contradicts that."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from fitting.campaign.instruments import own_estimates
-from fitting.measurements.complex.curve import WIDTHS_FOR_DELAY
+from fitting.lines.dip import NOTCH, REFLECTION, DipReading, dip_readings
+from fitting.lines.faults import Fault, SweepFault, sweep_faults
+from fitting.lines.form import LineFit
+from fitting.lines.names import MIN_SWEEP_POINTS
+from fitting.lines.second import TwoResonances
+from fitting.lines.sweep import SweepFit, fit_sweep, is_reversed
+from fitting.lines.sweep_model import Place
 from fitting.resonance.clipped import Clipped, without_clipped
-from fitting.resonance.complaints import (
-    check_one,
-    check_overlap,
-    complain_of_ends,
-    complain_of_flank,
-    faults_of,
-    not_one,
-    outside,
-)
-from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading, dip_readings
-from fitting.resonance.form import (
-    AMPLITUDE_FORMS,
-    FANO,
-    FORMS,
-    SLOPED,
-    TRANSMISSION,
-    ComplexForm,
-    FittedForm,
-    begin_of,
-    fit_amplitudes,
-    fit_complex,
-    guesses,
-)
-from fitting.resonance.form_choice import (
-    AS_GOOD,
-    criteria_of,
-    with_tail,
-    without_doubtful_constant,
-    without_doubtful_delay,
-    without_doubtful_slope,
-)
-from fitting.resonance.further_lines import (
-    FurtherLine,
-    further_lines,
-)
+from fitting.resonance.further_lines import further_lines
 from fitting.resonance.record import MeasuredLine, Points
-from fitting.resonance.rival_forms import Covered, covered
-from fitting.resonance.second_line import fits_with_second, second_place
 from fitting.resonance.spikes import Spike, spikes_in, without_spikes
 from fitting.resonance.trace import Trace
-from fitting.resonance.two_lines import as_two, two_lines
-from fitting.signal.line_record import LineNumber, LineValues, TriedForm, fields_of, no_line
-from fitting.signal.peaks import (
-    FLOOR,
-    MIN_SWEEP_POINTS,
-    OFFSET,
-    RICE,
-    SINGLE,
-    TAIL,
-)
-from fitting.signal.sweep_faults import SweepFault
-from fitting.text.arrays import FloatArray
+from fitting.signal.line_record import LineNumber, LineValues, fields_of
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, note
 from fitting.text.notation import hertz, listed
 
-#: Height of a second line over that of the first one up to which the first is the one meant.
-WEAK = 0.3
-#: Forms of amplitudes alone.
-AMPLITUDES_ALONE = (OFFSET, FLOOR, RICE, SINGLE, TAIL)
-#: What may be asked for: forms, and those of their readings that are no form of their own.
-WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, *AMPLITUDES_ALONE)
-#: Widths, and logarithm of a factor on the width, by which another line may not be where a point
-#: outside is largest, or where it is only supposed.
-SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
+#: What may be requested of any values, and of amplitudes alone.
+ANY = ("transmission", NOTCH, REFLECTION, "fano", "sloped", "duffing", "duffing_offset")
+AMPLITUDES_ALONE = ("offset", "floor", "rice", "single", "tail")
+WIRINGS = (*ANY, *AMPLITUDES_ALONE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +39,7 @@ class Line(MeasuredLine):
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         mirrored: the other amplitude that amplitudes with a complex constant or a tail do not
             distinguish from it; None in other forms, and where they do.
+        bend: how far the top is shifted by the mode's nonlinearity, Hz; None of a linear line.
         background: the constant of "offset", "floor" and "rice", in ``unit``, of "sloped"
             amplitudes its value at the eigenfrequency, of "single" the noise of either quadrature
             of a reading; zero in other forms.
@@ -107,6 +60,7 @@ class Line(MeasuredLine):
 
     amplitude: LineNumber
     mirrored: LineNumber | None
+    bend: LineNumber | None
     background: float
     slope: float
     wiring: str
@@ -131,7 +85,7 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
 
     Raises:
         BadInput: no resonance, one that the ends of the sweep cut off, two of them, too few points,
-            or a wiring that amplitudes do not tell.
+            or a wiring that amplitudes do not show.
     """
     if wiring and wiring not in WIRINGS:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
@@ -140,8 +94,18 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
     spikes = spikes_in(trace)
     try:
         rest, clipped = without_clipped(without_spikes(trace, spikes))
-        return replace(_line_of(_as_falling(rest), wiring, spikes), clipped=clipped)
+        rest = _as_falling(rest)
+        elsewhere = [Place(line.frequency_hz, line.width_hz) for line in further_lines(rest)]
+        fit = fit_sweep(
+            rest.frequency_hz,
+            rest.values,
+            form="fano" if wiring in (NOTCH, REFLECTION) else wiring,
+            elsewhere=elsewhere,
+            source=rest.source,
+        )
     except BadInput as error:
+        if isinstance(error, TwoResonances):
+            error.phases_reversed = rest.phases_reversed
         if trace.read:
             error.args = tuple(f"{text} (read: {trace.read})" for text in error.args)
         if spikes:
@@ -151,33 +115,18 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
                 for text in error.args
             )
         raise
+    return _line(rest, fit, wiring, elsewhere, spikes, clipped)
 
 
-def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
-    further = further_lines(trace)
-    requested = FANO if wiring in (NOTCH, REFLECTION) else wiring
-    fitted, failed = _fitted(trace, further, requested)
-    criteria = criteria_of(fitted, trace.rows)
-    order = [int(k) for k in np.argsort(criteria, kind="stable")]
-    if further and not requested:
-        order = with_tail(fitted, criteria, order)
-    if not trace.is_complex:
-        order = without_doubtful_slope(fitted, criteria, order)
-    order = without_doubtful_constant(fitted, criteria, order)
-    order.sort(key=lambda k: bool(requested) and fitted[k].name != requested)
-    order = without_doubtful_delay(fitted, criteria, order, requested)
-    best = fitted[order[0]]
-    if requested and best.name != requested:
-        raise BadInput(next(form.message for form in failed if form.name == requested))
-    both = _with_second(trace, [fitted[k] for k in order], further, requested)
-    if both:
-        fitted, criteria, order = _second_first(trace, fitted, both)
-        best = fitted[order[0]]
-    check_one(trace, best, further, {form.name: form.message for form in failed})
-    check_overlap(trace, best, fitted)
-    same = bool(requested) or trace.is_complex
-    wider = Covered(best, (), 1.0) if same else covered(fitted, criteria, order[0])
-    best = wider.form
+def _line(
+    trace: Trace,
+    fit: SweepFit,
+    wiring: str,
+    elsewhere: Sequence[Place],
+    spikes: Sequence[Spike],
+    clipped: Clipped | None,
+) -> Line:
+    best = fit.line
     # of complex values both parts are rows: their points are worth half of them
     structure = best.structure
     structure = replace(structure, points=structure.points / (2.0 if trace.is_complex else 1.0))
@@ -187,7 +136,8 @@ def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
         unit=trace.unit,
         amplitude=replace(best.amplitude, unit=trace.unit),
         mirrored=None if best.mirrored is None else replace(best.mirrored, unit=trace.unit),
-        background=best.background.real,
+        bend=best.bend,
+        background=best.background.real if best.name != "fano" else 0.0,
         slope=best.slope,
         wiring=wiring or best.name,
         is_requested=bool(wiring),
@@ -195,164 +145,36 @@ def _line_of(trace: Trace, wiring: str, spikes: Sequence[Spike]) -> Line:
         residual=best.residual,
         dof=best.dof,
         structure=structure,
-        rivals=wider.rivals,
-        rivals_widening=wider.factor,
-        forms=(*(_tried(fitted[k], criteria[k] - np.min(criteria)) for k in order), *failed),
-        readings=dip_readings(trace, best, wiring),
-        faults=faults_of(trace, best),
+        rivals=fit.rivals,
+        rivals_widening=fit.widening,
+        forms=fit.forms,
+        readings=dip_readings(trace.frequency_hz, best, wiring),
+        faults=_faults(trace, best),
         second=best.second,
-        further_hz=tuple(line.frequency_hz for line in further),
+        further_hz=tuple(place.frequency_hz for place in elsewhere),
         instrument=own_estimates(trace.notes),
         spikes=tuple(spikes),
         phases_reversed=trace.phases_reversed,
+        clipped=clipped,
         reading=trace.reading,
         points=Points.of(trace.values, best.curve, frequency_hz=trace.frequency_hz),
     )
 
 
-def _with_second(
-    trace: Trace, forms: Sequence[FittedForm], further: Sequence[FurtherLine], requested: str
-) -> list[FittedForm]:
-    """Forms with a second line among the points, where one is seen that is far lower.
-
-    Raises:
-        TwoResonances: it is about as high as the first one: nobody knows which is wanted.
-    """
-    best = forms[0]
-    two = two_lines(trace, best)
-    if two is not None and (two.overlap or two.share > WEAK):
-        raise not_one(trace, two)
-    place = None if best.name == TAIL else second_place(trace, best)
-    if place is None:
-        return []
-    tails = [(line.frequency_hz, line.width_hz) for line in further]
-    both = fits_with_second(trace, forms, place, requested, tails)
-    for form in both[:1]:
-        lines = as_two(form, form.second)
-        if lines is not None and lines.share > WEAK:
-            raise not_one(trace, lines)
-    return both
-
-
-def _second_first(
-    trace: Trace, single: Sequence[FittedForm], both: Sequence[FittedForm]
-) -> tuple[list[FittedForm], FloatArray, list[int]]:
-    """All forms, those of two lines first, their criteria, and the order they are taken in."""
-    forms = [*both, *single]
-    criteria = criteria_of(forms, trace.rows)
-    order = [int(k) for k in np.argsort(criteria, kind="stable")]
-    pair = [k for k in order if k < len(both)]
-    if not trace.is_complex:
-        pair = without_doubtful_slope(forms, criteria, pair)
-    near = [k for k in pair if criteria[k] - criteria[pair[0]] < AS_GOOD]
-    simple = min(near, key=lambda k: forms[k].unknowns)
-    pair = [simple, *(k for k in pair if k != simple)]
-    return forms, criteria, [*pair, *(k for k in order if k >= len(both))]
+def _faults(trace: Trace, best: LineFit) -> tuple[SweepFault, ...]:
+    """What makes amplitudes no damped line, where the best form leaves more than noise."""
+    if trace.is_complex or best.second is not None or best.form.bent:
+        return ()
+    if best.name != "transmission" and best.structure.order == 0:
+        return ()
+    found = sweep_faults(trace.frequency_hz, trace.amplitude)
+    return tuple(f for f in found if f.fault is not Fault.BACKGROUND)
 
 
 def _as_falling(trace: Trace) -> Trace:
     """The trace with phases that fall over the resonance, as they are counted here."""
-    if not trace.is_complex or trace.values.size < MIN_SWEEP_POINTS:
-        return trace
-    f, y = trace.frequency_hz, np.asarray(trace.values, dtype=complex)
-    here, there = (begin_of(f, each, FANO, guesses(f, each))[1] for each in (y, np.conj(y)))
-    if here <= there:
+    y = np.asarray(trace.values, dtype=complex)
+    if not trace.is_complex or y.size < MIN_SWEEP_POINTS or not is_reversed(trace.frequency_hz, y):
         return trace
     reading = (*trace.reading, note(Kind.phases_reversed))
     return replace(trace, values=np.conj(y), phases_reversed=True, reading=reading)
-
-
-def _fitted(
-    trace: Trace, further: Sequence[FurtherLine], requested: str
-) -> tuple[list[FittedForm], list[TriedForm]]:
-    """Every form, as it was fitted; those that could not be."""
-    resolved: list[FittedForm] = []
-    unresolved: list[FittedForm] = []
-    failed: list[TriedForm] = []
-
-    def attempt(tries: Sequence[_Try]) -> None:
-        for (name, delayed), fit in tries:
-            try:
-                form = fit()
-            except BadInput as error:
-                message = str(error)
-                failed.append(TriedForm(**no_line(), name=name, delayed=delayed, message=message))
-                continue
-            (unresolved if delayed and not _resolves_delay(trace, form) else resolved).append(form)
-
-    attempt(_tries(trace, further))
-    if not trace.is_complex:
-        noisy = any(form.structure.order == 0 for form in resolved)
-        if further or requested == TAIL or not noisy:
-            attempt([_tail(trace, further)])
-    if not (resolved or unresolved):
-        complain_of_flank(trace, further, math.inf)
-        complain_of_ends(trace)
-        if trace.is_complex or trace.values.size < MIN_SWEEP_POINTS:
-            raise BadInput(failed[0].message)
-        ends = hertz(*trace.frequency_hz[[0, -1]], digits=8, joined=" and ")
-        raise BadInput(
-            f"{trace.source}: shows no resonance between {ends}: no form of a line can be fitted"
-        )
-    return resolved or unresolved, failed
-
-
-#: Name of a form, whether a delay is fitted, too, and its fit.
-_Try = tuple[tuple[str, bool], Callable[[], FittedForm]]
-
-
-def _tail(trace: Trace, further: Sequence[FurtherLine]) -> _Try:
-    """The fit of a line beside the tail of another one, seen or beyond the ends."""
-    others = [(line.frequency_hz, line.width_hz) for line in outside(trace, further)]
-    room = SEEN_ROOM if further else UNSEEN_ROOM
-
-    def fit() -> FittedForm:
-        f, a = trace.frequency_hz, trace.amplitude
-        return fit_amplitudes(f, a, TAIL, trace.source, others, room)
-
-    return (TAIL, False), fit
-
-
-def _tries(trace: Trace, further: Sequence[FurtherLine]) -> list[_Try]:
-    f, source = trace.frequency_hz, trace.source
-    if not trace.is_complex:
-        a = trace.amplitude
-        names = [name for name in AMPLITUDE_FORMS if name != TAIL]
-        return [((n, False), partial(fit_amplitudes, f, a, n, source)) for n in names]
-    if f.size < MIN_SWEEP_POINTS:
-        raise BadInput(
-            f"{source}: {f.size} points are too few for a resonance fit; wanted at least "
-            f"{MIN_SWEEP_POINTS}"
-        )
-    y = np.asarray(trace.values, dtype=complex)
-    begin = guesses(f, y)
-    tails = [(line.frequency_hz, line.width_hz) for line in further]
-    forms = [
-        ComplexForm(name=name, delayed=delayed, tails_hz=tails)
-        for delayed in (False, True)
-        for name in FORMS
-    ]
-    return [
-        ((form.name, form.delayed), partial(fit_complex, f, y, form, begin, source))
-        for form in forms
-    ]
-
-
-def _resolves_delay(trace: Trace, delayed: FittedForm) -> bool:
-    """Whether the sweep is so long that a delay is not just the phase of the line itself.
-
-    Its own width counts: without the delay, no form need find the line of a long cable.
-    """
-    return delayed.width.value * WIDTHS_FOR_DELAY < float(np.ptp(trace.frequency_hz))
-
-
-def _tried(form: FittedForm, criterion: float) -> TriedForm:
-    return TriedForm(
-        **fields_of(form, LineValues),
-        name=form.name,
-        delayed=form.delay is not None,
-        residual=form.residual,
-        criterion=float(criterion),
-        structure=form.structure,
-        second=form.second is not None,
-    )

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitting.lines.single_points import single_points
 from fitting.resonance.trace import Trace
-from fitting.signal.single_points import single_points
 from fitting.text.finding import Finding, Kind, note
 
 

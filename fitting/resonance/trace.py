@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from fitting.signal.peaks import MIN_SWEEP_POINTS
+from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note

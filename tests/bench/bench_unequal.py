@@ -14,7 +14,7 @@ import sys
 
 import numpy as np
 
-from fitting.signal.peaks import Resonance, fit_resonance
+from fitting.lines.form import LineFit, fit_resonance
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
 from tests.support.coloured import coloured
@@ -49,7 +49,7 @@ def main(count: int) -> None:
 
 def measured(
     points: int, widths: float, noise: tuple[float, float, float], rng: np.random.Generator
-) -> Resonance:
+) -> LineFit:
     """The line of one sweep, 1 V high.
 
     Args:
@@ -65,7 +65,7 @@ def measured(
     return fit_resonance(f, line * (1.0 + each * one) + floor * two)
 
 
-def row(found: list[Resonance]) -> str:
+def row(found: list[LineFit]) -> str:
     """What was counted.
 
     Args:
@@ -87,7 +87,7 @@ def row(found: list[Resonance]) -> str:
     return " | ".join(columns)
 
 
-def pulls(line: Resonance) -> FloatArray:
+def pulls(line: LineFit) -> FloatArray:
     """Distances of frequency, width and amplitude from the truth over their errors, (3,).
 
     Args:

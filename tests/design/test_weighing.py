@@ -24,7 +24,7 @@ from fitting.design.tones import ToneCandidates, tone_choices
 from fitting.design.weighing import DesignGoal, Weighed, weigh
 from fitting.fmu import FmuWorkers
 from fitting.lab.truth import read_bench
-from fitting.signal.peaks import fit_resonance
+from fitting.lines.form import fit_resonance
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
 from fitting.text.schema import read_record

@@ -16,7 +16,7 @@ from fitting.lab.benches import string_bench
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.truth import read_bench
 from fitting.lab.writer import campaign_files
-from fitting.signal.peaks import fit_resonance
+from fitting.lines.form import fit_resonance
 
 
 def exact(modes: TwoModes, u: float) -> list[mp.mpc]:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.lines.clipped_top import clipped_top
 from fitting.measurements.control.sweep import ControlSweep
-from fitting.signal.clipped_top import clipped_top
 from fitting.text.sentences import sentence
 from fitting.text.toml import read_toml, toml_text
 from tests.faults.scene import CAMPAIGN, D_HZ, ETA_HZ, FMU, SWEEP, amplitude_v, csv, texts

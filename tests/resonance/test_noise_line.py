@@ -99,10 +99,10 @@ def test_a_file_whose_unit_is_a_density_is_one(
     written = json.loads((tmp_path / "o" / "line.json").read_text("utf-8"))
     assert abs(written["frequency"]["value"] - F0) < 4.0 * written["frequency"]["std"]
     assert (tmp_path / "o" / "line.png").stat().st_size > 10_000
-    # as a sweep of amplitudes the same line has far wider errors
+    # as a sweep of amplitudes, whose noise is found to grow with them, it has errors as large
     assert main(["line", str(path), "--kind", "sweep", "--out", str(tmp_path / "s")]) == 0
     sweep = json.loads((tmp_path / "s" / "line.json").read_text("utf-8"))
-    assert sweep["width"]["std"] > 2.0 * written["width"]["std"]
+    assert 0.7 < sweep["width"]["std"] / written["width"]["std"] < 3.0
 
 
 def test_two_lines_are_told() -> None:

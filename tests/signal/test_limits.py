@@ -12,6 +12,8 @@ import pytest
 from scipy.optimize import curve_fit
 from scipy.stats import norm, t
 
+from fitting.lines.form import fit_resonance
+from fitting.lines.lorentzian import mode_response
 from fitting.signal.combinations import (
     combination_name,
     lines_to_read,
@@ -20,8 +22,6 @@ from fitting.signal.combinations import (
     parse_combination,
 )
 from fitting.signal.peaks import (
-    fit_resonance,
-    mode_response,
     noise_floor,
     read_peaks,
     unknown_line,
@@ -294,7 +294,7 @@ def test_the_standard_deviations_of_a_resonance_are_those_of_curve_fit() -> None
     assert found.q.std == pytest.approx(q_std, rel=1e-3)
     assert found.residual == pytest.approx(np.std(law(f, *x) - a) / x[2], rel=0.01)
     assert found.curve == pytest.approx(law(f, *x), rel=1e-5)
-    known = fit_resonance(f, a, sigma_v=0.5)
+    known = fit_resonance(f, a, sigma=0.5)
     free = found.frequency.std / np.sqrt(np.sum((law(f, *x) - a) ** 2) / 58.0) / student
     assert known.frequency.std == pytest.approx(0.5 * free, rel=1e-3)
 

@@ -11,11 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.campaign.instruments import read_trace
-from fitting.signal.peaks import (
-    fit_resonance,
-    noise_floor,
-    read_peaks,
-)
+from fitting.lines.form import fit_resonance
+from fitting.signal.peaks import noise_floor, read_peaks
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
@@ -236,7 +233,7 @@ def test_the_error_of_q_is_that_of_a_fit_of_q(q: float) -> None:
     steps = 1e-5 * np.diag(x)
     slopes = [(curve(x + h) - curve(x - h)) / (2.0 * np.sum(h)) for h in steps]
     covariance = 0.01**2 * np.linalg.inv(np.inner(slopes, slopes))
-    fit = fit_resonance(f, curve(x), sigma_v=0.01)
+    fit = fit_resonance(f, curve(x), sigma=0.01)
     assert fit.q.value == pytest.approx(q, rel=1e-9)
     assert fit.q.std == pytest.approx(covariance[1, 1] ** 0.5, rel=1e-5)
     assert fit.frequency.std == pytest.approx(covariance[0, 0] ** 0.5, rel=1e-5)
@@ -262,7 +259,7 @@ def test_a_line_that_takes_away_from_a_background_comes_back(depth: float, width
     f = 3e4 + 25.0 * np.linspace(-widths, widths, 121)
     eta = 3e4 + 5.0
     line = depth * 25.0 * eta / ((eta - f) * (eta + f) + 1j * f * 25.0)
-    fit = fit_resonance(f, 7.0 * np.abs(line + np.exp(1.67j)), background="complex", dip=True)
+    fit = fit_resonance(f, 7.0 * np.abs(line + np.exp(1.67j)), background="complex")
     assert fit.frequency.value == pytest.approx(eta, abs=1e-5)
     assert fit.width.value == pytest.approx(25.0, rel=1e-6)
 

@@ -14,9 +14,9 @@ from scipy.stats import chi2, kstest
 
 from fitting.campaign import SweepData
 from fitting.inference.sweep_line import SweepLine, line_findings, line_of_sweep
+from fitting.lines.form import LineFit, fit_resonance
 from fitting.report.screen import phrases
 from fitting.signal.line_record import TriedForm, no_line
-from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.residual_tests import (
     autocorrelation,
     autoregression,
@@ -38,14 +38,14 @@ def trace(background: complex = 0.0) -> FloatArray:
     return np.asarray(np.abs(mode + background))
 
 
-def fits(rho: float, seeds: range) -> list[Resonance]:
+def fits(rho: float, seeds: range) -> list[LineFit]:
     return [
         fit_resonance(F, trace() + NOISE * coloured(rho, F.size, np.random.default_rng(seed)))
         for seed in seeds
     ]
 
 
-def distances(found: list[Resonance]) -> FloatArray:
+def distances(found: list[LineFit]) -> FloatArray:
     """d^T C^-1 d of (eta, width) from the truth: chi-square with 2 degrees of freedom if C is."""
     values = []
     for fit in found:

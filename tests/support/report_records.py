@@ -12,6 +12,7 @@ from fitting.campaign import Drive, Setup, Spectrum
 from fitting.fit.fit import Status
 from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.inference.sweep_line import SweepLine
+from fitting.lines.form import fit_resonance
 from fitting.measurements.figure import Figure
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import ShownSpectrum, spectra_figure
@@ -27,7 +28,6 @@ from fitting.result.result import (
     SweepCurves,
 )
 from fitting.signal.line_record import line_numbers, number_of_line
-from fitting.signal.peaks import fit_resonance
 from fitting.text.estimate import OutputEstimate, ParameterEstimate, Verdict
 from fitting.text.finding import Finding, Kind
 

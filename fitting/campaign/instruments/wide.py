@@ -24,6 +24,8 @@ from fitting.text.notation import how_many
 from fitting.text.tables import Column, Table, named_column, parse_number, parse_table, read_text
 from fitting.text.units import is_frequency, same_kind
 
+#: Points of a spectrum, at least.
+LEAST_POINTS = 8
 #: Name of a control that the file does not name.
 CONTROL = "control"
 #: Values in a head, at least, and frequencies; values where a 0 leads the head.

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
-import numpy as np
-
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
+from fitting.campaign.density import (
+    HOLDS,
+    Density,
+    density_of,
+    relative_density,
+)
 from fitting.campaign.instruments import Channel, Recording, Selection, read_recording, unit_of
 from fitting.measurements.noise.record import (
     COLOURED,
@@ -24,7 +26,6 @@ from fitting.measurements.noise.record import (
 )
 from fitting.measurements.noise.spectra import NoiseSpectra
 from fitting.measurements.record_table import RecordTable
-from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.keys import (
     FileName,
@@ -46,12 +47,6 @@ STATED = {
     "mass": ("mass_kg", "kg"),
     "spring_constant": ("spring_constant", "N/m"),
 }
-#: Units of what is seen whose squares per Hz a density may have.
-SEEN_UNITS = ("m", "V", "m/s", "m/s**2", "A", "1")
-#: Words for what a column holds where its unit does not tell it.
-DENSITY, ROOT = HOLDS = ("density", "root")
-#: Levels over a bandwidth, as "dBm/Hz" or "dBV/√Hz": ten decibels are a factor of ten in power.
-LEVEL = re.compile(r"dB\w*\s*/\s*.*Hz.*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,48 +208,3 @@ class NoiseSpectrumTable(RecordTable):
                 "acceleration; wanted mass or spring_constant with it"
             )
         return False
-
-
-@dataclass(frozen=True, eq=False)
-class Density:
-    """A power spectral density (n,) in `unit` squared per Hz, or relative; made of its root."""
-
-    numbers: FloatArray
-    unit: str
-    is_relative: bool = False
-    is_root: bool = False
-
-
-def density_of(numbers: FloatArray, unit: str) -> Density | None:
-    """The density that a column holds, or its root, or levels; None: the unit tells none of them.
-
-    Args:
-        numbers: of the column, shape (n,).
-        unit: of the column.
-    """
-    if LEVEL.fullmatch(unit):
-        return Density(_powers(numbers), "1", is_relative=True)
-    for seen in SEEN_UNITS:
-        for power, whole in ((1, f"({seen})**2/Hz"), (2, f"({seen})/Hz**0.5")):
-            with contextlib.suppress(BadInput):
-                factor = convert(1.0, unit, whole, where="")
-                return Density((factor * numbers) ** power, seen, is_root=power == 2)
-    return None
-
-
-def relative_density(numbers: FloatArray, unit: str | None, holds: str) -> Density:
-    """The density of a column whose unit does not tell it, as relative numbers.
-
-    Args:
-        numbers: of the column, shape (n,).
-        unit: of the column; None: none is told.
-        holds: `DENSITY` or `ROOT`.
-    """
-    if (unit or "").startswith("dB"):
-        return Density(_powers(numbers), "1", is_relative=True)
-    is_root = holds == ROOT
-    return Density(numbers ** (2 if is_root else 1), "1", is_relative=True, is_root=is_root)
-
-
-def _powers(levels: FloatArray) -> FloatArray:
-    return np.asarray(10.0 ** ((levels - np.max(levels)) / 10.0))

@@ -11,6 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
+from fitting.lines.form import LineFit
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.sweep import ShownResponse, residual_panel, response_panel
 from fitting.report.figures.data import PLACES
@@ -32,7 +33,6 @@ from fitting.report.figures.style import (
 )
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import SweepCurves
-from fitting.signal.peaks import Resonance
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import Scaling, prefixed, scaling_for
 
@@ -393,7 +393,7 @@ def _limit(axes: Axes, shown: Panel, panels: Sequence[Panel], scales: Scales) ->
 def frequency_response(
     curves: SweepCurves,
     *,
-    resonance: Resonance | None = None,
+    resonance: LineFit | None = None,
     unit: str = "V",
     ax: Axes | None = None,
 ) -> Axes:
@@ -409,7 +409,7 @@ def frequency_response(
 
 
 def response_residuals(
-    curves: SweepCurves, *, resonance: Resonance | None = None, ax: Axes | None = None
+    curves: SweepCurves, *, resonance: LineFit | None = None, ax: Axes | None = None
 ) -> Axes:
     """Draw simulated minus measured amplitudes over drive frequency, in % of the largest measured.
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from fitting.lines.faults import CLIPPED_POINTS
+from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.signal.complex_line import complex_line
-from fitting.signal.peaks import MIN_SWEEP_POINTS
-from fitting.signal.sweep_faults import CLIPPED_POINTS
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 
 #: A real part of complex values, (n,).

@@ -1,35 +1,22 @@
-"""What stands beside a line's amplitude: against mpmath, and against averages that were drawn."""
+"""What is next to a line: against averages and single readings that were drawn, and scipy."""
 
 from __future__ import annotations
 
-import mpmath as mp
 import numpy as np
 import pytest
 from scipy.stats import rice
 
-from fitting.signal.peaks import fit_resonance, rice_mean
-from fitting.signal.single_readings import fit_single_readings
+from fitting.lines.form import AMPLITUDE_FORMS, LineFit, fit_form, fit_resonance
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.lines import mode, noise
 
 ETA, WIDTH = 5000.0, 20.0
 F = ETA + np.linspace(-100.0, 100.0, 101)
-RATIOS = (0.0, 1e-6, 0.4, 1.4, 7.0, 430.0, 9.99e3, 1.001e4, 1e7, 1e200)
 
 
-@pytest.mark.parametrize("ratio", RATIOS)
-def test_the_mean_amplitude_of_a_line_in_noise_is_rices(ratio: float) -> None:
-    rms = 0.7
-    found = float(rice_mean(np.array([ratio * rms]), rms)[0])
-    with mp.workdps(50):
-        x = mp.mpf(ratio) ** 2
-        bessel = (1 + x) * mp.besseli(0, x / 2) + x * mp.besseli(1, x / 2) if ratio < 1e8 else None
-        truth = mp.sqrt(mp.pi) / 2 * rms * mp.exp(-x / 2) * bessel if bessel else ratio * rms
-        assert found == pytest.approx(float(truth), rel=1e-14)
-
-
-def test_no_noise_leaves_an_amplitude_as_it_is() -> None:
-    assert rice_mean(np.array([0.0, 2.0]), 0.0).tolist() == [0.0, 2.0]
+def single(amplitude: FloatArray) -> LineFit:
+    return fit_form(F, amplitude, AMPLITUDE_FORMS["single"])
 
 
 @pytest.mark.parametrize("background", ["offset", "floor", "rice"])
@@ -59,19 +46,26 @@ def test_the_likelihood_of_single_readings_is_rices() -> None:
     The squares are those of equally likely normal noise: N ln(2 pi S/N) + N = -2 ln L.
     """
     readings = np.abs(mode(F, ETA, WIDTH) * np.exp(0.4j) + noise(F.size, 0.08, 3))
-    found = fit_single_readings(F, readings)
-    line, top = found.resonance, float(np.max(readings))
+    found = single(readings)
+    top = float(np.max(readings))
 
     def minus_two_ln(eta: float, width: float, height: float, s: float) -> float:
         nu = height * np.abs(mode(F, eta, width))
         return -2.0 * float(np.sum(rice.logpdf(readings / top, nu / s, scale=s / top)))
 
-    there = np.array([line.frequency.value, line.width.value, line.amplitude.value, found.noise])
+    there = np.array(
+        [found.frequency.value, found.width.value, found.amplitude.value, found.background.real]
+    )
     there[3] *= np.sqrt((F.size - 3) / F.size)  # the likeliest is smaller than the unbiased one
     least = minus_two_ln(*there)
     n = F.size
-    assert n * np.log(2.0 * np.pi * found.squares / n) + n == pytest.approx(least, abs=1e-6)
-    errors = (line.frequency.std, line.width.std, line.amplitude.std, 0.05 * found.noise)
+    assert n * np.log(2.0 * np.pi * found.likely_squares / n) + n == pytest.approx(least, abs=1e-6)
+    errors = (
+        found.frequency.std,
+        found.width.std,
+        found.amplitude.std,
+        0.05 * found.background.real,
+    )
     for step in np.diag(np.array(errors)):
         for way in (0.05, -0.05):
             assert minus_two_ln(*(there + way * step)) > least
@@ -83,16 +77,15 @@ def test_errors_and_noise_of_single_readings_are_right(sigma: float) -> None:
     pulls, sizes = [], []
     for seed in range(200, 260):
         readings = np.abs(mode(F, ETA, WIDTH) + noise(F.size, sigma, seed))
-        found = fit_single_readings(F, readings)
-        line = found.resonance
+        found = single(readings)
         pulls.append(
             [
-                (line.frequency.value - ETA) / line.frequency.std,
-                (line.width.value - WIDTH) / line.width.std,
-                (line.amplitude.value - 1.0) / line.amplitude.std,
+                (found.frequency.value - ETA) / found.frequency.std,
+                (found.width.value - WIDTH) / found.width.std,
+                (found.amplitude.value - 1.0) / found.amplitude.std,
             ]
         )
-        sizes.append(found.noise)
+        sizes.append(found.background.real)
     squares = np.mean(np.square(pulls), axis=0)
     assert np.all((squares > 0.5) & (squares < 1.55))
     assert np.mean(sizes) == pytest.approx(sigma, rel=0.03)
@@ -100,4 +93,4 @@ def test_errors_and_noise_of_single_readings_are_right(sigma: float) -> None:
 
 def test_readings_without_noise_are_no_single_ones() -> None:
     with pytest.raises(BadInput, match="no noise"):
-        fit_single_readings(F, np.abs(mode(F, ETA, WIDTH)))
+        single(np.abs(mode(F, ETA, WIDTH)))

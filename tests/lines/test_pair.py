@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.signal.pair import Pair, pair_of
+from fitting.lines.pair import Pair, pair_of
 from fitting.text.arrays import ComplexArray, FloatArray
 
 F = np.linspace(8930.0, 9130.0, 401)

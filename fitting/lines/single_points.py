@@ -13,7 +13,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fitting.signal.peaks import MIN_SWEEP_POINTS, point_noise
+from fitting.lines.names import MIN_SWEEP_POINTS
+from fitting.lines.starts import point_noise
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Neighbours on each side that tell where a point ought to be.

@@ -1,0 +1,659 @@
+"""A line in one form: what stands next to it, fitted to a sweep, with the errors of its numbers.
+
+| name | amplitudes | complex values |
+|---|---|---|
+| transmission | a abs(g) | a g |
+| offset, sloped | a abs(g) + c, + c' x | a g + b + b' x (sloped) |
+| fano | abs(a g + b), b complex | a g + b |
+| floor, rice | a abs(g) with noise, of which powers or amplitudes were averaged | |
+| single | a abs(g) with noise in every single reading (`fitting.lines.rice`) | |
+| tail | abs(a g + c g'), g' outside of the points | a g + c g' in every form |
+| duffing, duffing_offset | a abs(h), + c | a h, + b |
+
+A notch and a reflection are fano: only the meaning of a and b differs (`fitting.lines.dip`).
+Values are divided by the largest one before they are fitted.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fitting.lines.lorentzian import mode_response
+from fitting.lines.names import FORM_OF, MIN_SWEEP_POINTS
+from fitting.lines.rice import fit_readings
+from fitting.lines.solve import Array, Fit, fit_model, folded
+from fitting.lines.starts import Start, amplitude_starts, point_noise
+from fitting.lines.sweep_model import (
+    MEAN,
+    PLAIN,
+    POWER,
+    AmplitudeSweep,
+    ComplexSweep,
+    Place,
+    Shapes,
+)
+from fitting.signal.line_record import (
+    LineNumber,
+    LineValues,
+    SecondLine,
+    line_numbers,
+    number_of_line,
+)
+from fitting.signal.residual_tests import Structure
+from fitting.signal.student import ROOT_68, ratio95, reach
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz, how_many
+
+#: Spans that a width may have at most.
+WIDEST = 3.0
+#: Bends, in half widths, and phases of a second line of amplitudes, from which fits are made.
+BENDS = (0.3, -0.3, 1.2, -1.2)
+TURNS = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
+#: Starts from which a fit with several minima is made.
+TRIES = 3
+#: Chi square by which a second solution may be worse that is listed next to the best one.
+ALLOWED = 9.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Form:
+    """What is fitted.
+
+    Attributes:
+        name: see the table above.
+        background: of complex values 1 a constant, 2 a slope, too; the same added to amplitudes.
+        phased: whether amplitudes have a complex constant below them.
+        detector: what noise does to amplitudes, see `fitting.lines.sweep_model`.
+        single: whether every amplitude is a single reading in noise.
+        bent: whether the frequency follows the amplitude.
+        rising: whether the frequency rose during the sweep.
+        delayed: whether the delay of a cable is fitted, too.
+        second: whether a second line, among the points or beyond them, is fitted, too.
+        tails: lines beyond complex points, at known places.
+        pull: of a line beyond the points: widths, and factor e^pull on the width, by which it may
+            be elsewhere; 0: it may be anywhere.
+    """
+
+    name: str
+    background: int = 0
+    phased: bool = False
+    detector: str = PLAIN
+    single: bool = False
+    bent: bool = False
+    rising: bool = True
+    delayed: bool = False
+    second: bool = False
+    tails: tuple[Place, ...] = ()
+    pull: float = 0.0
+
+    @property
+    def terms(self) -> frozenset[str]:
+        """What is there besides a Lorentzian: a form with more terms has it as a special case."""
+        parts = {
+            "constant": self.background > 0,
+            "slope": self.background > 1,
+            "phase": self.phased,
+            self.detector: self.detector != PLAIN,
+            "readings": self.single,
+            "bend": self.bent,
+            "delay": self.delayed,
+            "second": self.second,
+        }
+        return frozenset(name for name, there in parts.items() if there)
+
+
+AMPLITUDE_FORMS = {
+    form.name: form
+    for form in (
+        Form(name="transmission"),
+        Form(name="single", single=True),
+        Form(name="offset", background=1),
+        Form(name="sloped", background=2),
+        Form(name="floor", detector=POWER),
+        Form(name="rice", detector=MEAN),
+        Form(name="fano", phased=True),
+        Form(name="duffing", bent=True),
+        Form(name="duffing_offset", bent=True, background=1),
+    )
+}
+COMPLEX_FORMS = {
+    form.name: form
+    for form in (
+        Form(name="transmission"),
+        Form(name="fano", background=1),
+        Form(name="sloped", background=2),
+        Form(name="duffing", bent=True),
+        Form(name="duffing_offset", bent=True, background=1),
+    )
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineFit(LineValues):
+    """A form as fitted.
+
+    Attributes:
+        form: what was fitted.
+        amplitude: of the line alone at its eigenfrequency, in the unit of the values; of two with
+            the same curve the lower one.
+        mirrored: the other one; None where there is none.
+        background: the constant, of a slope its value at the eigenfrequency, of noise its root mean
+            square, of single readings the noise of each quadrature.
+        slope: what a slope changes by with every Hz.
+        bend: shift of the top from the frequency of small amplitudes, Hz; None of a Lorentzian.
+        delay: of the cable, s; None where it was not fitted.
+        second: a second line that was fitted with it.
+        residual: root mean square of the residuals over the amplitude.
+        correlation: between frequency and width.
+        curve: fitted values, (n,).
+        message: how the fit ended.
+        structure: what the order of the residuals shows.
+        dof: degrees of freedom of the noise.
+        unknowns: real numbers that were fitted.
+        squares: sum of the squared residuals over the square of the largest value.
+        likely_squares: those with which normal noise of one size is as likely.
+        coefficients: of complex values a, b and b' over the largest value.
+        covariance: of frequency and width, Hz, and of both parts of each of the coefficients.
+    """
+
+    form: Form
+    amplitude: LineNumber
+    mirrored: LineNumber | None = None
+    background: complex = 0j
+    slope: float = 0.0
+    bend: LineNumber | None = None
+    delay: LineNumber | None = None
+    second: SecondLine | None = None
+    residual: float
+    correlation: float = 0.0
+    curve: FloatArray | ComplexArray = field(repr=False)
+    message: str
+    structure: Structure
+    dof: float
+    unknowns: int
+    squares: float
+    likely_squares: float
+    coefficients: ComplexArray = field(default_factory=lambda: np.empty(0, dtype=complex))
+    covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+    @property
+    def name(self) -> str:
+        """Of the form."""
+        return self.form.name
+
+
+def fit_form(  # noqa: PLR0913 - what a fit may know
+    frequency_hz: FloatArray,
+    values: FloatArray | ComplexArray,
+    form: Form,
+    starts: Sequence[Start] = (),
+    *,
+    sigma: float | None = None,
+    weights: FloatArray | None = None,
+    source: str = "sweep",
+) -> LineFit:
+    """A form fitted to a sweep.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
+        form: what is fitted.
+        starts: where the fit may begin; none of amplitudes: from their largest and least point.
+        sigma: standard deviation of an amplitude, if known, in its unit.
+        weights: relative ones of the values, one over their standard deviation, (n,).
+        source: of the data, for errors.
+
+    Raises:
+        BadInput: too few points, no resonance among them, or one that they do not determine.
+    """
+    largest = float(np.max(np.abs(values)))
+    top = largest if largest > 0.0 else 1.0
+    try:
+        if np.iscomplexobj(values):
+            y: Array = np.asarray(values / top, dtype=complex)
+            return _Complex(frequency_hz, y, form, top, source, weights).fitted(starts)
+        y = np.asarray(values / top, dtype=float)
+        return _Amplitudes(frequency_hz, y, form, top, source, weights).fitted(
+            starts, None if sigma is None else sigma / top
+        )
+    except (ValueError, np.linalg.LinAlgError) as error:
+        if isinstance(error, BadInput):
+            raise
+        raise BadInput(f"{source}: {form.name}: {error}") from error
+
+
+def fit_resonance(
+    frequency_hz: FloatArray,
+    amplitude: FloatArray,
+    *,
+    background: str = "none",
+    sigma: float | None = None,
+    source: str = "sweep",
+) -> LineFit:
+    """One damped mode fitted to amplitudes, with what a campaign declares next to it.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        amplitude: shape (n,), any unit.
+        background: one of `fitting.lines.names.FORM_OF`.
+        sigma: standard deviation of an amplitude, if known, in its unit.
+        source: of the data, for errors.
+
+    Raises:
+        BadInput: too few points, no resonance within the sweep, or one that is not determined.
+    """
+    if background not in FORM_OF:
+        raise ValueError(f"background {background!r}, wanted one of {tuple(FORM_OF)}")
+    form = AMPLITUDE_FORMS[FORM_OF[background]]
+    return fit_form(frequency_hz, amplitude, form, sigma=sigma, source=source)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """Values over the largest one and what is fitted to them."""
+
+    f: FloatArray
+    y: Array
+    form: Form
+    top: float
+    source: str
+    weights: FloatArray | None = None
+
+    def residual(self, fit: Fit, height: float) -> float:
+        """Root mean square of the residuals over the amplitude."""
+        left = np.abs(self.y - fit.curve)
+        return float(np.sqrt(np.mean(left**2))) / height if height > 0.0 else math.inf
+
+    def shapes(self, places: Sequence[Place]) -> Shapes:
+        return Shapes(
+            frequency_hz=self.f, starts=places, bent=self.form.bent, rising=self.form.rising
+        )
+
+    def places(self, start: Start) -> list[Place]:
+        first = Place(start.frequency_hz, start.width_hz)
+        return [first, start.second] if self.form.second and start.second else [first]
+
+    @property
+    def tries(self) -> int:
+        return TRIES if self.form.bent or self.form.phased or self.form.second else 1
+
+    def check_count(self, unknowns: int) -> None:
+        least = max(MIN_SWEEP_POINTS, unknowns + 1)
+        if self.f.size < least:
+            raise BadInput(
+                f"{self.source}: {how_many(self.f.size, 'point is', 'points are')} too few for a "
+                f"resonance fit; wanted at least {least}"
+            )
+
+    def check(self, place: Place, fit: Fit) -> None:
+        inside = self.f[0] <= place.frequency_hz <= self.f[-1]
+        if not (fit.converged and inside and place.width_hz < WIDEST * float(np.ptp(self.f))):
+            raise BadInput(
+                f"{self.source}: no resonance between {self.f[0]:.10g} and {self.f[-1]:.10g} Hz "
+                f"(the fit ended at {place.frequency_hz:.10g} Hz, width {place.width_hz:.4g} Hz: "
+                f"{fit.message})"
+            )
+        if not np.all(np.isfinite(fit.inverse[:2, :2])):
+            raise BadInput(
+                f"{self.source}: the sweep does not determine its line near "
+                f"{place.frequency_hz:.10g} Hz, width {place.width_hz:.4g} Hz (a grid too coarse "
+                "for it, or at the rounding of the frequencies)"
+            )
+
+
+class _Numbers:
+    """Numbers of a fit with the errors of its covariance, widened for what residuals show."""
+
+    def __init__(self, fit: Fit, sigma: float | None) -> None:
+        self.fit, self.structure = fit, fit.structure
+        known = sigma is not None
+        self.dof = math.inf if known else fit.dof / self.structure.widening**2
+        variance = fit.squares / fit.dof if sigma is None else sigma**2
+        self.variance = variance
+        widened = self.structure.widening**2 * variance * fit.inverse
+        self.covariance = reach(ROOT_68, self.dof) ** 2 * widened
+
+    def std(self, gradient: FloatArray) -> float:
+        """Half of the 68 % interval of a number with this gradient by the unknowns."""
+        at = np.flatnonzero(gradient)
+        part = self.covariance[np.ix_(at, at)]
+        return math.sqrt(max(0.0, float(gradient[at] @ part @ gradient[at])))
+
+    def number(
+        self, name: str, value: float, slopes: Sequence[tuple[int, float]], unit: str = ""
+    ) -> LineNumber:
+        """A number with its error; slopes by single unknowns."""
+        gradient = np.zeros(self.fit.unknowns)
+        for k, slope in slopes:
+            gradient[k] += slope
+        return number_of_line(name, value, self.std(gradient), unit, half=ratio95(self.dof))
+
+    def line(self, start: Place, place: Place, number: int = 0) -> dict[str, LineNumber]:
+        """Frequency, width and quality of a line."""
+        scale, width, eta = start.width_hz, place.width_hz, place.frequency_hz
+        unit = np.eye(2, self.fit.unknowns, 2 * number)
+        q = eta / width
+        return line_numbers(
+            (eta, self.std(scale * unit[0])),
+            (width, self.std(width * unit[1])),
+            (q, self.std(q * (scale / eta * unit[0] - unit[1]))),
+            self.dof,
+        )
+
+    def second(self, shapes: Shapes, height: complex, mirrored: float = math.nan) -> SecondLine:
+        """The second line, its complex height that over the first one's."""
+        share, phase = cmath.polar(height)
+        numbers = self.line(shapes.starts[1], shapes.places(self.fit.x)[1], 1)
+        return SecondLine(**numbers, share=share, phase_rad=phase, mirrored=mirrored)
+
+    @property
+    def correlation(self) -> float:
+        """Between frequency and width."""
+        spread = self.covariance[:2, :2]
+        size = math.sqrt(spread[0, 0] * spread[1, 1])
+        return float(spread[0, 1]) / size if size > 0.0 else 0.0
+
+    def bend(self, shapes: Shapes, x: FloatArray, place: Place) -> LineNumber | None:
+        """Shift of the top of a Duffing line, Hz: half a width times the bend."""
+        if not shapes.bent:
+            return None
+        k, half = 2 * len(shapes.starts), 0.5 * place.width_hz
+        shift = half * float(x[k])
+        return self.number("bend", shift, [(k, half), (1, shift)], "Hz")
+
+
+class _Complex(_Sweep):
+    """A form of complex values."""
+
+    def fitted(self, starts: Sequence[Start]) -> LineFit:
+        self.check_count(0)
+        usable = [each for each in starts if self.form.delayed or each.delay_s == 0.0]
+        fit, model = self._best(usable)
+        shapes = model.shapes
+        places = shapes.places(fit.x)
+        self.check(places[0], fit)
+        numbers = _Numbers(fit, None)
+        gain = complex(fit.coefficients[0])
+        size, first = abs(gain), model.count
+        delay = None
+        if self.form.delayed:
+            span = float(np.ptp(self.f))
+            delay = numbers.number("delay", model.delay(fit.x), [(first - 1, 1.0 / span)], "s")
+        second = None
+        if self.form.second:
+            second = numbers.second(shapes, complex(fit.coefficients[1]) / gain)
+        # coefficients of the line and its background, without those of other lines
+        further = len(places) - 1
+        chosen = [0, *range(1 + further, 1 + further + self.form.background)]
+        at = [0, 1, *(first + 2 * k + part for k in chosen for part in (0, 1))]
+        scales = np.ones(len(at))
+        scales[:2] = shapes.starts[0].width_hz, places[0].width_hz
+        return LineFit(
+            **numbers.line(shapes.starts[0], places[0]),
+            form=self.form,
+            amplitude=numbers.number(
+                "amplitude",
+                self.top * size,
+                [(first, self.top * gain.real / size), (first + 1, self.top * gain.imag / size)],
+            ),
+            bend=numbers.bend(shapes, fit.x, places[0]),
+            delay=delay,
+            second=second,
+            residual=self.residual(fit, size),
+            correlation=numbers.correlation,
+            curve=self.top * fit.curve,
+            message=fit.message,
+            structure=numbers.structure,
+            dof=numbers.dof,
+            unknowns=fit.unknowns,
+            squares=fit.squares,
+            likely_squares=fit.squares,
+            coefficients=fit.coefficients[chosen],
+            covariance=np.outer(scales, scales) * numbers.covariance[np.ix_(at, at)],
+        )
+
+    def _best(self, starts: Sequence[Start]) -> tuple[Fit, ComplexSweep]:
+        first = starts[0]
+        shapes = self.shapes(self.places(first))
+        model = ComplexSweep(
+            shapes=shapes,
+            background=self.form.background,
+            delay_s=first.delay_s if self.form.delayed else None,
+            tails=[mode_response(self.f, t.frequency_hz, t.width_hz) for t in self.form.tails],
+        )
+        begun = []
+        for start in starts:
+            for x in _bends(shapes, model.count, start):
+                x[: 2 * len(shapes.starts)] += shapes.at(self.places(start))
+                if self.form.delayed:
+                    x[-1] = (start.delay_s - first.delay_s) * float(np.ptp(self.f))
+                begun.append(x)
+        fit = fit_model(model, self.y, begun, weights=self.weights, tries=self.tries)
+        return fit, model
+
+
+class _Amplitudes(_Sweep):
+    """A form of amplitudes."""
+
+    def fitted(self, starts: Sequence[Start], sigma: float | None) -> LineFit:
+        fit, model, likely = self._best(
+            starts or amplitude_starts(self.f, self.y, self.form.phased)
+        )
+        shapes = model.shapes
+        places = shapes.places(fit.x)
+        self.check(places[0], fit)
+        if self.form.pull and self.f[0] <= places[1].frequency_hz <= self.f[-1]:
+            raise BadInput(
+                f"{self.source}: another line, at {hertz(places[1].frequency_hz)}, is among the "
+                "points"
+            )
+        height = float(fit.coefficients[0])
+        if height < 0.0:
+            raise BadInput(
+                f"{self.source}: {self.form.name}: its line would have a negative height"
+            )
+        if self.form.phased or len(places) > 1:
+            fit = folded(model, self.y, fit, self.weights)
+        numbers = _Numbers(fit, sigma)
+        first = model.count
+        amplitude = numbers.number("amplitude", self.top * height, [(first, self.top)])
+        made = LineFit(
+            **numbers.line(shapes.starts[0], places[0]),
+            form=self.form,
+            amplitude=amplitude,
+            bend=numbers.bend(shapes, fit.x, places[0]),
+            residual=self.residual(fit, height),
+            correlation=numbers.correlation,
+            curve=self.top * fit.curve,
+            message=fit.message,
+            structure=numbers.structure,
+            dof=numbers.dof,
+            unknowns=fit.unknowns,
+            squares=fit.squares,
+            likely_squares=fit.squares if likely is None else likely,
+            **self._background(fit, model, places[0]),
+        )
+        made = self._checked(made)
+        if self.form.phased:
+            return self._mirrored(made, fit, model, numbers)
+        if self.form.second:
+            return self._with_second(made, fit, model, numbers)
+        return made
+
+    def _best(self, starts: Sequence[Start]) -> tuple[Fit, AmplitudeSweep, float | None]:
+        shapes = self.shapes(self.places(starts[0]))
+        model = AmplitudeSweep(
+            shapes=shapes,
+            phased=self.form.phased,
+            detector=self.form.detector,
+            added=self.form.background,
+        )
+        self.check_count(model.count + 1 + self.form.background)
+        begun = [x for start in starts for x in self._begun(model, start)]
+        if self.form.single:
+            fit, likely = fit_readings(model, self.y, begun)
+            return fit, model, likely
+        fit = fit_model(
+            model,
+            self.y,
+            begun,
+            weights=self.weights,
+            pull=self._pull(model),
+            tries=self.tries,
+        )
+        return fit, model, None
+
+    def _begun(self, model: AmplitudeSweep, start: Start) -> list[FloatArray]:
+        """Where x begins: at every bend, and every phase of a second line, that is tried."""
+        made = []
+        for x in _bends(model.shapes, model.count, start):
+            x[: 2 * len(model.shapes.starts)] += model.shapes.at(self.places(start))
+            if model.detector != PLAIN:
+                low = float(np.min(self.y)) ** 2
+                x[-1] = low / max(1.0 - low, 0.01)
+            if model.phased:
+                x[-2:] = start.background.real, start.background.imag
+            made.append(x)
+        if not self.form.second:
+            return made
+        turned = []
+        for turn in TURNS:
+            height = start.height * cmath.rect(1.0, turn)
+            for x in made:
+                other = x.copy()
+                other[model.shapes.count : model.shapes.count + 2] = height.real, height.imag
+                turned.append(other)
+        return turned
+
+    def _pull(self, model: AmplitudeSweep) -> FloatArray | None:
+        """Weights of the rows that keep a line beyond the points near to where it was observed."""
+        if not self.form.pull:
+            return None
+        weights = np.zeros(model.count)
+        weights[2:4] = max(point_noise(self.y), 1e-6) / self.form.pull
+        return weights
+
+    def _background(self, fit: Fit, model: AmplitudeSweep, place: Place) -> dict[str, float]:
+        """Constant and slope in the unit of the amplitudes."""
+        height, added = float(fit.coefficients[0]), fit.coefficients[1:]
+        if self.form.single:
+            return {"background": self.top * float(fit.coefficients[1])}
+        if model.detector != PLAIN:
+            power = float(fit.x[-1])
+            return {"background": self.top * height * math.copysign(math.sqrt(abs(power)), power)}
+        if not added.size:
+            return {}
+        slope = 2.0 * self.top * float(added[1]) / float(np.ptp(self.f)) if added.size > 1 else 0.0
+        middle = 0.5 * float(self.f[0] + self.f[-1])
+        constant = self.top * float(added[0]) + slope * (place.frequency_hz - middle)
+        return {"background": constant, "slope": slope}
+
+    def _checked(self, line: LineFit) -> LineFit:
+        form = self.form
+        if (form.phased or form.second) and not line.amplitude.std < line.amplitude.value:
+            raise BadInput(
+                f"{self.source}: {form.name}: the points do not determine how high its line is"
+            )
+        if form.detector != PLAIN and line.background.real < 0.0:
+            raise BadInput(f"{self.source}: the noise next to its line would have a negative power")
+        return line
+
+    def _mirrored(
+        self, line: LineFit, fit: Fit, model: AmplitudeSweep, numbers: _Numbers
+    ) -> LineFit:
+        """Both amplitudes that have the curve of a line on a complex constant, the lower first.
+
+            |a g + b| = |a' g + b'|        a' = -a + 2 i b*,  b' = -b*        where g = -i/(1 + i x)
+
+        At low Q that holds only about: where the points distinguish them, the fitted one is first.
+        """
+        height = float(fit.coefficients[0])
+        beta = model.heights(fit.x)[-1]
+        over = -1.0 + 2j * beta.conjugate()
+        size = max(abs(over), np.finfo(float).tiny)
+        turn, k = over.conjugate() / size, model.count
+        slopes = [
+            (k, size),
+            (k - 2, -2.0 * height * turn.imag),
+            (k - 1, 2.0 * height * turn.real),
+        ]
+        slopes = [(at, self.top * slope) for at, slope in slopes]
+        mirrored = numbers.number("amplitude", self.top * height * size, slopes)
+        there = -beta.conjugate() * turn / size
+        x = np.array([*fit.x[:-2], there.real, there.imag])
+        curve = model.columns(x).values[:, 0] * height * size
+        weights = 1.0 if self.weights is None else self.weights
+        worse = float(np.sum((weights * (curve - self.y)) ** 2)) - fit.squares
+        own = replace(line, background=self.top * height * beta, mirrored=mirrored)
+        if not (size < 1.0 and worse < numbers.variance):
+            return own
+        return replace(
+            own,
+            amplitude=mirrored,
+            background=self.top * height * size * there,
+            residual=line.residual / size,
+            mirrored=line.amplitude,
+        )
+
+    def _with_second(
+        self, line: LineFit, fit: Fit, model: AmplitudeSweep, numbers: _Numbers
+    ) -> LineFit:
+        """The line with its second one, and the other pair of heights that has about its curve."""
+        height, (share, *_) = float(fit.coefficients[0]), model.heights(fit.x)
+        found = replace(line, second=numbers.second(model.shapes, share))
+        start = _flipped(self.f, fit, model)
+        other = fit_model(model, self.y, [start], weights=self.weights, pull=self._pull(model))
+        chance = other.converged and other.squares - fit.squares < ALLOWED * numbers.variance
+        if not chance or other.coefficients[0] <= 0.0:
+            return found
+        size = float(other.coefficients[0])
+        std = line.amplitude.std * size / height
+        again = number_of_line("amplitude", self.top * size, std, "", half=ratio95(numbers.dof))
+        second = numbers.second(model.shapes, share, abs(model.heights(other.x)[0]))
+        return replace(found, mirrored=again, second=second)
+
+
+def _flipped(f: FloatArray, fit: Fit, model: AmplitudeSweep) -> FloatArray:
+    """Where the fit of the other heights begins: the numerator's zero on the other side.
+
+    Both lines over one denominator have a numerator with a zero z near them, and f - z has the
+    modulus of f - z* at every real f.
+    """
+    (eta, width), (eta2, width2) = (
+        (place.frequency_hz, place.width_hz) for place in model.shapes.places(fit.x)
+    )
+    share = model.heights(fit.x)[0]
+    one, two = width * eta, share * width2 * eta2
+    zeros = np.roots(
+        [-(one + two), 1j * (one * width2 + two * width), one * eta2**2 + two * eta**2]
+    )
+    if not zeros.size:
+        return fit.x
+    zero = zeros[int(np.argmax(zeros.real))]
+    lines = np.stack([mode_response(f, eta, width), mode_response(f, eta2, width2)], 1)
+    turned = lines @ np.array([1.0, share]) * (f - np.conj(zero)) / (f - zero)
+    height, other = np.linalg.lstsq(lines, turned, rcond=None)[0]
+    x, at = fit.x.copy(), model.shapes.count
+    ratio = other / height if height else share
+    x[at : at + 2] = ratio.real, ratio.imag
+    return x
+
+
+def _bends(shapes: Shapes, count: int, start: Start) -> list[FloatArray]:
+    """Zeros, or every bend from which a Duffing line is fitted, its top where the start is."""
+    if not shapes.bent:
+        return [np.zeros(count)]
+    made = []
+    for bend in BENDS if math.isnan(start.bend) else (start.bend,):
+        x = np.zeros(count)
+        x[2 * len(shapes.starts)] = bend
+        if math.isnan(start.bend):
+            x[0] = -0.5 * bend * start.width_hz / shapes.starts[0].width_hz
+        made.append(x)
+    return made

@@ -1,0 +1,436 @@
+"""The line of a sweep: every model that may describe it, the one that does, and its errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fitting.lines.choice import SIMPLER, chance, criteria_of, order_of, with_rivals
+from fitting.lines.form import (
+    AMPLITUDE_FORMS,
+    COMPLEX_FORMS,
+    Form,
+    LineFit,
+    fit_form,
+)
+from fitting.lines.names import MIN_SWEEP_POINTS
+from fitting.lines.noise import noise_weights
+from fitting.lines.null import Null, NullKind, beyond_ends, null_models
+from fitting.lines.second import TwoLines, TwoResonances, as_two, two_line_fits
+from fitting.lines.starts import (
+    Start,
+    amplitude_starts,
+    bent_starts,
+    complex_starts,
+    squares_of,
+)
+from fitting.lines.sweep_model import Place
+from fitting.signal.line_record import LineValues, TriedForm, fields_of, no_line
+from fitting.signal.misfit import Misfit, correlation
+from fitting.signal.residual_tests import TOGETHER
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz, number, with_error
+
+#: Line widths that a sweep spans at least for a delay to differ from the phase of the line itself.
+WIDTHS_FOR_DELAY = 3.0
+#: Probability of noise, over all points, above which a model without a line describes a sweep, and
+#: the criterion by which a line has to be better.
+PRESENT_P, PRESENT = 1e-3, 10.0
+#: Points at an end of which one is the largest where the end cuts off a line.
+AT_END = 3
+#: Standard errors that a line is high at least.
+HIGH = 5.0
+#: Height of a second line over that of the first one up to which the first is the one meant.
+WEAK = 0.3
+#: Widths, and logarithm of a factor on the width, by which a line beyond the points may be off the
+#: place where it is observed, or supposed.
+OBSERVED, SUPPOSED = 1.0, 3.0
+#: Error over the width of a line from which its numbers are not printed.
+UNRESOLVED = 0.5
+#: Probability of noise of one size below which its size is fitted, and least range of weights.
+UNEQUAL_P, LEAST_UNEQUAL = 1e-3, 0.5
+#: Forms that are tried with a second line.
+WITH_SECOND = {
+    True: ("transmission", "fano", "sloped"),
+    False: ("transmission", "offset", "sloped", "floor", "rice"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepFit:
+    """The line of a sweep.
+
+    Attributes:
+        line: as it is printed: the model that is taken, its errors with those of its rivals.
+        rivals: other models that describe the values nearly as well, which the errors include.
+        widening: factor on the errors for them, on frequency or width.
+        forms: every model that was tried, the one that is taken first.
+        nulls: models without a line.
+        is_reversed: whether phases were counted the other way round.
+    """
+
+    line: LineFit
+    rivals: tuple[str, ...]
+    widening: float
+    forms: tuple[TriedForm, ...]
+    nulls: tuple[Null, ...] = field(repr=False, default=())
+
+
+def is_reversed(frequency_hz: FloatArray, values: ComplexArray) -> bool:
+    """Whether phases rise over the line, as of values that count Re[values exp(-i 2 pi f t)].
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: shape (n,), any unit.
+    """
+    here, there = (
+        min(squares_of(frequency_hz, y, start) for start in complex_starts(frequency_hz, y))
+        for y in (values, np.conj(values))
+    )
+    return there < here
+
+
+def fit_sweep(
+    frequency_hz: FloatArray,
+    values: FloatArray | ComplexArray,
+    *,
+    form: str = "",
+    elsewhere: Sequence[Place] = (),
+    source: str = "sweep",
+) -> SweepFit:
+    """The one line of a sweep.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
+        form: name of the form that is wanted; empty: they are compared.
+        elsewhere: lines that are observed beyond the ends.
+        source: of the data, for errors.
+
+    Raises:
+        BadInput: too few points, no line, two of them, or one that the ends cut off.
+    """
+    if frequency_hz.size < MIN_SWEEP_POINTS:
+        raise BadInput(
+            f"{source}: {frequency_hz.size} points are too few for a resonance fit; wanted at "
+            f"least {MIN_SWEEP_POINTS}"
+        )
+    return _Search(frequency_hz, values, form, tuple(elsewhere), source).fit()
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    f: FloatArray
+    values: FloatArray | ComplexArray
+    wanted: str
+    elsewhere: tuple[Place, ...]
+    source: str
+    weights: FloatArray | None = None
+
+    @property
+    def is_complex(self) -> bool:
+        return np.iscomplexobj(self.values)
+
+    @property
+    def rows(self) -> int:
+        return self.values.size * (2 if self.is_complex else 1)
+
+    def fit(self) -> SweepFit:
+        starts = self.starts()
+        singles, failed = self.singles(starts)
+        if singles:
+            weights = self.noise_weights(min(singles, key=lambda fit: fit.likely_squares))
+            if weights is not None:
+                return replace(self, weights=weights).fit()
+        delays = [start.delay_s for start in starts if start.delay_s]
+        nulls = tuple(null_models(self.f, self.values, delays, self.elsewhere, self.weights))
+        if not singles:
+            raise self.nothing(nulls)
+        criteria = criteria_of(singles, self.rows)
+        order = self.order(singles, criteria)
+        both = self.with_second([singles[k] for k in order], nulls)
+        if not both:
+            self.check_present(singles[order[0]], nulls)
+        fits, first = singles, order[0]
+        if both:
+            pair = criteria_of(both, self.rows)
+            first = self.order(both, pair)[0]
+            fits, criteria, order = both, pair, self.order(both, pair)
+        chosen = fits[first]
+        self.check_describes(chosen)
+        self.check_ends(chosen)
+        spread = with_rivals(fits, criteria, first)
+        if self.wanted:  # a form that is requested has no rivals
+            spread = replace(spread, fit=chosen, rivals=(), factor=1.0)
+        line = spread.fit
+        height = chosen.amplitude
+        if not height.value > HIGH * height.std and not chosen.mirrored:
+            raise BadInput(
+                f"{self.source}: shows no resonance between {self.ends}: the height of the best "
+                f"line, {with_error(height.value, height.std, '')}, is below "
+                f"{HIGH:.0f} of its standard errors"
+            )
+        tried = [self.tried(fits[k], float(criteria[k])) for k in order]
+        if both:
+            single = criteria_of(singles, self.rows) + self.beyond(chosen, singles)
+            tried += [self.tried(fit, float(c)) for fit, c in zip(singles, single, strict=True)]
+        return SweepFit(
+            line=line,
+            rivals=spread.rivals,
+            widening=spread.factor,
+            forms=(*tried, *failed),
+            nulls=nulls,
+        )
+
+    def beyond(self, chosen: LineFit, singles: Sequence[LineFit]) -> float:
+        """How far the lowest criterion of one line is above that of two."""
+        closest = min(singles, key=lambda fit: fit.squares)
+        both = criteria_of([chosen, closest], self.rows)
+        return float(both[1] - both[0])
+
+    @property
+    def ends(self) -> str:
+        return hertz(*self.f[[0, -1]], digits=8, joined=" and ")
+
+    def noise_weights(self, closest: LineFit) -> FloatArray | None:
+        """Weights of points whose noise grows with the amplitude; None where it has one size."""
+        known = self.weights is not None or closest.form.single  # Rice's noise is unequal
+        if known or closest.structure.sizes_p >= UNEQUAL_P:
+            return None
+        weights = noise_weights(self.values - closest.curve, closest.curve)
+        return weights if float(np.ptp(weights)) > LEAST_UNEQUAL else None
+
+    # --- models of one line ----------------------------------------------------------------------
+
+    def starts(self) -> list[Start]:
+        if self.is_complex:
+            return complex_starts(self.f, np.asarray(self.values, dtype=complex))
+        return amplitude_starts(self.f, np.asarray(self.values, dtype=float), phased=True)
+
+    def singles(self, starts: Sequence[Start]) -> tuple[list[LineFit], list[TriedForm]]:
+        """Every model of one line that could be fitted, and those that could not."""
+        made: list[LineFit] = []
+        failed: list[TriedForm] = []
+        hidden: list[LineFit] = []
+
+        def attempt(form: Form, begun: Sequence[Start]) -> None:
+            try:
+                fit = fit_form(
+                    self.f, self.values, form, begun, weights=self.weights, source=self.source
+                )
+            except BadInput as error:
+                record = TriedForm(
+                    **no_line(), name=form.name, delayed=form.delayed, message=str(error)
+                )
+                failed.append(record)
+                return
+            span = float(np.ptp(self.f))
+            resolved = not form.delayed or fit.width.value * WIDTHS_FOR_DELAY < span
+            (made if resolved else hidden).append(fit)
+
+        if self.is_complex:
+            for delayed in (False, True):
+                for form in COMPLEX_FORMS.values():
+                    form = replace(form, delayed=delayed, tails=self.elsewhere)
+                    if not form.bent:
+                        attempt(form, starts)
+        else:
+            crest = starts[:1]
+            for form in AMPLITUDE_FORMS.values():
+                if not form.bent and not (form.single and self.weights is not None):
+                    attempt(form, starts if form.phased else crest)
+        fits = made or hidden
+        noise = any(fit.structure.order == 0 for fit in fits)
+        if not noise or self.wanted.startswith("duffing"):
+            forms = COMPLEX_FORMS if self.is_complex else AMPLITUDE_FORMS
+            for form in (form for form in forms.values() if form.bent):
+                attempt(form, [*starts[:1], *bent_starts(self.f, np.abs(self.values))])
+        if not self.is_complex and (self.elsewhere or self.wanted == "tail" or not noise):
+            pull = OBSERVED if self.elsewhere else SUPPOSED
+            attempt(Form(name="tail", second=True, pull=pull), self.beside_tails(starts[0]))
+        return made or hidden, failed
+
+    def beside_tails(self, crest: Start) -> list[Start]:
+        """Where a line, and another one beyond the ends, may begin."""
+        chord = np.interp(self.f, self.f[[0, -1]], np.abs(self.values[[0, -1]]))
+        over = np.asarray(self.values, dtype=float) - chord
+        first = amplitude_starts(self.f, over)[0] if float(np.max(over)) > 0.0 else crest
+        return [
+            replace(first, second=place, height=0.3 + 0j)
+            for place in self.elsewhere or beyond_ends(self.f)
+        ]
+
+    def order(self, fits: Sequence[LineFit], criteria: FloatArray) -> list[int]:
+        """The models, the one that is taken first."""
+        order = order_of(fits, criteria)
+        if self.wanted:
+            named = [k for k in order if fits[k].name == self.wanted]
+            if not named:
+                raise BadInput(f"{self.source}: {self.wanted} cannot be fitted to these points")
+            return [*named, *(k for k in order if k not in named)]
+        # a line that is observed elsewhere has a tail here, whether noise hides it or not
+        tail = [k for k in order if fits[k].name == "tail"] if self.elsewhere else []
+        if tail and (criteria[tail[0]] < SIMPLER or fits[tail[0]].structure.order == 0):
+            return [*tail, *(k for k in order if k not in tail)]
+        return order
+
+    # --- two lines -------------------------------------------------------------------------------
+
+    def with_second(self, singles: Sequence[LineFit], nulls: Sequence[Null]) -> list[LineFit]:
+        """Models of a line and a weak one next to it; empty where one line describes the sweep.
+
+        Raises:
+            TwoResonances: the second one is about as high, or both have one top.
+        """
+        if singles[0].name == "tail":
+            return []
+        forms = COMPLEX_FORMS if self.is_complex else AMPLITUDE_FORMS
+        names = (self.wanted,) if self.wanted in forms else WITH_SECOND[self.is_complex]
+        names = tuple(dict.fromkeys((*names, *(() if self.wanted else (singles[0].name,)))))
+        delayed = singles[0].delay is not None
+        tried = [
+            replace(forms[name], delayed=delayed, tails=self.elsewhere if self.is_complex else ())
+            for name in names
+            if not (forms[name].phased or forms[name].single or forms[name].bent)
+        ]
+        both = two_line_fits(self.f, self.values, singles, tried, self.weights)
+        if not both:
+            return []
+        best = both[self.order(both, criteria_of(both, self.rows))[0]]
+        lines = as_two(best, best.second)
+        closest = min(null.squares for null in nulls)
+        if closest < best.squares:
+            return []
+        if lines is not None and (lines.overlap or lines.share > WEAK):
+            raise self.two(best, lines, min(fit.squares for fit in singles) / best.squares)
+        return both
+
+    def two(self, best: LineFit, lines: TwoLines, times: float) -> TwoResonances:
+        lines = replace(lines, times=times)
+        if not lines.overlap:
+            places = hertz(*lines.frequency_hz, digits=5)
+            widths = hertz(*lines.width_hz, digits=3)
+            return TwoResonances(
+                f"{self.source}: shows two resonances, at {places} ({widths} wide); wanted one, as "
+                "--from and --to choose it; fmu-fit init drafts a campaign of both",
+                lines=lines,
+            )
+        return TwoResonances(
+            f"{self.source}: two lines that overlap describe its points, and one line does not: "
+            f"the best form of one leaves {number(times, 2)} times as much (in squares). "
+            f"{_places(lines)} A campaign whose model has two modes fits both, as fmu-fit init "
+            "drafts it",
+            lines=lines,
+        )
+
+    # --- what contradicts one line ---------------------------------------------------------------
+
+    def nothing(self, nulls: Sequence[Null]) -> BadInput:
+        """The error where no model of a line can be fitted."""
+        flank = [null for null in nulls if null.kind is NullKind.FLANK]
+        straight = min(null.squares for null in nulls if null.kind is NullKind.STRAIGHT)
+        for null in flank:
+            if null.squares < 0.5 * straight:
+                return self.cut_off(null)
+        return BadInput(
+            f"{self.source}: shows no resonance between {self.ends}: no form of a line can be "
+            "fitted"
+        )
+
+    def check_present(self, best: LineFit, nulls: Sequence[Null]) -> None:
+        """Complain of a sweep that a model without a line describes as well."""
+        for null in sorted(nulls, key=lambda each: each.unknowns):
+            p = self.f.size * chance(
+                null.squares, null.unknowns, best.squares, best.unknowns, best.structure, self.rows
+            )
+            count = self.rows / best.structure.widening**2
+            gain = count * math.log(max(null.squares, 1e-300) / max(best.squares, 1e-300))
+            if p < PRESENT_P and gain - 2.0 * (best.unknowns - null.unknowns) > PRESENT:
+                continue
+            if best.squares < 1e-12 * self.rows and null.squares > 2.0 * best.squares:
+                continue
+            if null.kind is NullKind.FLANK:
+                raise self.cut_off(null)
+            self.check_top()
+            raise BadInput(
+                f"{self.source}: shows no resonance between {self.ends}: a {null.kind.value} "
+                "describes its points as well"
+            )
+
+    def check_top(self) -> None:
+        """Complain of amplitudes whose largest one is at an end."""
+        f, top = self.f, int(np.argmax(np.abs(self.values)))
+        if self.is_complex or AT_END <= top < f.size - AT_END:
+            return
+        end, where = ("first", f[0]) if 2 * top < f.size - 1 else ("last", f[-1])
+        raise BadInput(
+            f"{self.source}: is largest at its {end} point, {hertz(where, digits=8)}, which cuts "
+            "off a line, or shows none; wanted half a width on both sides at least"
+        )
+
+    def check_describes(self, best: LineFit) -> None:
+        """Complain of correlated residuals beyond the limit."""
+        shares = (self.values - best.curve) / float(np.max(np.abs(self.values)))
+        parts = [shares.real, shares.imag] if self.is_complex else [shares]
+        if all(correlation(part, part).misfit is not Misfit.REFUSED for part in parts):
+            return
+        worth = max(1.0, self.f.size / best.structure.together**2)
+        raise BadInput(
+            f"{self.source}: no form of a line describes its points between {self.ends}: the "
+            f"residuals of the best one, {best.name}, at {hertz(best.frequency.value, digits=8)}, "
+            f"{TOGETHER}, so that the {self.f.size} points are worth {number(worth, 2)} "
+            "independent ones"
+        )
+
+    def check_ends(self, best: LineFit) -> None:
+        """Complain of a line of which less than half a width is left at an end."""
+        f = self.f
+        left, right = best.frequency.value - f[0], f[-1] - best.frequency.value
+        if min(left, right) < 0.5 * best.width.value:
+            end, where = ("first", f[0]) if left < right else ("last", f[-1])
+            raise BadInput(
+                f"{self.source}: its resonance at {hertz(best.frequency.value, digits=8)}, "
+                f"{hertz(best.width.value, digits=3)} wide, is cut off by the {end} point of the "
+                f"sweep at {hertz(where, digits=8)}; wanted half a width on both sides at least"
+            )
+
+    def cut_off(self, null: Null) -> BadInput:
+        """The error of a line beyond an end."""
+        f, place = self.f, null.place or Place(math.nan, math.nan)
+        below = place.frequency_hz < f[0]
+        end, where = ("first", f[0]) if below else ("last", f[-1])
+        there = [p for p in self.elsewhere if (p.frequency_hz < f[0]) is below]
+        near = f", near {hertz(there[0].frequency_hz, digits=6)}" if there else ""
+        return BadInput(
+            f"{self.source}: its {end} point at {hertz(where, digits=8)} cuts off a line: the "
+            f"points are the flank of one beyond it{near}; "
+            "wanted half a width on both sides at least"
+        )
+
+    def tried(self, fit: LineFit, criterion: float) -> TriedForm:
+        return TriedForm(
+            **fields_of(fit, LineValues),
+            name=fit.name,
+            delayed=fit.delay is not None,
+            residual=fit.residual,
+            criterion=criterion,
+            structure=fit.structure,
+            second=fit.second is not None,
+        )
+
+
+def _places(two: TwoLines) -> str:
+    """Where two lines are and how wide, as far as the points determine it."""
+    numbers = (*two.frequency_hz, *two.width_hz)
+    if not two.std_hz or any(
+        std > UNRESOLVED * width for std, width in zip(two.std_hz, two.width_hz * 2, strict=True)
+    ):
+        return "The points do not determine where each of them is."
+    low, up, *widths = (
+        with_error(value, std, "Hz") for value, std in zip(numbers, two.std_hz, strict=True)
+    )
+    return f"They are at {low}, {widths[0]} wide, and at {up}, {widths[1]} wide."
