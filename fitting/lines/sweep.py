@@ -40,6 +40,8 @@ WIDTHS_FOR_DELAY = 3.0
 #: Probability of noise, over all points, above which a model without a line describes a sweep, and
 #: the criterion by which a line has to be better.
 PRESENT_P, PRESENT = 1e-3, 10.0
+#: Residuals below this share of the largest value are rounding.
+ROUNDING = 1e-6
 #: Points at an end of which one is the largest where the end cuts off a line.
 AT_END = 3
 #: Standard errors that a line is high at least.
@@ -343,23 +345,32 @@ class _Search:
 
     def check_present(self, best: LineFit, nulls: Sequence[Null]) -> None:
         """Complain of a sweep that a model without a line describes as well."""
-        for null in sorted(nulls, key=lambda each: each.unknowns):
+        count = self.rows / best.structure.widening**2
+
+        def describes(null: Null) -> bool:
+            """Whether the line is no better by more than noise makes, at any of the points."""
+            if best.squares < self.rows * ROUNDING**2 and null.squares > 2.0 * best.squares:
+                return False
             p = self.f.size * chance(
                 null.squares, null.unknowns, best.squares, best.unknowns, best.structure, self.rows
             )
-            count = self.rows / best.structure.widening**2
             gain = count * math.log(max(null.squares, 1e-300) / max(best.squares, 1e-300))
-            if p < PRESENT_P and gain - 2.0 * (best.unknowns - null.unknowns) > PRESENT:
-                continue
-            if best.squares < 1e-12 * self.rows and null.squares > 2.0 * best.squares:
-                continue
-            if null.kind is NullKind.FLANK:
-                raise self.cut_off(null)
-            self.check_top()
-            raise BadInput(
-                f"{self.source}: shows no resonance between {self.ends}: a {null.kind.value} "
-                "describes its points as well"
-            )
+            return p >= PRESENT_P or gain - 2.0 * (best.unknowns - null.unknowns) <= PRESENT
+
+        found = [null for null in nulls if describes(null)]
+        if not found:
+            return
+        made = [
+            self.rows * math.log(max(null.squares, 1e-300)) + 2.0 * null.unknowns for null in found
+        ]
+        null = next(n for n, c in zip(found, made, strict=True) if c <= min(made) + SIMPLER)
+        if null.kind is NullKind.FLANK:
+            raise self.cut_off(null)
+        self.check_top()
+        raise BadInput(
+            f"{self.source}: shows no resonance between {self.ends}: a {null.kind.value} "
+            "describes its points as well"
+        )
 
     def check_top(self) -> None:
         """Complain of amplitudes whose largest one is at an end."""
