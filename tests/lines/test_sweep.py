@@ -91,5 +91,5 @@ def test_what_is_no_line_is_refused_with_its_reason(
 
 def test_a_wiggle_that_no_model_describes_is_refused() -> None:
     wiggle = np.abs(mode(F, ETA, WIDTH)) + 0.2 * np.sin(F / 15.0) + 0.5
-    with pytest.raises(BadInput, match="independent|two|straight|pole"):
+    with pytest.raises(BadInput, match=r"independent|two|straight|pole"):
         fit_sweep(F, wiggle + noise(F.size, 1e-3, 1).real)
