@@ -31,8 +31,8 @@ from fitting.text.toml import Tables, inline, put, rewritten
 
 CAMPAIGN_NAME, EXPERIMENTS_NAME = "campaign.toml", "experiments.csv"
 SWEEP_NAME, SWEEPS_NAME = "sweep", "sweeps.csv"
-#: Keys of [drift] that are times of the measurements; of a table that tell of its file so far.
-TIMES, OF_FILES = ("time", "before_time", "after_time"), ("layout", "range", "columns", "label")
+#: Keys of [drift] that are times of the measurements; of a table of sweeps that describe its file.
+TIMES, OF_SWEEPS = ("time", "before_time", "after_time"), ("layout", "range", "columns")
 #: Tables of data that are not measured again with sweeps or recordings.
 MEASURED_BEFORE = ("experiments", "drift", "sweep")
 #: Tones from here on are written in MHz.
@@ -137,7 +137,7 @@ def _edit_for_tones(
 
 def _edit_for_sweeps(tables: Tables, design: Design, bound: BoundCampaign, like: Continued) -> None:
     table, fixed = tables[like.table], _constants(design, bound)
-    for key in OF_FILES[:3]:
+    for key in OF_SWEEPS:
         table.pop(key, None)
     if fixed:
         table["controls"] = [name for name in table["controls"] if name not in fixed]
