@@ -26,13 +26,19 @@ from fitting.engine.threads import one_thread
 from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
-from fitting.fit.fit import Hooks, Memory, Progress, Status, promised_anew, solve_problem
+from fitting.fit.fit import (
+    Hooks,
+    Memory,
+    Progress,
+    Status,
+    promised_anew,
+    solve_problem,
+    with_path,
+)
 from fitting.fit.likelihood.likelihood import Spent
 from fitting.fit.options import Options, usual_misfit
-from fitting.fit.path import HistoryRow
+from fitting.fit.path import HistoryRow, Schedule
 from fitting.fit.problem import Problem as Record
-from fitting.fit.solver.continuation import Schedule
-from fitting.fit.solver.interior_point import SolveSettings, quick_settings
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.inferred import Inferred
@@ -51,7 +57,7 @@ from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import listed, number, span, unit_text
+from fitting.text.notation import number, span
 from fitting.text.sentences import warning_sentences
 
 __all__ = [
@@ -72,8 +78,6 @@ __all__ = [
 
 #: Levels at which intervals are known.
 LEVELS = (0.68, 0.95)
-#: Ends of parameters that are told under a table, at most.
-MOST_ENDS = 6
 #: How often a fit is made anew by a plan that was looked at where it ended.
 REVIEWS = 2
 
@@ -90,12 +94,16 @@ class Tikhonov:
         beta: Factor from one weight to the next, above 0 and below 1.
         levels: How many weights, at least 1.
         tolerance: Levels end early where |x_(l+1) - x_l| + |J_fit - J_reg| falls to it.
-        misfit: "slack": |r| with slack variables; "absolute": |r| as it is; "squares": r^2; None:
+        misfit: "slack": |r| with slack variables, as "absolute" is, too; "squares": r^2; None:
             "squares" where a trace is among the measurements, else "slack".
-        quick: Looser tolerances of each solve.
         estimator: Whose estimate is reported as the value: "likelihood": the most likely one;
             "algorithm2": the paper's, the end of the last level. Errors, intervals and verdicts are
             the likelihood's.
+        path: Whether the levels are carried out, as published; `Fit.path` has them. Values of the
+            likelihood do not rest on them, those of the paper do.
+        global_path: Whether each level is minimised over the whole box as well, by a multistart:
+            `Fit.global_path`.
+        quick: Whether the levels are left out, the same as ``path=False``.
 
     Raises:
         BadInput: a number out of its range, an unknown misfit or estimator.
@@ -108,8 +116,10 @@ class Tikhonov:
     levels: int = 9
     tolerance: float = 2.22e-16
     misfit: str | None = None
-    quick: bool = False
     estimator: str = LIKELIHOOD
+    path: bool = True
+    global_path: bool = False
+    quick: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.nu < math.inf:
@@ -142,8 +152,10 @@ class Tikhonov:
             beta=s.beta,
             levels=s.levels,
             tolerance=s.tolerance,
-            misfit=options.solve.misfit,
+            misfit=options.misfit,
             estimator=options.estimator,
+            path=options.path,
+            global_path=options.global_path,
         )
 
     def options(self, starts: int, seed: int, usual: str = MISFITS[0]) -> Options:
@@ -164,11 +176,12 @@ class Tikhonov:
             starts=starts,
             seed=seed,
         )
-        solve = SolveSettings(misfit=self.misfit or usual)
         return Options(
             schedule=schedule,
-            solve=quick_settings(solve) if self.quick else solve,
+            misfit=self.misfit or usual,
             estimator=self.estimator,
+            path=self.path and not self.quick,
+            global_path=self.global_path,
         )
 
 
@@ -328,8 +341,8 @@ class Valued(HtmlText, ABC):
     def best_fit(self) -> FloatArray:
         """What the model predicts, shape (k,), V: all peaks, then the points of the sweep.
 
-        At the end of Algorithm 2, as the report has it. `fitting.plot.measurement` draws data of
-        other kinds, which are not among them.
+        At the most likely parameters, as the report has it. `fitting.plot.measurement` draws data
+        of other kinds, which are not among them.
         """
         return self._compared(1)
 
@@ -446,14 +459,8 @@ class Valued(HtmlText, ABC):
         if self.is_stored:
             return f"Read from a file; made by: {self.result.provenance.command}"
         if self.source.record.options.estimator != LIKELIHOOD:
-            return "Values are those of Algorithm 2, as fit.x is; errors are the likelihood's."
-        ends = zip(self.source.record.problem.parameters, self.source.x, strict=True)
-        shared = [(p, end) for p, end in ends if not p.experiments][:MOST_ENDS]
-        texts = [f"{p.name} = {number(float(end), 9)} {unit_text(p.unit)}" for p, end in shared]
-        return (
-            "Values are the most likely ones. Algorithm 2 ended (fit.x) at "
-            f"{listed(text.rstrip() for text in texts)}."
-        )
+            return "Values are those of Algorithm 2; errors, and fit.x, are the likelihood's."
+        return "Values are the most likely ones, as fit.x is."
 
 
 class Fit(Valued):
@@ -491,16 +498,15 @@ class Fit(Valued):
 
     @property
     def success(self) -> bool:
-        """Whether a linearised step promises no further decrease."""
+        """Whether no linearised step promises a decrease of chi square."""
         return self.record.success
 
     @property
     def x(self) -> FloatArray:
-        """Where Algorithm 2 ended, shape (n,), in the parameters' units.
+        """The most likely parameters within their bounds, shape (n,), in their units.
 
-        It is least in the sum of |r| and the Tikhonov term. The most likely value for the stated
-        noise is another, mostly within its error: ``fit["name"].value``, which is nan where the
-        data leave the parameter open. This one is ``fit["name"].algorithm2``.
+        Also where the data leave a parameter open, as ``fit["name"].value`` does not. Where
+        Algorithm 2 ended is ``fit["name"].algorithm2``.
         """
         return self.record.x
 
@@ -521,8 +527,13 @@ class Fit(Valued):
 
     @property
     def path(self) -> tuple[HistoryRow, ...]:
-        """A row for every nu: where it led, and at what misfit."""
+        """Algorithm 2: its start (level -1), then a row for every nu; empty if not asked for."""
         return self.record.path
+
+    @property
+    def global_path(self) -> tuple[HistoryRow, ...]:
+        """The same of the least J at every nu that a multistart comes by."""
+        return self.record.global_path
 
 
 class Inference(Valued):
@@ -633,15 +644,16 @@ def fit(
     progress: Callable[[Progress], None] | None = None,
     memory: Memory | None = None,
 ) -> Fit:
-    """Solve a problem by Algorithms 1 and 2 and a search of its box, for every alternative.
+    """The most likely parameters of a problem, for every alternative, and the paper's Algorithm 2.
 
     Args:
         problem: What is looked for, and from what.
-        method: How; None: as the campaign says, `Tikhonov` without one.
-        starts: How many starts are followed to the last ν: the problem's own, and the lowest minima
-            that a search of its box finds; 1: no search; None: as the campaign says, 3 without one.
+        method: Algorithm 2; None: as the campaign says, none without a table [continuation].
+        starts: 1: the problem's own, and a search of the box only where noise does not explain
+            what the descent from there leaves; more: a search in any case; None: as the campaign
+            says, 3 without one.
         seed: Of the search; None: as the campaign says, 1 without one.
-        progress: Called before and after every level with the state of the search.
+        progress: Called before every alternative and every level with the state of the fit.
         memory: Where finished levels are kept, to go on after an interruption; `kept_levels`
             makes one.
 
@@ -659,7 +671,8 @@ def fit(
     hooks = Hooks(progress=progress or (lambda state: None), memory=memory)
     record = solve_problem(problem.record, problem.respond, options, hooks)
     if problem.has_fmu and record.status is not Status.INTERRUPTED:
-        problem, record = _reviewed(problem, record, replace(hooks, memory=None))
+        problem, record = _reviewed(problem, record, hooks)
+    record = with_path(record, hooks)
     return Fit(problem, record, time.perf_counter() - begun)
 
 

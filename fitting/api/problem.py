@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from fitting.api.fmu import Fmu, held_fmu
 from fitting.api.start_values import Starts, started
-from fitting.campaign import Campaign, ContinuationSettings, WrittenFmu, bind
+from fitting.campaign import Campaign, WrittenFmu, bind
 from fitting.campaign.arrays import Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
@@ -97,7 +97,7 @@ class Problem:
             bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
         refuse_repeats(bound)
         record = problem_of(bound)
-        self._take(record, options_of(ContinuationSettings(), record.measurements), fmu)
+        self._take(record, options_of(None, record.measurements), fmu)
 
     @classmethod
     def of(
@@ -149,7 +149,7 @@ class Problem:
             record: Parameters and measurements, a `fitting.fit.problem.Problem`.
         """
         made = cls.__new__(cls)
-        options = options_of(ContinuationSettings(), record.measurements)
+        options = options_of(None, record.measurements)
         made._take(record, options, None, respond=respond)
         return made
 

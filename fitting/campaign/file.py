@@ -692,8 +692,8 @@ class CampaignHead(Keys):
     """Heading of the report."""
     synthetic: Switch = False
     """Marks every figure and page "synthetic"."""
-    continuation: ContinuationSettings = ContinuationSettings()
-    """The sequence of fits with less and less regularisation."""
+    continuation: ContinuationSettings | None = None
+    """The sequence of fits with less and less regularisation (Algorithm 2), and the search."""
 
 
 @dataclass(frozen=True, kw_only=True)

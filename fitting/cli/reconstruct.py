@@ -62,7 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--starts",
         type=whole_number(1),
-        help="starts followed; 1: no search (the campaign's)",
+        help="1: search the bounds only if the start's fit is not explained by noise; more: always "
+        "(the campaign's)",
     )
     parser.add_argument(
         "--start",
@@ -70,7 +71,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SET.ssv",
         help="start at the values of a parameter set (the campaign's)",
     )
-    parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
+    parser.add_argument(
+        "--no-path", action="store_true", help="leave out the levels of ν (Algorithm 2)"
+    )
+    parser.add_argument(
+        "--global-path",
+        action="store_true",
+        help="minimise every level of ν over the whole bounds, too, by a multistart (slow)",
+    )
+    parser.add_argument("--quick", action="store_true", help="one start, no levels of ν")
     parser.add_argument(
         "--no-profiles", action="store_true", help="1σ from the covariance; no profiles"
     )

@@ -103,7 +103,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--starts", type=whole_number(1), help="starts followed; 1: no search (each campaign's)"
     )
-    parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
+    parser.add_argument("--quick", action="store_true", help="one start")
     parser.add_argument(
         "--no-profiles", action="store_true", help="1σ from the covariance; no profiles"
     )
@@ -180,7 +180,7 @@ def _print_cost(
         path, fmu, count = first_campaign(of, args.fmu, folder)
         with fmu:
             problem = ff.Problem.of(path, fmu)
-            method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
+            method = replace(ff.Tikhonov.of(problem.options), path=False)
             starts = 1 if args.quick and args.starts is None else args.starts
             cost = ff.cost(problem, method, starts=starts, profiles=not args.no_profiles)
         if args.resume:

@@ -90,7 +90,7 @@ class EnsembleOptions:
         values: Parameters and derived outputs that are profiled; none: all.
         profiles: Whether profiles are scanned; else errors are from the covariance.
         starts: How many starts are followed; None: as each campaign says.
-        quick: Looser tolerances, and one start where ``starts`` is not said.
+        quick: One start where ``starts`` is not said.
         budget: Runs of the FMU by the profiles of an item, about, at most; None: as `profile` says.
         resume: Whether finished items in ``out`` count.
 
@@ -193,9 +193,8 @@ def _row(item: Item, folder: Path, files: dict[str, str]) -> EnsembleRow:
     fmu = _opened_fmu(item.fmu, campaign.file.fmu)
     problem = ff.Problem.of(campaign, fmu)
     how = item.options
-    method = None
-    if how.quick:
-        method = ff.Tikhonov(**{**vars(ff.Tikhonov.of(problem.options)), "quick": True})
+    # the values of the likelihood do not rest on the levels of Algorithm 2
+    method = replace(ff.Tikhonov.of(problem.options), path=False)
     starts = 1 if how.quick and how.starts is None else how.starts
     result: Valued = ff.fit(problem, method, starts=starts)
     if how.profiles:

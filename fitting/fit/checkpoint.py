@@ -8,31 +8,31 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fitting.fit.solver.continuation import ContinuationStep
+from fitting.fit.path import PathLevel
 from fitting.text import checkpoint
 
 NAME = "checkpoint.json"
 
 
-def _place(step: ContinuationStep) -> tuple[int, int, int]:
-    return step.alternative, step.start, step.level
+def _place(level: PathLevel) -> tuple[str, int, int]:
+    return level.kind, level.alternative, level.level
 
 
-class Checkpoint(checkpoint.Checkpoint[ContinuationStep]):
+class Checkpoint(checkpoint.Checkpoint[PathLevel]):
     """Finished levels of one job, in memory and in `folder`/checkpoint.json."""
 
     def __init__(self, folder: Path, job: str) -> None:
-        super().__init__(folder / NAME, job, ContinuationStep, _place)
+        super().__init__(folder / NAME, job, PathLevel, _place)
 
-    def recall(self, alternative: int, start: int, level: int) -> ContinuationStep | None:
-        """The finished step of that place, None if there is none.
+    def recall(self, kind: str, alternative: int, level: int) -> PathLevel | None:
+        """The finished level of that place, None if there is none.
 
         Args:
+            kind: of the path.
             alternative: its number.
-            start: its number.
             level: of ν, from 0.
         """
-        return self.find((alternative, start, level))
+        return self.find((kind, alternative, level))
 
 
 def begin(folder: Path, job: str) -> Checkpoint:

@@ -1,4 +1,4 @@
-"""Algorithms 1 and 2 for a whole problem: every start, every discrete alternative, one `Fit`.
+"""From a problem to a `Fit`: the most likely point of every alternative, and Algorithm 2.
 
 Writes nothing and draws nothing: progress, finished levels and the clock are handed in.
 """
@@ -7,69 +7,88 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
-from fitting.fit.alternative import Outcome, Solved, run_alternative, with_starts
-from fitting.fit.choice import chosen, polished_ends
+import numpy as np
+
+from fitting.fit.alternative import (
+    EQUAL,
+    AlternativeResult,
+    Outcome,
+    Solved,
+    alternative_results,
+    best_alternative,
+    chi_squares,
+    is_complete,
+    search_alternative,
+    with_values,
+)
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.options import Options
-from fitting.fit.path import AlternativeResult, HistoryRow, alternative_results, history_rows
+from fitting.fit.outputs import runs_of_outputs
+from fitting.fit.path import (
+    Course,
+    HistoryRow,
+    Journal,
+    PathLevel,
+    follow_path,
+    global_path,
+    history_rows,
+)
 from fitting.fit.problem import Problem
-from fitting.fit.solution import Solution, negligible, solution_of
-from fitting.fit.solver.continuation import ContinuationStep, Course, Journal, Schedule
+from fitting.fit.solution import Solution, solution_of
 from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
+from fitting.text.rendering import phrase
 
 _log = logging.getLogger(__name__)
+
+#: Rows beyond which a sum of absolute values has too many slacks: the factors of the interior point
+#: fill as their number squared, since every row sees every parameter (of 2400 rows 0.4 GB).
+MOST_SLACKS = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """State of a running reconstruction, handed out before and after every level.
+    """State of a running fit: which `stage` it is in, and what it has taken so far.
 
-    `done` of at most `of` levels; `left_s` an estimate that starts go on alone, `seconds_each`
-    what an evaluation has taken on average (NaN at first).
+    `stage` is "search", "path" or "global"; `done` of `of` alternatives, or levels of ν, are done.
+    `nu`, `j_fit` and `j_reg` are those of the last level (NaN in a search).
     """
 
-    alternative: int
-    alternatives: int
-    start: int
-    starts: int
-    level: int
-    levels: int
+    stage: str
+    done: int
+    of: int
     nu: float
     j_fit: float
     j_reg: float
     evaluations: int
-    done: int
-    of: int
     elapsed_s: float
-    left_s: float
-    seconds_each: float
 
 
 class Memory(Protocol):
     """Where finished levels are kept (`fitting.fit.checkpoint.Checkpoint`)."""
 
-    def recall(self, alternative: int, start: int, level: int) -> ContinuationStep | None:
-        """The finished step of that place, None if there is none.
+    def recall(self, kind: str, alternative: int, level: int) -> PathLevel | None:
+        """The finished level of that place, None if there is none.
 
         Args:
+            kind: of the path.
             alternative: its number.
-            start: its number.
             level: of ν, from 0.
         """
         ...
 
-    def record(self, step: ContinuationStep) -> None:
-        """Keep a finished step.
+    def record(self, level: PathLevel) -> None:
+        """Keep a finished level.
 
         Args:
-            step: a finished level of one start.
+            level: of one alternative.
         """
         ...
 
@@ -94,12 +113,13 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A solved problem: Algorithm 2 from every start and for every discrete alternative.
+    """A solved problem: the most likely point of every discrete alternative.
 
-    `objectives` and `outcomes` stand in the order of the alternatives that were begun, `reported`
-    is the place of the best, `solution` its end; `alternatives` and `path` are the same as records:
-    where each alternative ended, and a row per level of nu. `cost` counts evaluations, Jacobians
-    and simulation runs, `seconds` the time of the search.
+    `objectives` and `outcomes` are in the order of the alternatives that were begun, `reported` is
+    the place of the best, `solution` its end, `alternatives` where each ended. `levels` are those
+    of Algorithm 2 for the reported one and `path` the same by name, with the start before them;
+    `global_path` the least J at every ν. `cost` counts all of it, runs that only read outputs too;
+    `seconds` its time.
     """
 
     problem: Problem
@@ -109,15 +129,17 @@ class Fit:
     reported: int
     solution: Solution
     alternatives: tuple[AlternativeResult, ...]
-    path: tuple[HistoryRow, ...]
     cost: Counts
     status: Status
     message: str
     seconds: float
+    levels: tuple[PathLevel, ...] = ()
+    path: tuple[HistoryRow, ...] = ()
+    global_path: tuple[HistoryRow, ...] = ()
 
     @property
     def outcome(self) -> Outcome:
-        """All chains of the reported alternative."""
+        """What the search of the reported alternative came to."""
         return self.outcomes[self.reported]
 
     @property
@@ -127,7 +149,7 @@ class Fit:
 
     @property
     def success(self) -> bool:
-        """Whether a linearised step promises no further decrease."""
+        """Whether no linearised step promises a decrease of chi square."""
         return self.status is Status.CONVERGED
 
     @property
@@ -136,8 +158,15 @@ class Fit:
         return self.solution.final.parameters
 
     @property
+    def paper(self) -> FloatArray:
+        """Values (n,) where Algorithm 2 ended; NaN where it was not carried out."""
+        if not self.levels:
+            return np.full(self.x.size, np.nan)
+        return np.array(self.levels[-1].parameters)
+
+    @property
     def fun(self) -> float:
-        """J_fit at the end."""
+        """J_fit at the fitted values."""
         return self.solution.final.j_fit
 
     @property
@@ -157,71 +186,134 @@ def solve_problem(
     options: Options,
     hooks: Hooks | None = None,
 ) -> Fit:
-    """Algorithms 1 and 2 for every alternative and start; the best is reported.
+    """The most likely point of every alternative; the best is reported. Without Algorithm 2.
 
     A KeyboardInterrupt ends the search: what was finished is reported, with that status.
 
     Args:
         problem: parameters, measurements and alternatives.
         respond: makes the response of one alternative, given as settings by name.
-        options: schedule of ν and settings of the solves.
-        hooks: progress, memory and clock.
+        options: starts and seed of the search.
+        hooks: progress and clock.
 
     Raises:
         FmuFailure: the model failed inside the box.
         BadInput: nothing to fit.
-
-    Source: the paper, Algorithms 1 and 2.
     """
     hooks = hooks or Hooks()
-    begun = hooks.clock()
-    watch = _Watch(len(problem.alternatives), options.schedule, hooks, begun)
-    objectives: list[Objective] = []
-    outcomes: list[Outcome] = []
-    courses: list[Course] = []
+    begun, nan = hooks.clock(), float("nan")
+    solved: list[Solved] = []
     for k, alternative in enumerate(problem.alternatives):
-        try:
-            objectives.append(
-                make_objective(respond(alternative), problem.parameters, problem.data)
+        spent = sum(each.outcome.counts.evaluations for each in solved)
+        hooks.progress(
+            Progress(
+                stage="search",
+                done=k,
+                of=len(problem.alternatives),
+                nu=nan,
+                j_fit=nan,
+                j_reg=nan,
+                evaluations=spent,
+                elapsed_s=hooks.clock() - begun,
             )
+        )
+        try:
+            response = respond(alternative)
+            objective = make_objective(response, problem.parameters, problem.data)
         except KeyboardInterrupt:
             break
-        journal = Journal(
-            recall=watch.recall, record=watch.record, entering=watch.entering, clock=hooks.clock
-        )
-        courses.append(_course(objectives[-1], options, k, journal))
-        solved = [Solved(*pair) for pair in zip(objectives, outcomes, strict=False)]
-        outcomes.append(run_alternative(courses[-1], solved))
-        if outcomes[-1].interrupted:
+        outcome = search_alternative(objective, options.schedule, solved)
+        solved.append(Solved(objective, outcome))
+        if outcome.interrupted:
             break
-    if not outcomes:
+    if not solved:
         raise KeyboardInterrupt
-    del objectives[len(outcomes) :]
-    outcomes = polished_ends(courses[: len(outcomes)], outcomes)
+    objectives, outcomes = zip(*((s.objective, s.outcome) for s in solved), strict=True)
     return _finished(problem, options, objectives, outcomes, hooks.clock() - begun)
 
 
-def fit_from(fit: Fit, begins: Sequence[FloatArray], hooks: Hooks | None = None) -> Fit:
-    """The same fit with further starts, lowered at the last nu; the least J of all is reported.
+def with_path(fit: Fit, hooks: Hooks | None = None) -> Fit:
+    """The same fit with Algorithm 2 for its alternative, as far as its options ask for it.
 
-    For points of lower chi square that others come by, as those who walk profiles do.
+    A KeyboardInterrupt ends it with the levels that are finished and that status.
 
     Args:
         fit: a solved problem.
-        begins: search vectors of the reported alternative, (n,) each.
-        hooks: clock.
+        hooks: progress, memory and clock.
 
     Raises:
         FmuFailure: the model failed inside the box.
+        BadInput: a sum of absolute values over too many rows.
     """
+    if not fit.options.needs_path or fit.status is Status.INTERRUPTED:
+        return fit
+    rows = fit.solution.final.residuals.size
+    if fit.options.misfit != "squares" and rows > MOST_SLACKS:
+        raise BadInput(
+            f"continuation: misfit is {fit.options.misfit!r} for {rows} rows, wanted 'squares' "
+            f"beyond {MOST_SLACKS}, or no path (--no-path)"
+        )
     hooks = hooks or Hooks()
     begun = hooks.clock()
-    journal = Journal(clock=hooks.clock)
-    course = _course(fit.solution.objective, fit.options, fit.reported, journal)
+    watch = _Watch(fit, hooks)
+    course = Course(
+        objective=fit.solution.objective,
+        schedule=fit.options.schedule,
+        misfit=fit.options.misfit,
+        alternative=fit.reported,
+        journal=Journal(
+            recall=watch.recall, record=watch.record, entering=watch.entering, clock=hooks.clock
+        ),
+    )
+    levels, lowest = list[PathLevel](), list[PathLevel]()
+    try:
+        _take(levels, follow_path(course))
+        if fit.options.global_path:
+            ends = [np.array(level.x) for level in levels]
+            _take(lowest, global_path(course, [fit.solution.final.x, *ends]))
+    except KeyboardInterrupt:
+        message = phrase("fit", "interrupted", len(levels))
+        fit = replace(fit, status=Status.INTERRUPTED, message=message)
+    response = course.objective.response
+    before, path = runs_of_outputs(response), history_rows(course, levels)
+    global_rows = history_rows(course, lowest)
+    read = Counts(runs=runs_of_outputs(response) - before)
+    return replace(
+        fit,
+        levels=tuple(levels),
+        path=path,
+        global_path=global_rows,
+        cost=sum((level.counts for level in (*levels, *lowest)), fit.cost + read),
+        seconds=fit.seconds + hooks.clock() - begun,
+    )
+
+
+def _take(taken: list[PathLevel], levels: Iterator[PathLevel]) -> None:
+    """Levels one by one: those before an interruption stay."""
+    for level in levels:
+        taken.append(level)
+
+
+def fit_from(fit: Fit, x: FloatArray) -> Fit:
+    """The same fit, reported at another place where chi square is lower there; else itself.
+
+    For points that others come by, as those who scan profiles do.
+
+    Args:
+        fit: a solved problem.
+        x: search vector of the reported alternative, (n,).
+
+    Raises:
+        FmuFailure: the model failed there.
+    """
+    objective = fit.solution.objective
+    there = replace(fit.outcome, x=x)
+    (here_value, there_value), _ = chi_squares([objective, objective], [fit.outcome, there])
+    if not there_value < here_value - EQUAL * (1.0 + here_value):
+        return fit
     outcomes = list(fit.outcomes)
-    [outcomes[fit.reported]] = polished_ends([course], [with_starts(course, fit.outcome, begins)])
-    seconds = fit.seconds + hooks.clock() - begun
-    return _finished(fit.problem, fit.options, fit.objectives, outcomes, seconds)
+    outcomes[fit.reported] = there
+    return _again(fit, fit.objectives, outcomes)
 
 
 def promised_anew(fit: Fit, respond: Callable[[Mapping[str, Scalar]], Response]) -> Fit:
@@ -234,83 +326,48 @@ def promised_anew(fit: Fit, respond: Callable[[Mapping[str, Scalar]], Response])
     Raises:
         FmuFailure: the model failed at the solution.
     """
-    alternatives = fit.problem.alternatives[: len(fit.objectives)]
-    pairs = zip(fit.objectives, alternatives, strict=True)
+    pairs = zip(fit.objectives, fit.problem.alternatives, strict=False)
     objectives = [replace(each, response=respond(settings)) for each, settings in pairs]
-    return _finished(fit.problem, fit.options, objectives, fit.outcomes, fit.seconds)
+    return _again(fit, objectives, fit.outcomes)
 
 
-def _course(objective: Objective, options: Options, alternative: int, journal: Journal) -> Course:
-    return Course(
-        objective=objective,
-        schedule=options.schedule,
-        settings=options.solve,
-        alternative=alternative,
-        journal=journal,
-    )
+def _again(fit: Fit, objectives: Sequence[Objective], outcomes: Sequence[Outcome]) -> Fit:
+    """The fit put together anew; its levels of ν stay."""
+    anew = _finished(fit.problem, fit.options, objectives, outcomes, fit.seconds)
+    paths = {"levels": fit.levels, "path": fit.path, "global_path": fit.global_path}
+    return replace(anew, cost=anew.cost + sum((v.counts for v in fit.levels), Counts()), **paths)
 
 
 class _Watch:
-    """Counts levels and time for the progress, and passes steps to and from the memory."""
+    """Tells the progress of levels, and passes them to and from the memory."""
 
-    def __init__(self, alternatives: int, schedule: Schedule, hooks: Hooks, begun: float) -> None:
-        self.alternatives, self.schedule, self.hooks, self.begun = (
-            alternatives,
-            schedule,
-            hooks,
-            begun,
-        )
-        self.done = self.fresh = self.evaluations = self.counted = 0
-        self.spent = 0.0
-        self.last: ContinuationStep | None = None
+    def __init__(self, fit: Fit, hooks: Hooks) -> None:
+        self.schedule, self.hooks = fit.options.schedule, hooks
+        self.begun, self.evaluations = hooks.clock(), 0
+        self.last: PathLevel | None = None
 
-    def recall(self, alternative: int, start: int, level: int) -> ContinuationStep | None:
-        if self.hooks.memory is None:
-            return None
-        step = self.hooks.memory.recall(alternative, start, level)
-        if step is not None:
-            self._count(step)
-        return step
+    def recall(self, kind: str, alternative: int, level: int) -> PathLevel | None:
+        memory = self.hooks.memory
+        return None if memory is None else memory.recall(kind, alternative, level)
 
-    def record(self, step: ContinuationStep) -> None:
+    def record(self, level: PathLevel) -> None:
         if self.hooks.memory is not None:
-            self.hooks.memory.record(step)
-        self.fresh += 1
-        self.spent += step.seconds
-        self.counted += step.evaluations
-        self._count(step)
-        self._tell(step.alternative, step.start, step.level)
+            self.hooks.memory.record(level)
+        self.evaluations += level.evaluations
+        self.last = level
 
-    def entering(self, alternative: int, start: int, level: int) -> None:
-        self._tell(alternative, start, level)
-
-    def _count(self, step: ContinuationStep) -> None:
-        self.done += 1
-        self.evaluations += step.evaluations
-        self.last = step
-
-    def _tell(self, alternative: int, start: int, level: int) -> None:
-        schedule = self.schedule
-        # further starts are lowered at the last level alone
-        whole = self.alternatives * (schedule.starts + schedule.levels - 1)
-        mean = self.spent / self.fresh if self.fresh else float("nan")
+    def entering(self, kind: str, alternative: int, level: int) -> None:
+        last, nan = self.last, float("nan")
         self.hooks.progress(
             Progress(
-                alternative=alternative,
-                alternatives=self.alternatives,
-                start=start,
-                starts=schedule.starts,
-                level=level,
-                levels=schedule.levels,
-                nu=schedule.nu(level),
-                j_fit=self.last.j_fit if self.last else float("nan"),
-                j_reg=self.last.j_reg if self.last else float("nan"),
+                stage=kind,
+                done=level,
+                of=self.schedule.levels,
+                nu=self.schedule.nu(level),
+                j_fit=last.j_fit if last else nan,
+                j_reg=last.j_reg if last else nan,
                 evaluations=self.evaluations,
-                done=self.done,
-                of=max(whole, self.done),
                 elapsed_s=self.hooks.clock() - self.begun,
-                left_s=max(whole - self.done, 0) * mean,
-                seconds_each=self.spent / self.counted if self.counted else float("nan"),
             )
         )
 
@@ -319,68 +376,41 @@ def _finished(
     problem: Problem,
     options: Options,
     objectives: Sequence[Objective],
-    found: Sequence[Outcome],
+    ended: Sequence[Outcome],
     seconds: float,
 ) -> Fit:
-    outcomes, reported = chosen(objectives[: len(found)], found)
-    outcome, evaluator = outcomes[reported], Evaluator(objectives[reported])
-    chain = outcome.best or outcome.chains[0]
-    solution = solution_of(evaluator, chain, options.schedule, options.solve.misfit)
-    status, message = _status(solution, outcomes, options.solve.misfit)
+    outcomes = tuple(with_values(*pair) for pair in zip(objectives, ended, strict=True))
+    values, _ = chi_squares(objectives, outcomes)
+    pairs = zip(objectives, outcomes, strict=True)
+    reported = best_alternative(values, [is_complete(each, o.x) for each, o in pairs])
+    evaluator = Evaluator(objectives[reported])
+    last = options.schedule.nu(options.schedule.levels - 1)
+    solution = solution_of(evaluator, outcomes[reported].x, last)
+    status, message = _status(solution, outcomes, outcomes[reported])
+    alternatives = alternative_results(objectives, outcomes, problem.alternatives, reported)
+    read = Counts(runs=sum(runs_of_outputs(each.response) for each in objectives))
     _log.info("fit: %s: %s", status.value, message)
     return Fit(
         problem=problem,
         options=options,
-        objectives=tuple(objectives[: len(outcomes)]),
-        outcomes=tuple(outcomes),
+        objectives=tuple(objectives),
+        outcomes=outcomes,
         reported=reported,
         solution=solution,
-        alternatives=alternative_results(objectives, outcomes, problem.alternatives, reported),
-        path=history_rows(solution, outcome.chains[0]),
-        cost=_cost(outcomes, evaluator.counts),
+        alternatives=alternatives,
+        cost=sum((outcome.counts for outcome in outcomes), evaluator.counts + read),
         status=status,
         message=message,
         seconds=seconds,
     )
 
 
-def _cost(outcomes: Sequence[Outcome], rest: Counts) -> Counts:
-    counts = rest
-    for outcome in outcomes:
-        counts += outcome.further
-        for chain in outcome.chains:
-            for step in chain.steps:
-                counts += step.counts
-    return counts
-
-
-def _status(solution: Solution, outcomes: Sequence[Outcome], misfit: str) -> tuple[Status, str]:
-    last = solution.last
-    if any(outcome.interrupted for outcome in outcomes):
-        reached = "the start" if last is None else f"ν = {last.nu:.1e}, J_fit = {last.j_fit:.6g}"
-        return (
-            Status.INTERRUPTED,
-            f"Interrupted: the best so far is reported, reached at {reached}.",
-        )
-    if last is None:
-        return Status.NOT_CONVERGED, "No level of ν was done."
-    where = f"J_fit = {last.j_fit:.6g}, J_reg = {last.j_reg:.3g} at ν = {last.nu:.1e}"
+def _status(
+    solution: Solution, outcomes: Sequence[Outcome], outcome: Outcome
+) -> tuple[Status, str]:
     missed = solution.objective.data.unexplained(solution.final.residuals)
-    if missed:
-        return Status.NOT_CONVERGED, (
-            f"The fit does not describe the data: {missed}; {where}. Wanted a start nearer to the "
-            "solution, a wider box, or data above the noise."
-        )
-    said = f"{solution.chain.ended[:1].upper()}{solution.chain.ended[1:]}"
-    promise = f"a linearised step promises no more than {last.optimality:.1e}"
-    if last.status == "optimal":
-        return Status.CONVERGED, f"{said}; {where}; {promise}."
-    if last.optimality <= negligible(solution, misfit):
-        return Status.CONVERGED, (
-            f"{said}; {where}; {promise}, which neither the model's accuracy nor the noise of the "
-            "data resolves."
-        )
-    return Status.NOT_CONVERGED, (
-        f"Not optimal at the last ν: a linearised step still promises {last.optimality:.2e} "
-        f"({last.message}); {where}."
-    )
+    if any(each.interrupted for each in outcomes):
+        status = Status.INTERRUPTED
+    else:
+        status = Status.NOT_CONVERGED if missed or not outcome.converged else Status.CONVERGED
+    return status, phrase("fit", "ended", status.value, missed, solution)

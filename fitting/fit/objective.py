@@ -112,17 +112,6 @@ def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
     return np.array(weighted, dtype=float)
 
 
-def tikhonov_rows(x: FloatArray, nu: Nu) -> FloatArray:
-    """Rows t = sqrt(nu/2) x whose sum of squares is J_reg, shape (n,).
-
-    Args:
-        x: search vector (n,).
-        nu: weight of the Tikhonov term, one number or (n,).
-    """
-    rows: FloatArray = np.sqrt(0.5 * nu) * x
-    return rows
-
-
 def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point:
     data, p = objective.data, to_model(objective.parameters, x)
     pairs = zip(objective.parameters, p, strict=True)

@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from fitting.campaign import ContinuationSettings
-from fitting.fit.solver.continuation import Schedule
-from fitting.fit.solver.interior_point import SolveSettings, quick_settings
+from fitting.fit.path import Schedule
 from fitting.measurements.measurement import Measurement
 from fitting.text.choices import ALGORITHM2, ESTIMATORS, LIKELIHOOD, MISFITS
 
 __all__ = ["ALGORITHM2", "ESTIMATORS", "LIKELIHOOD", "Options", "options_of", "usual_misfit"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Options:
-    """Schedule of nu, settings of each solve, and whose estimate is reported as the value."""
+    """Schedule of nu, misfit of Algorithm 2, and whose estimate is reported as the value.
+
+    `path`: whether Algorithm 2 is carried out, `global_path` whether its levels are minimised over
+    the whole box, too. The likelihood's estimate needs neither.
+    """
 
     schedule: Schedule = field(default_factory=Schedule)
-    solve: SolveSettings = field(default_factory=SolveSettings)
+    misfit: str = MISFITS[0]
     estimator: str = LIKELIHOOD
+    path: bool = False
+    global_path: bool = False
+
+    @property
+    def needs_path(self) -> bool:
+        """Whether Algorithm 2 is asked for, by itself or by what rests on it."""
+        return self.path or self.global_path or self.estimator == ALGORITHM2
 
 
 def usual_misfit(measurements: Iterable[Measurement]) -> str:
@@ -37,25 +47,25 @@ def usual_misfit(measurements: Iterable[Measurement]) -> str:
 
 
 def options_of(
-    chosen: ContinuationSettings, measurements: Iterable[Measurement] = (), *, quick: bool = False
+    chosen: ContinuationSettings | None, measurements: Iterable[Measurement] = ()
 ) -> Options:
-    """The campaign's own settings; `quick` takes its own start alone and looser tolerances.
+    """The campaign's own settings; Algorithm 2 is carried out where the campaign gives any.
 
     Args:
-        chosen: the campaign's table [continuation].
+        chosen: the campaign's table [continuation], None without one.
         measurements: that are fitted, on which the usual misfit depends.
-        quick: whether one start and looser tolerances will do.
     """
-    schedule = Schedule(
-        nu_start=chosen.nu_start,
-        beta=chosen.beta,
-        levels=chosen.iterations,
-        tolerance=chosen.tolerance,
-        starts=chosen.starts,
-        seed=chosen.seed,
+    settings = chosen or ContinuationSettings()
+    return Options(
+        schedule=Schedule(
+            nu_start=settings.nu_start,
+            beta=settings.beta,
+            levels=settings.iterations,
+            tolerance=settings.tolerance,
+            starts=settings.starts,
+            seed=settings.seed,
+        ),
+        misfit=settings.misfit or usual_misfit(measurements),
+        estimator=settings.estimator,
+        path=chosen is not None,
     )
-    solve = SolveSettings(misfit=chosen.misfit or usual_misfit(measurements))
-    if quick:
-        schedule = replace(schedule, starts=1)
-        solve = quick_settings(solve)
-    return Options(schedule, solve, chosen.estimator)

@@ -83,7 +83,7 @@ class Problem:
             measurements=tuple(m for m in self.measurements if m.series == name),
             parameters=self.parameters,
             alternative=self.alternatives[0],
-            seed=1 if bound is None else bound.continuation.seed,
+            seed=1 if bound is None or bound.continuation is None else bound.continuation.seed,
         )
 
     @property

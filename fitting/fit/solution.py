@@ -1,4 +1,4 @@
-"""The end of Algorithm 2 that is reported, and what was evaluated there."""
+"""The reported end of a fit, and what was evaluated there."""
 
 from __future__ import annotations
 
@@ -8,35 +8,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from fitting.campaign.parameters import Parameter, prior_sigmas, starts, to_search
+from fitting.campaign.parameters import (
+    Parameter,
+    prior_sigmas,
+    search_bounds,
+    starts,
+    to_search,
+)
 from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.linearisation import Linearisation, linearise
 from fitting.fit.noise import RowNoise, fitted_noise
-from fitting.fit.objective import Objective, Point, weights
-from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
+from fitting.fit.objective import Objective, Point, j_reg
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.symmetry import secants
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray
 
-#: Decrease of chi square that matters to nobody.
-UNSEEN = 1e-3
-#: Share of the misfit that is never called unresolved.
-UNRESOLVED_SHARE = 1e-2
-
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """The reported end: objective, chain, last level, and what was evaluated there.
+    """The reported end, and what was evaluated there.
 
     `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there, `seen` the same
     with secants for variables without a first-order effect (`symmetry.secants`), which
     `secant_points` tell of; `noise` of the rows, `errors` by it; `structure` that of the sweep's
-    residuals, None where the sweep is not fitted; `tikhonov_weights` (n,) are the nu_i.
+    residuals, None where the sweep is not fitted; `nu` is the last weight of the Tikhonov term.
     """
 
     objective: Objective
-    chain: Chain
     nu: float
     initial: Point
     final: Point
@@ -45,7 +44,6 @@ class Solution:
     noise: RowNoise
     errors: Linearisation
     structure: Structure | None
-    tikhonov_weights: FloatArray
     secant_points: Mapping[int, FloatArray]
 
     @property
@@ -54,9 +52,19 @@ class Solution:
         return self.objective.parameters
 
     @property
-    def last(self) -> ContinuationStep | None:
-        """The last finished level, None before the first."""
-        return self.chain.steps[-1] if self.chain.steps else None
+    def j_reg(self) -> float:
+        """The Tikhonov term at the last nu."""
+        return j_reg(self.final.x, self.nu)
+
+    @property
+    def predicted_decrease(self) -> float:
+        """Decrease of chi square that a linearised step promises, bounds that hold left aside."""
+        lower, upper = search_bounds(self.parameters)
+        x, rows, matrix = self.final.x, self.errors.rows, self.errors.matrix
+        slope = matrix.T @ rows
+        held = ((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0))
+        free = matrix[:, ~held]
+        return float(rows @ free @ np.linalg.lstsq(free, rows, rcond=None)[0])
 
     def weighed(self, noise: RowNoise) -> Solution:
         """The same end, its errors by another noise of the rows.
@@ -77,42 +85,34 @@ class Solution:
         return replace(self, structure=structure, errors=errors)
 
 
-def solution_of(
-    evaluator: Evaluator, chain: Chain, schedule: Schedule, misfit: str = "slack"
-) -> Solution:
-    """Evaluate start and end of a chain, with Jacobian and covariance at the end.
+def solution_of(evaluator: Evaluator, x: FloatArray, nu: float) -> Solution:
+    """Evaluate the campaign's start and an end, with Jacobian and covariance at the end.
 
     Args:
         evaluator: of the objective.
-        chain: the levels of one start.
-        schedule: of ν.
-        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
+        x: search vector where the fit ended, (n,).
+        nu: last weight of the Tikhonov term.
+
+    Raises:
+        FmuFailure: the model failed at one of them.
     """
     objective = evaluator.objective
     parameters = objective.parameters
-    begun = to_search(parameters, starts(parameters))
-    x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
-    nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
-    initial, final = evaluator.whole([begun, x])
+    initial, final = evaluator.whole([to_search(parameters, starts(parameters)), x])
     matrix = evaluator.jacobian(x)
     seen, secant_points = secants(evaluator, x, matrix)
-    prior = prior_sigmas(parameters, nu)
-    noise = fitted_noise(objective, final, seen, prior)
+    noise = fitted_noise(objective, final, seen, prior_sigmas(parameters, nu))
     structure = curve_structure(objective, final, matrix, noise)
-    errors = _errors(objective, final, seen, noise, structure, nu)
-    tikhonov_weights = weights(objective, nu, misfit)
     return Solution(
         objective=objective,
-        chain=chain,
         nu=nu,
         initial=initial,
         final=final,
         matrix=matrix,
         seen=seen,
         noise=noise,
-        errors=errors,
+        errors=_errors(objective, final, seen, noise, structure, nu),
         structure=structure,
-        tikhonov_weights=tikhonov_weights,
         secant_points=secant_points,
     )
 
@@ -144,32 +144,6 @@ def _errors(
         return errors
     counted = widened.covariance.times(errors.inflation)
     return replace(errors, bounded=WhitenedErrors(noise.bounded, counted))
-
-
-def negligible(solution: Solution, misfit: str) -> float:
-    """Decrease of the misfit that nobody could tell from none, in its own unit.
-
-    What changes the likelihood of the data by less than UNSEEN of chi square, their noise as it is
-    stated or, where larger, as the residuals have it; or what the model computes no better: rows of
-    a relative error a add up to sqrt(m) a, as they are independent.
-
-    Args:
-        solution: end of the fit.
-        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
-    """
-    data, rows = solution.objective.data, solution.final.residuals
-    sigma = data.sigma[data.sigma > 0.0]
-    accuracy = min(m.setup.accuracy for m in data.measurements)
-    if misfit == "squares":
-        reached = solution.final.squares
-        unit = 1.0 / float(np.mean(sigma**-2)) if sigma.size else 0.0
-        unresolved = 2.0 * accuracy * float(np.linalg.norm(rows))
-    else:
-        reached = solution.final.j_fit
-        unit = 0.5 * float(np.sqrt(2.0 / np.pi) * np.median(sigma)) if sigma.size else 0.0
-        unresolved = accuracy * float(np.sqrt(rows.size))
-    noise = UNSEEN * max(reached / rows.size, unit)
-    return max(noise, min(unresolved, UNRESOLVED_SHARE * reached))
 
 
 def curve_structure(

@@ -18,12 +18,14 @@ from fitting.inference.budget import Stage
 #: Least and most: a count of evaluations, runs, seconds.
 Range = tuple[float, float]
 
-#: Jacobians of Algorithm 2 beyond one for each level.
-LEVELS: Range = (3.0, 90.0)
-#: Jacobians of a search of the box (none where an alternative mirrors another one), and of every
-#: further start (none where the search finds no other minimum; two minima may be lowered for it).
-SEARCH: Range = (1.0, 60.0)
-FURTHER: Range = (0.0, 90.0)
+#: Jacobians of the descent from the campaign's start and of the end of a fit; of a search of the
+#: box (none where an alternative mirrors another one).
+DESCENT: Range = (4.0, 30.0)
+SEARCH: Range = (1.0, 120.0)
+#: Evaluations of a level of Algorithm 2, in those of a Jacobian by forward differences; and of a
+#: level that is minimised over the box.
+LEVEL: Range = (4.0, 50.0)
+GLOBAL: Range = (200.0, 1500.0)
 #: Jacobians of the search for other minima than the fit's; of the walks of a profile, both ways,
 #: and of what is looked for beyond the box, for each value; and of the search for what has no
 #: effect, for each parameter.
@@ -43,11 +45,11 @@ OUTPUT_RANGE: Range = (400.0, 9000.0)
 class Expected:
     """What a job consists of, and the evaluations that each part is expected to take.
 
-    ``parameters`` are searched for, ``levels`` of nu from the campaign's start and ``starts`` in
-    all for each of the ``alternatives``; ``profiled`` values have a profile, ``outputs`` of them
-    are derived; ``refits`` are those of the bootstrap. ``search``, ``profiles`` and ``bootstrap``
-    are least and most evaluations, ``stages`` those of the profiles in their order;
-    ``output_runs`` runs beside them.
+    ``parameters`` are searched for from ``starts`` for each of the ``alternatives``; ``levels`` of
+    nu are those of Algorithm 2 (0: it is left out); ``profiled`` values have a profile, ``outputs``
+    of them are derived; ``refits`` are those of the bootstrap. ``search``, ``path``, ``profiles``
+    and ``bootstrap`` are least and most evaluations, ``stages`` those of the profiles in their
+    order; ``output_runs`` runs beside them.
     """
 
     parameters: int
@@ -58,6 +60,7 @@ class Expected:
     outputs: int
     refits: int
     search: Range
+    path: Range
     profiles: Range
     stages: Mapping[Stage, Range]
     bootstrap: Range
@@ -84,7 +87,7 @@ class Expected:
     @property
     def evaluations(self) -> Range:
         """Evaluations of the whole job."""
-        return added(self.search, self.profiles, self.bootstrap)
+        return added(self.search, self.path, self.profiles, self.bootstrap)
 
 
 def expected(
@@ -111,18 +114,19 @@ def expected(
         Stage.BEYOND: times(profiled * jacobian, BEYOND),
         Stage.DIRECTIONS: times(unknowns * jacobian if profiles else 0.0, DIRECTIONS),
     }
-    path = added((schedule.levels, schedule.levels), LEVELS)
-    if schedule.starts > 1:
-        path = added(path, SEARCH, times(schedule.starts - 1, FURTHER))
+    search = added(DESCENT, SEARCH) if schedule.starts > 1 else DESCENT
+    levels = schedule.levels if options.needs_path else 0
+    level = added(LEVEL, GLOBAL) if options.global_path else LEVEL
     return Expected(
         parameters=unknowns,
         alternatives=alternatives,
-        levels=schedule.levels,
+        levels=levels,
         starts=schedule.starts,
         profiled=profiled,
         outputs=outputs,
         refits=refits,
-        search=times(alternatives * jacobian, path),
+        search=times(alternatives * jacobian, search),
+        path=times(levels * (unknowns + 1.0), level),
         profiles=added(*stages.values()),
         stages=stages,
         bootstrap=times(refits * jacobian, REFIT),

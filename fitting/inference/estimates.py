@@ -32,7 +32,7 @@ DETERMINED = 0.1
 class Estimates:
     """Both estimates of all parameters (n,), each in its unit, and which of them is reported.
 
-    `best` is the most likely point, `paper` the end of Algorithm 2.
+    `best` is the most likely point, `paper` the end of Algorithm 2, NaN where it was not asked for.
     """
 
     best: FloatArray
@@ -178,7 +178,9 @@ def derived_results(
     """
     parameters, response = solution.parameters, solution.objective.response
     ranges = output_ranges(response, parameters, seed, outputs.points)
-    reported, likely = response.derived_many([estimates.reported, estimates.best])
+    papers = [estimates.paper] if np.all(np.isfinite(estimates.paper)) else []
+    asked = [estimates.reported, estimates.best, *papers]
+    reported, likely, *of_paper = response.derived_many(asked)
     read_at = places_of_outputs(solution.objective.data.measurements)
     places = tuple(label for each in read_at.values() for label, _ in each)
     results = {}
@@ -214,7 +216,7 @@ def derived_results(
             reference=float(means[1]),
             lower=low,
             upper=high,
-            algorithm2=float(means[0]),
+            algorithm2=mean(of_paper[0][name]) if of_paper else math.nan,
             most_likely=best,
             reason=phrase("status", "no_profile"),
             places=places if each else (),

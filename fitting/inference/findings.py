@@ -17,6 +17,7 @@ from fitting.inference.checks.solutions import (
     check_bounds,
     check_combinations,
     check_correlation,
+    check_levels,
     check_minima,
     check_profiles,
     check_residuals,
@@ -80,6 +81,7 @@ CHECKS: tuple[Check, ...] = (
     check_assumptions,
     check_profiles,
     check_estimator,
+    check_levels,
     check_simulation,
 )
 

@@ -16,7 +16,6 @@ from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_wi
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.solution import Solution, curve_structure
-from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, ending_of, unseen
 from fitting.inference.checks.mistakes import without_outliers
 from fitting.inference.closer_form import closer_form
@@ -46,9 +45,6 @@ from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import settings_words
 from fitting.text.rendering import phrase
-
-#: Minima of a search from which the most likely point is looked for.
-LOWEST = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +112,7 @@ def _inferred(
         m = errors.rows.size
         errors = replace(errors, scatter=np.ones(m), freedom=errors.degrees_of_freedom)
     solution = replace(fit.solution, errors=errors)
-    estimates = Estimates(best, solution.final.parameters, fit.options.estimator)
+    estimates = Estimates(best, fit.paper, fit.options.estimator)
     parameters = parameter_results(solution, estimates)
     outputs, seed = outputs_of(solution), fit.options.schedule.seed
     derived = derived_results(solution, outputs, estimates, request.units, seed)
@@ -290,8 +286,8 @@ def _read(fit: Fit, request: InferenceRequest, sweeps: SweepFindings) -> _Readin
 def _settled(fit: Fit, read: _Reading) -> Fit:
     """The fit, made anew where its most likely point shows that it has to be; else itself.
 
-    Profiles come by other minima, too: where J is lower than its own, it is gone on with from
-    there. And what rows share is weighed where they fit, not where Algorithm 2 left some far off.
+    Profiles come by other minima, too: where chi square is lower than its own, that is reported.
+    And what rows share is weighed where they fit.
     """
     if read.adequacy is None:
         return fit
@@ -301,10 +297,8 @@ def _settled(fit: Fit, read: _Reading) -> Fit:
     try:
         [point] = evaluate_many(solution.objective, [x])
         anew = fit
-        if read.determined is not None and (
-            point.j_fit <= (1.0 - SAME_SHARE) * fit.fun - SAME_AMOUNT
-        ):
-            anew = fit_from(fit, [x])
+        if read.determined is not None:
+            anew = fit_from(fit, x)
     except FmuFailure:
         return fit
     solution = anew.solution
@@ -375,7 +369,7 @@ def _determined(
         found = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_with(solution.objective, solution.noise)
         describes = found.knowledge.adequacy.describes and fit.status is Status.CONVERGED
-        nu = choose_nu(plain, fit.outcome.chains[0].steps, fit.path, describes=describes)
+        nu = choose_nu(plain, fit.levels, fit.path, describes=describes) if fit.levels else None
         return replace(found, knowledge=replace(found.knowledge, nu=nu)), ()
     except KeyboardInterrupt:
         why = "interrupted"
@@ -387,8 +381,7 @@ def _determined(
 def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
     """The most likely point without profiles.
 
-    It is looked for from the end of Algorithm 2 and from the lowest minima of chi square in hand;
-    an interrupted fit is reported where it stood.
+    It is looked for from the end of the fit; an interrupted one is reported where it stood.
     """
     solution = fit.solution
     stood = _Reading(solution.final.parameters, None, solution.errors.inflation)
@@ -396,10 +389,7 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
         return stood
     evaluator = LikelihoodEvaluator(likelihood_with(solution.objective, noise_at(solution)))
     try:
-        search = fit.outcome.search
-        lowest = () if search is None else search.minima[:LOWEST]
-        begins = [solution.final.x, *(minimum.x for minimum in lowest)]
-        optimum = let_out(evaluator, most_likely(evaluator, begins))
+        optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
     except (FmuFailure, KeyboardInterrupt):
         return stood
     closer = unseen(solution) or closer_form(solution, sweeps.fits)
@@ -436,8 +426,8 @@ def _alternatives(fit: Fit, noise: RowNoise) -> tuple[Equivalent, ...]:
     here = fit.solution.objective, [fit.solution.final.x]
     found = []
     for k, (objective, outcome) in enumerate(zip(fit.objectives, fit.outcomes, strict=True)):
-        if k == fit.reported or outcome.best is None:
+        if k == fit.reported:
             continue
-        there = objective, [np.array(outcome.best.steps[-1].x)]
+        there = objective, [outcome.x]
         found.append(equal_fit(there, here, fit.problem.alternatives[k], noise))
     return tuple(equal for equal in found if equal is not None)

@@ -301,7 +301,7 @@ def values_of_line(
             if abs(_in(value, units[name], unit) - number) < NEAR * size
         }
 
-    here = {name: value.algorithm2 for name, value in values.items()}
+    here = {name: value.most_likely for name, value in values.items()}
     names = same(here, solution.final.scaled[k])
     if not names:
         return {}

@@ -49,7 +49,7 @@ def result_of(
         further: findings from outside the fit, as the FMU's own warnings.
         plan: how the FMU was simulated.
     """
-    problem, solution, last = fit.problem, fit.solution, fit.solution.last
+    problem, solution = fit.problem, fit.solution
     data, sweep = problem.data, problem.sweep
     findings = in_order(*inference.findings, *further)
     shared = {each.name: getattr(inference, each.name) for each in fields(Inferred)}
@@ -99,12 +99,13 @@ def result_of(
         alternative=dict(fit.alternative),
         deviations=deviations(problem, solution),
         j_fit=solution.final.j_fit,
-        j_reg=last.j_reg if last is not None else math.nan,
-        optimality=last.optimality if last is not None else math.nan,
+        j_reg=solution.j_reg,
+        optimality=solution.predicted_decrease,
         scale=scale,
         peaks=peaks,
         sweep=curves,
         history=fit.path,
+        global_history=fit.global_path,
         alternatives=fit.alternatives,
         correlation=correlation_of(solution),
         evaluations=Cost(fit.cost.evaluations, fit.cost.jacobians, fit.cost.runs),

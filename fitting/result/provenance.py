@@ -40,12 +40,12 @@ def job_of(problem: Problem, identity: Identity, options: Options) -> str:
     Args:
         problem: parameters, measurements and alternatives.
         identity: of the FMU and of this program.
-        options: schedule of ν and settings of the solves.
+        options: schedule of ν and misfit.
     """
     content = {
         "files": _files(problem),
         "fmu": identity.sha256,
-        "options": to_plain({"schedule": options.schedule, "solve": options.solve}),
+        "options": to_plain({"schedule": options.schedule, "misfit": options.misfit}),
         "accuracy": problem.accuracy,
         "starts": {parameter.name: parameter.start for parameter in problem.parameters},
         "version": fitting.__version__,
@@ -60,9 +60,9 @@ def provenance_of(problem: Problem, identity: Identity, options: Options) -> Pro
     Args:
         problem: parameters, measurements and alternatives.
         identity: of the FMU and of this program.
-        options: schedule of ν and settings of the solves.
+        options: schedule of ν and misfit.
     """
-    schedule, solve = options.schedule, options.solve
+    schedule = options.schedule
     packages = ("fmpy", "numpy", "scipy")
     versions = {name: version(name) for name in packages}
     versions |= {"fmu-fit": fitting.__version__, "python": platform.python_version()}
@@ -82,11 +82,9 @@ def provenance_of(problem: Problem, identity: Identity, options: Options) -> Pro
             "iterations": schedule.levels,
             "tolerance": schedule.tolerance,
             "starts": schedule.starts,
-            "misfit": solve.misfit,
+            "misfit": options.misfit,
             "estimator": options.estimator,
             "peak_noise": " ".join(dict.fromkeys(t.noise_origin for t in problem.data.tones)),
-            "optimality_absolute": solve.absolute,
-            "optimality_relative": solve.relative,
         },
         plan=(),
         start_values=_start_values(problem),

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from fitting.fit.path import AlternativeResult, HistoryRow
+from fitting.fit.alternative import AlternativeResult
+from fitting.fit.path import HistoryRow
 from fitting.inference.inferred import Inferred
 from fitting.inference.joint import ExternalTest
 from fitting.inference.sweep_line import SweepLine
@@ -142,11 +143,11 @@ class Result(Inferred):
     deviations: Deviations
     """Relative deviations of the peaks, before and after."""
     j_fit: float
-    """Sum of |r| at the end."""
+    """Sum of |r| at the reported parameters."""
     j_reg: float
-    """nu/2 |x|^2 at the end."""
+    """nu/2 |x|^2 there, at the last ν."""
     optimality: float
-    """What a linearised step could still gain."""
+    """Decrease of χ² that a linearised step still promises."""
     scale: Scale
     """From simulated to measured amplitudes, before and after."""
     peaks: tuple[Peak, ...]
@@ -154,7 +155,7 @@ class Result(Inferred):
     sweep: SweepCurves | None
     """The measured and the simulated sweep."""
     history: tuple[HistoryRow, ...]
-    """Algorithm 2 from the campaign's start, a row for each nu."""
+    """Algorithm 2: the campaign's start, then a row for each ν; empty if not asked for."""
     alternatives: tuple[AlternativeResult, ...]
     """All alternatives, each with its starts and where they led."""
     correlation: tuple[Floats, ...]
@@ -167,6 +168,8 @@ class Result(Inferred):
     """The sentences of `findings` that are errors or warnings, for people who read the file."""
     provenance: Provenance
     """Where all of it comes from."""
+    global_history: tuple[HistoryRow, ...] = ()
+    """The least J of a multistart at every ν (`--global-path`)."""
     line: SweepLine | None = None
     """One damped mode fitted to the sweep without the FMU."""
     external: tuple[ExternalTest, ...] = ()
@@ -207,26 +210,28 @@ def read_result(path: Path) -> Result:
 
 
 def history_csv(result: Result) -> str:
-    """The history as CSV text: a row per nu, units in the header.
+    """Algorithm 2 as CSV text, units in the header: the levels as published, then the least J.
 
     Args:
         result: of a reconstruction.
     """
     units = {name: p.unit for name, p in result.parameters.items()}
     outputs = {name: d.unit for name, d in result.derived.items()}
-    head = ["level", "nu"]
+    head = ["kind", "level", "nu"]
     head += [f"{name} ({unit})" for name, unit in units.items()]
     head += [f"mean {name} ({unit})" for name, unit in outputs.items()]
-    head += ["j_fit", "j_reg", "change", "optimality", "status", "iterations", "evaluations"]
-    head += ["seconds", "message"]
+    head += ["j_fit", "j_reg", "change", "optimality", "second_j", "status", "iterations"]
+    head += ["evaluations", "seconds", "message"]
     rows = [head]
-    for row in result.history:
+    both = [("path", row) for row in result.history]
+    both += [("global", row) for row in result.global_history]
+    for kind, row in both:
         numbers: list[float | int] = [row.level, row.nu]
         numbers += [row.parameters[name] for name in units]
         numbers += [row.derived.get(name, float("nan")) for name in outputs]
-        numbers += [row.j_fit, row.j_reg, row.change, row.optimality]
+        numbers += [row.j_fit, row.j_reg, row.change, row.optimality, row.second_j]
         tail = [row.status, str(row.iterations), str(row.evaluations)]
         tail += [f"{row.seconds:.3f}", row.message]
         cells = ("" if value != value else repr(value) for value in numbers)  # none is no number
-        rows.append([*cells, *tail])
+        rows.append([kind, *cells, *tail])
     return csv_text(rows)

@@ -49,6 +49,7 @@ def upgraded(data: Mapping[str, Any]) -> dict[str, Any]:
     if "frequency_hz" in (data.get("line") or {}):
         made["line"] = _line(data["line"])
     _rename_ending(made)
+    made["alternatives"] = [_alternative(each) for each in data.get("alternatives", ())]
     if data.get("schema", 1) != 1:
         _rename_ends(made)
         return made
@@ -139,6 +140,15 @@ def _estimate(
         made |= {"method": "profile", "closed_by": profile["ends"]}
         made["ci68"] = profile["interval68"]
     return made
+
+
+def _alternative(old: Mapping[str, Any]) -> dict[str, Any]:
+    """An alternative whose starts were lowered by J: their ends are not those of chi square."""
+    if "chi_square" in old:
+        return dict(old)
+    kept = ("settings", "parameters", "derived", "j_fit", "reported", "equal_to_best")
+    made: dict[str, Any] = {key: old[key] for key in kept if key in old}
+    return made | {"chi_square": None, "converged": old.get("status") == "optimal", "starts": []}
 
 
 def _scan(profile: Mapping[str, Any]) -> dict[str, Any]:

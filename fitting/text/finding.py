@@ -72,7 +72,7 @@ class Kind(StrEnum):
     equivalent_solution = "equivalent_solution"
     equal_alternative = "equal_alternative"
     equal_objective = "equal_objective"
-    other_minimum = "other_minimum"
+    level_not_minimised = "level_not_minimised"
     search_unexplained = "search_unexplained"
     sampling_ambiguity = "sampling_ambiguity"
     fit_beyond_bounds = "fit_beyond_bounds"

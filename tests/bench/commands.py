@@ -140,6 +140,7 @@ COMMANDS = (
         "objective evaluations per second",
         smoke="--evaluations 40 --workers 1",
     ),
+    Command("path", "the levels of Algorithm 2 beside a plain script", smoke="--rounds 1"),
     Command("peers", "the task that other programs were given"),
     Command("plans", "promises of plans for FMUs of others", smoke="--laboratories 1"),
     Command("platforms", "native FMUs on other platforms, bit for bit"),

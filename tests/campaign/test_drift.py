@@ -21,7 +21,7 @@ from fitting.fit.objective import Objective, weights
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
 from fitting.fit.solver.evaluator import Evaluator
-from fitting.fit.solver.interior_point import SolveSettings, solve
+from fitting.fit.solver.interior_point import solve
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.checks.sweeps import drift_findings
 from fitting.lab.bench import Series, measure
@@ -64,10 +64,10 @@ def series_of(curvature_hz: float, seed: int) -> Series:
 
 
 def quickly(bound: BoundCampaign) -> Options:
-    """One start and two nu: enough for what is determined."""
+    """One start: enough for what is determined."""
     options = options_of(bound.continuation)
-    schedule = replace(options.schedule, starts=1, levels=2, nu_start=1e-2)
-    return Options(schedule, replace(options.solve, misfit="squares", restarts=0))
+    schedule = replace(options.schedule, starts=1)
+    return Options(schedule=schedule)
 
 
 def fitted(workers: FmuWorkers, bound: BoundCampaign) -> Result:
@@ -295,8 +295,7 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
     for nu in (1e-1, 1e-9):
         evaluator = Evaluator(objective)
         held = weights(objective, nu, "squares")
-        settings = SolveSettings(misfit="squares", absolute=1e-9, relative=1e-9)
-        found = solve(evaluator, np.zeros(3), held, settings, np.random.default_rng(1))
+        found = solve(evaluator, np.zeros(3), held, "squares")
         assert evaluator.point(found.x).parameters == pytest.approx(truth, abs=1e-5)
 
 

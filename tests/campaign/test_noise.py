@@ -16,7 +16,7 @@ from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import problem_of
 from fitting.fit.solver.evaluator import Evaluator
-from fitting.fit.solver.interior_point import SolveSettings, solve
+from fitting.fit.solver.interior_point import solve
 from fitting.fmu import read_description
 from fitting.inference.checks.mistakes import outlying_peaks
 from fitting.measurements.dataset import Dataset
@@ -195,8 +195,7 @@ def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
     for outliers in ("keep", "huber"):
         objective, sigma = with_an_outlier(outliers)
         evaluator = Evaluator(objective)
-        settings = SolveSettings(misfit="squares")
-        x = solve(evaluator, np.zeros(3), 1e-4, settings, np.random.default_rng(1)).x
+        x = solve(evaluator, np.zeros(3), 1e-4, "squares").x
         point = evaluator.point(x)
         theta, d1, d2 = point.parameters
         widths[outliers] = d1 * np.cos(theta) ** 2 + d2 * np.sin(theta) ** 2

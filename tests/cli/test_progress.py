@@ -33,7 +33,8 @@ EXPECTED = Expected(
     profiled=2,
     outputs=1,
     refits=0,
-    search=(100.0, 400.0),
+    search=(40.0, 80.0),
+    path=(100.0, 400.0),
     profiles=(200.0, 1000.0),
     stages={
         Stage.MINIMA: (50.0, 100.0),
@@ -45,22 +46,16 @@ EXPECTED = Expected(
     output_runs=(0.0, 0.0),
 )
 FIRST = Progress(
-    alternative=0,
-    alternatives=1,
-    start=0,
-    starts=1,
-    level=0,
-    levels=4,
-    nu=0.1,
+    stage="search",
+    done=0,
+    of=1,
+    nu=float("nan"),
     j_fit=float("nan"),
     j_reg=float("nan"),
     evaluations=0,
-    done=0,
-    of=4,
     elapsed_s=0.0,
-    left_s=float("nan"),
-    seconds_each=float("nan"),
 )
+LEVEL = replace(FIRST, stage="path", of=4, nu=0.1)
 
 
 class Clock:
@@ -116,19 +111,14 @@ def counts(words: str) -> list[str]:
 
 
 def test_the_first_line_knows_no_number_and_tells_none(told: Remaining) -> None:
-    assert told.searching(FIRST) == "alternative 1/1, start 1/1, ν = 1e-01"
+    assert told.searching(FIRST) == "search, alternative 1/1"
     assert told.left() == ""
-
-
-def test_no_start_is_counted_beyond_their_number(told: Remaining) -> None:
-    """A start that meets another does not count, and one more is followed for it."""
-    words = [told.searching(replace(FIRST, start=k, starts=3)).split(", ")[1] for k in (2, 3)]
-    assert [counts(said) for said in words] == [["3", "3"], ["4"]]
+    assert told.searching(replace(LEVEL, done=2, nu=1e-3)) == "path, level 3/4, ν = 1e-03"
 
 
 def test_what_is_left_counts_profiles_and_figures_in(told: Remaining, clock: Clock) -> None:
     """Half of the levels done at 0.05 s an evaluation: 50 to 200 and the profiles are left."""
-    state = replace(FIRST, j_fit=0.5, j_reg=0.25, evaluations=90, done=2, seconds_each=0.05)
+    state = replace(LEVEL, j_fit=0.5, j_reg=0.25, evaluations=90, done=2, elapsed_s=4.5)
     assert told.searching(state).endswith("J = 0.75")
     assert span_s(told.left()) == (12.0, 60.0)
     drawn = Remaining(EXPECTED, clock=clock)  # and ten figures, half a second to two each
@@ -186,7 +176,7 @@ def test_no_time_is_told_of_a_pace_that_was_hardly_seen(told: Remaining, clock: 
     assert after(told, clock, 1.0, Spent(Stage.WALKS, 500, 0)) == ""  # fast ones, for a second
     assert after(told, clock, 10.0, Spent(Stage.WALKS, 600, 0)).endswith(" left")
     hardly = Remaining(EXPECTED)
-    hardly.searching(replace(FIRST, evaluations=9, done=1, seconds_each=0.1))
+    hardly.searching(replace(LEVEL, evaluations=9, done=1, elapsed_s=0.9))
     assert hardly.left() == ""
 
 
@@ -231,7 +221,7 @@ def test_over_a_whole_job_the_end_is_never_put_off(clock: Clock) -> None:
             left.append((114.0 - clock.now_s, most_s(words)))
 
     for done in range(5):
-        told.searching(replace(FIRST, evaluations=100 * done, done=done, seconds_each=0.1))
+        told.searching(replace(LEVEL, evaluations=100 * done, done=done, elapsed_s=10.0 * done))
         look()
         clock.now_s += 10.0 * (done < 4)
     before = 0

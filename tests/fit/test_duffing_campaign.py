@@ -97,7 +97,7 @@ def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
         problem_of([bound]),
         lambda alternative: through(workers, bound, plan, alternative),
         Identity(),
-        ReconstructionOptions(options_of(bound.continuation, quick=True), profiles=False),
+        ReconstructionOptions(replace(options_of(bound.continuation), path=False), profiles=False),
     )
 
 

@@ -17,14 +17,13 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
-from fitting.fit.alternative import run_alternative
+from fitting.fit.alternative import search_alternative
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.options import options_of
+from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
-from fitting.fit.solver.continuation import Course, Schedule
 from fitting.fit.solver.evaluator import Evaluator
-from fitting.fit.solver.interior_point import SolveSettings
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.estimates import outputs_of
 from fitting.inference.joint import JointResult, consistency
@@ -259,11 +258,8 @@ def agreement(
 ) -> JointResult:
     _, joint, objective = joined(folder, modes, seed, other)
     evaluator = Evaluator(objective)
-    schedule = Schedule(nu_start=1e-3, levels=1, starts=1)
-    settings = SolveSettings(misfit="squares")
-    outcome = run_alternative(Course(objective=objective, schedule=schedule, settings=settings))
-    assert outcome.best is not None
-    solution = solution_of(evaluator, outcome.best, schedule, "squares")
+    outcome = search_alternative(objective, Schedule(starts=1))
+    solution = solution_of(evaluator, outcome.x, 1e-3)
     return consistency(joint, solution, outputs_of(solution))
 
 
@@ -314,14 +310,14 @@ def test_series_that_see_different_things_cannot_contradict(tmp_path: Path) -> N
 
 
 def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 2) -> Result:
-    """One alternative, one start, one or two nu, least squares."""
+    """One alternative, one start."""
     problem = problem_of(bounds)
     problem = replace(problem, alternatives=problem.alternatives[:1])
     options = options_of(bounds[0].continuation)
     options = replace(
         options,
         schedule=replace(options.schedule, starts=1, levels=levels, nu_start=1e-2, beta=1e-3),
-        solve=replace(options.solve, misfit="squares", restarts=0),
+        misfit="squares",
     )
     identity = identify_fmu(workers.description, "test")
     asked = ReconstructionOptions(options, profiles=False)

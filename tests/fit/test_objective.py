@@ -14,11 +14,9 @@ from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.fit.objective import (
     Objective,
     evaluate_many,
-    j_reg,
     jacobian,
     make_objective,
     noise_level,
-    tikhonov_rows,
 )
 from fitting.fit.solver.evaluator import Evaluator, total
 from fitting.measurements.dataset import Dataset
@@ -107,12 +105,6 @@ def test_the_scale_follows_the_parameters(objective: Objective) -> None:
     narrow, wide = evaluate_many(objective, [np.array([0.0, -0.5, -0.5]), np.array([0, 0.5, 0.5])])
     # the peak of a mode falls as its width grows: chi grows with it (69 to 119 Hz)
     assert wide.chi / narrow.chi == pytest.approx(119.0 / 69.0, rel=1e-3)
-
-
-def test_tikhonov_rows_square_to_j_reg() -> None:
-    x = np.array([0.3, -2.0, 0.7])
-    assert np.sum(tikhonov_rows(x, 0.1) ** 2) == pytest.approx(j_reg(x, 0.1), rel=1e-15)
-    assert j_reg(x, 0.1) == pytest.approx(0.05 * (0.09 + 4.0 + 0.49), rel=1e-15)
 
 
 def test_one_batch_per_jacobian_and_nothing_twice(objective: Objective) -> None:

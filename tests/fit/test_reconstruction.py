@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,11 +19,13 @@ from scipy.stats import norm
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli import reconstruct as command
-from fitting.fit import checkpoint
-from fitting.fit.fit import Hooks, Progress, solve_problem
-from fitting.fit.options import Options, options_of
+from fitting.fit import alternative, checkpoint
+from fitting.fit.fit import Hooks, Progress
+from fitting.fit.likelihood.descent import Optimum, most_likely
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
+from fitting.fit.options import options_of
+from fitting.fit.path import PATH, PathLevel
 from fitting.fit.problem import problem_of
-from fitting.fit.solver.continuation import ContinuationStep, Schedule
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.report.details import detail_lines
@@ -32,7 +33,7 @@ from fitting.report.summary import result_lines, summary_of
 from fitting.result.provenance import Identity, job_of, provenance_of
 from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, of_kind
 from fitting.text.results_folder import results_folder
@@ -157,10 +158,13 @@ def test_both_alternatives_are_listed_and_their_tie_is_told(result: Result) -> N
     assert [a.reported for a in result.alternatives] == [True, False]
     assert all(a.equal_to_best for a in result.alternatives)
     assert of_kind(result.findings, Kind.equal_alternative)
-    # there is one minimum: all that are tried, two for each of two further starts, end in it, and
-    # its image in the other alternative is where that ends by itself
-    joined = [[start.joined for start in each.starts] for each in result.alternatives]
-    assert joined == [[None, 0, 0, 0, 0], [None, 0]]
+    # the other form mirrors the first: its minima are images that took nothing
+    own, mirrored = result.alternatives
+    assert own.search is not None
+    assert mirrored.search is not None
+    assert own.search.evaluations > 0 == mirrored.search.evaluations
+    assert len(mirrored.starts) == len(own.starts) >= 1
+    assert sum(start.descents for start in own.starts) == own.search.descents
 
 
 def test_deviations_are_those_of_the_peaks(result: Result) -> None:
@@ -203,56 +207,29 @@ def test_a_peak_moved_by_ten_sigma_stands_out(noisy_campaign: BoundCampaign) -> 
     assert pairs[2] > 2.0 * sorted(pairs)[-2]
 
 
-def test_progress_counts_up_to_the_end(watched: tuple[Result, list[Progress]]) -> None:
-    seen = watched[1]
-    assert [state.done for state in seen] == sorted(state.done for state in seen)
-    assert seen[-1].done <= seen[-1].of
-    assert seen[-1].evaluations > 0
-    assert seen[-1].left_s >= 0.0
-    assert {state.alternative for state in seen} == {0, 1}
-
-
-def test_what_is_left_is_the_time_of_a_level_for_each_that_is_not_done(
-    noisy_campaign: BoundCampaign,
+def test_progress_counts_alternatives_and_then_levels(
+    watched: tuple[Result, list[Progress]],
 ) -> None:
-    """By a clock that goes on by a second whenever it is looked at: each level takes one.
-
-    The second alternative mirrors the first one, and the images of its levels take nothing.
-    """
-    ticks = itertools.count(1000.0)
-    seen: list[Progress] = []
-    hooks = Hooks(progress=seen.append, clock=lambda: next(ticks))
-    problem, schedule = problem_of([noisy_campaign]), Schedule(starts=1, levels=2)
-    found = solve_problem(problem, respond, Options(schedule), hooks)
-    levels, further = seen[:8], seen[8:]  # the chosen end may be taken on along a bent valley
-    assert [state.done for state in levels] == [0, 1, 1, 2, 2, 3, 3, 4]
-    assert {state.of for state in levels} == {4}
-    assert np.isnan(seen[0].left_s)
-    left = [3.0, 3.0, 2.0, 2.0, 2.0 / 3.0, 2.0 / 3.0, 0.0]
-    assert [state.left_s for state in levels[1:]] == pytest.approx(left)
-    assert [(state.done, state.left_s) for state in further] == [(4, 0.0), (5, 0.0)]
-    assert [state.elapsed_s for state in seen[:4]] == [1.0, 4.0, 5.0, 8.0]
-    # the start itself took nothing, each level what it took
-    assert [(row.level, row.evaluations > 0, row.seconds) for row in found.path] == [
-        (-1, False, 0.0),
-        (0, True, 1.0),
-        (1, True, 2.0),
+    told = watched[1]
+    assert [(state.stage, state.done, state.of) for state in told] == [
+        *(("search", k, 2) for k in range(2)),
+        *(("path", k, 9) for k in range(9)),
     ]
+    assert told[-1].evaluations > told[2].evaluations == 0
+    assert told[-1].nu == pytest.approx(1e-9)
+    assert told[-1].j_fit == pytest.approx(watched[0].history[-2].j_fit)
 
 
-def test_ending_badly_is_a_value(noisy_campaign: BoundCampaign) -> None:
-    options = options_of(noisy_campaign.continuation)
-    solve = replace(options.solve, misfit="absolute", iterations=2, restarts=0)
-    hurried = Options(replace(options.schedule, starts=1, levels=1), solve)
-    found = reconstruct(
-        problem_of([noisy_campaign]),
-        respond,
-        Identity(),
-        ReconstructionOptions(hurried, profiles=False),
-    )
-    assert found.status == "not converged"
-    assert found.optimality > 1e-3
-    assert np.isfinite(found.parameters["theta"].value)
+def test_ending_badly_is_a_value(
+    noisy_campaign: BoundCampaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stalled(evaluator: LikelihoodEvaluator, begins: Sequence[FloatArray]) -> Optimum:
+        return replace(most_likely(evaluator, begins), converged=False)
+
+    monkeypatch.setattr(alternative, "most_likely", stalled)
+    ended = run(noisy_campaign, starts=1, levels=1)
+    assert ended.status == "not converged"
+    assert np.isfinite(ended.parameters["theta"].value)
 
 
 class Stopping(checkpoint.Checkpoint):
@@ -260,7 +237,7 @@ class Stopping(checkpoint.Checkpoint):
 
     stop_after = 3
 
-    def record(self, step: ContinuationStep) -> None:
+    def record(self, step: PathLevel) -> None:
         super().record(step)
         if len(self) == self.stop_after:
             raise KeyboardInterrupt
@@ -276,19 +253,19 @@ def without_times(result: Result) -> str:
 def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
     noisy_campaign: BoundCampaign, tmp_path: Path
 ) -> None:
-    """In the first start, and in the second of the alternatives."""
+    """In the first level, and in the last but one."""
     options = options_of(noisy_campaign.continuation)
     job = job_of(problem_of([noisy_campaign]), Identity(), options)
-    whole = run(noisy_campaign, starts=2)
+    whole = run(noisy_campaign)
     assert [a.reported for a in whole.alternatives] == [True, False]
-    for stop_after in (1, 13):
+    for stop_after in (1, 8):
         memory = Stopping(tmp_path, job)
         memory.stop_after = stop_after
-        partial = run(noisy_campaign, Hooks(memory=memory), starts=2)
+        partial = run(noisy_campaign, Hooks(memory=memory))
         assert partial.status == "interrupted"
         kept = checkpoint.resume(tmp_path, job)
         assert len(kept) == stop_after
-        again = run(noisy_campaign, Hooks(memory=kept), starts=2)
+        again = run(noisy_campaign, Hooks(memory=kept))
         assert without_times(again) == without_times(whole)
 
 
@@ -298,7 +275,7 @@ def test_a_job_is_told_from_others(noisy_campaign: BoundCampaign) -> None:
     one = job_of(problem, Identity(sha256="a"), options)
     assert one == job_of(problem, Identity(sha256="a", command="other words"), options)
     assert one != job_of(problem, Identity(sha256="b"), options)
-    other = Options(replace(options.schedule, seed=2), options.solve)
+    other = replace(options, schedule=replace(options.schedule, seed=2))
     assert one != job_of(problem, Identity(sha256="a"), other)
 
 
@@ -342,8 +319,8 @@ def test_the_fmu_answers_as_the_closed_form(workers: FmuWorkers, string_q1: Boun
     plan = drafted(string_q1)
     sweep = string_q1.sweep
     assert sweep is not None
-    for k, alternative in enumerate(string_q1.alternatives):
-        response = through(workers, string_q1, plan, alternative)
+    for k, settings in enumerate(string_q1.alternatives):
+        response = through(workers, string_q1, plan, settings)
         ps = [np.array(TRUTH), np.array([0.4, 60.0, 200.0])]
         answers = response.evaluate_many(ps)
         for p, answer in zip(ps, answers, strict=True):
@@ -441,8 +418,8 @@ def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
         parameters=(theta, *string_q1.parameters[1:]),
         alternatives=string_q1.alternatives[:1],
     )
-    options = options_of(bound.continuation, quick=True)
-    options = replace(options, schedule=replace(options.schedule, levels=1, starts=1))
+    options = options_of(bound.continuation)
+    options = replace(options, schedule=replace(options.schedule, starts=1), path=False)
     identity = identify_fmu(workers.description, "test")
     asked = ReconstructionOptions(options, profiles=False)
     found = reconstruct_through(workers, problem_of([bound]), identity, asked)
@@ -518,7 +495,7 @@ def test_a_run_that_is_killed_goes_on_where_it_was(
     script = tmp_path / "go.py"
     script.write_text(SCRIPT)
     campaign = of_pairs(small_campaign(tmp_path / "campaign", swift_fmu), 1, 5)
-    words = [str(campaign), "--workers", "1", "--quick", "--no-report", "--no-profiles"]
+    words = [str(campaign), "--workers", "1", "--starts", "1", "--no-report", "--no-profiles"]
     killed = subprocess.run(
         [sys.executable, str(script), *words, "--out", str(tmp_path / "killed")],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
@@ -533,7 +510,7 @@ def test_a_run_that_is_killed_goes_on_where_it_was(
     assert not (tmp_path / "killed" / "result.json").exists()
     record = checkpoint.Checkpoint.record
 
-    def record_and_interrupt(self: checkpoint.Checkpoint, step: ContinuationStep) -> None:
+    def record_and_interrupt(self: checkpoint.Checkpoint, step: PathLevel) -> None:
         record(self, step)
         os.kill(os.getpid(), signal.SIGINT)
 
@@ -557,9 +534,9 @@ def test_a_run_that_is_killed_goes_on_where_it_was(
 
 
 def test_resuming_another_job_is_refused(swift_fmu: Path, tmp_path: Path) -> None:
-    step = ContinuationStep(
+    step = PathLevel(
+        kind=PATH,
         alternative=0,
-        start=0,
         level=0,
         nu=0.1,
         x=(0.0,),
@@ -568,7 +545,8 @@ def test_resuming_another_job_is_refused(swift_fmu: Path, tmp_path: Path) -> Non
         j_reg=0,
         change=0,
         optimality=0,
-        status="optimal",
+        second_j=0,
+        status="converged",
         message="",
         iterations=0,
         evaluations=0,

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from fitting.api.fitted import Value
 from fitting.fit import checkpoint
-from fitting.fit.solver.continuation import ContinuationStep
+from fitting.fit.path import GLOBAL, PATH, PathLevel
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
 from fitting.text.estimate import RENAMED, FittedEstimate, OutputEstimate, Verdict
@@ -101,9 +101,9 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["record.json"]
 
 
-STEP = ContinuationStep(
+STEP = PathLevel(
+    kind=PATH,
     alternative=0,
-    start=1,
     level=2,
     nu=1e-3,
     x=(0.1, 0.2),
@@ -112,7 +112,8 @@ STEP = ContinuationStep(
     j_reg=1e-4,
     change=0.3,
     optimality=1e-9,
-    status="optimal",
+    second_j=0.5,
+    status="converged",
     message="done",
     iterations=7,
     evaluations=80,
@@ -128,11 +129,11 @@ def test_checkpoints(tmp_path: Path) -> None:
     first.record(replace(STEP, level=3, x=(1 / 3, 1e-300)))
     again = checkpoint.resume(tmp_path, "job one")
     assert len(again) == 2
-    assert again.recall(0, 1, 2) == STEP
-    found = again.recall(0, 1, 3)
+    assert again.recall(PATH, 0, 2) == STEP
+    found = again.recall(PATH, 0, 3)
     assert found is not None
     assert found.x == (1 / 3, 1e-300)
-    assert again.recall(0, 0, 2) is None
+    assert again.recall(GLOBAL, 0, 2) is None
     with pytest.raises(BadInput, match=checkpoint.NAME.replace(".", r"\.")):
         checkpoint.resume(tmp_path, "job two")
     again.remove()

@@ -256,16 +256,15 @@ def test_as_published_the_deviations_fall_as_the_paper_prints(
 def through(workers: FmuWorkers, bench: Bench, seed: int, folder: Path, *, quick: bool) -> Result:
     """A synthetic campaign written, read and reconstructed through the FMU from its own start.
 
-    ``quick``: one alternative, the first nu alone and looser tolerances, far below the noise; else
-    all of the campaign's nu from the first to the last, in three strides instead of nine.
+    ``quick``: one alternative and no levels of nu; else all of the campaign's nu from the first to
+    the last, in three strides instead of nine.
     """
     write_all(folder, campaign_files(measure(bench, seed), "test"))
     bound = bind(read_campaign(folder / "campaign.toml"), workers.description.variables)
-    options = options_of(bound.continuation, quick=quick)
+    options = replace(options_of(bound.continuation), path=not quick)
     schedule = replace(options.schedule, starts=1, levels=3, beta=1e-4)
     if quick:
         bound = replace(bound, alternatives=bound.alternatives[:1])
-        schedule = replace(schedule, levels=1)
     problem = problem_of([bound])
     asked = ReconstructionOptions(replace(options, schedule=schedule), profiles=False)
     return reconstruct_through(workers, problem, Identity(), asked)

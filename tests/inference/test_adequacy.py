@@ -18,9 +18,9 @@ from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Fit, Status, solve_problem
 from fitting.fit.objective import Objective
 from fitting.fit.options import Options
+from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem
 from fitting.fit.search.minima import Minimum, Search
-from fitting.fit.solver.continuation import Schedule
 from fitting.inference.adequacy import chi_square_test
 from fitting.inference.checks.solutions import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
@@ -143,7 +143,7 @@ def test_noise_that_nobody_stated_tests_no_model() -> None:
 
 def fitted(objective: Objective) -> Fit:
     problem = Problem(objective.parameters, objective.data, derived={"": ("sum", "fixed")})
-    options = Options(Schedule(starts=1, nu_start=1e-3, levels=2))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-3, levels=2))
     return solve_problem(problem, lambda chosen: objective.response, options)
 
 
@@ -228,7 +228,7 @@ def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
         evaluations=0,
         runs=0,
     )
-    [found] = search_findings(Outcome(chains=(), search=search))
+    [found] = search_findings(Outcome(np.zeros(1), search=search))
     assert found.numbers == {
         "points": 64.0,
         "lowest": 1.0,
@@ -237,7 +237,7 @@ def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
         "next_chi_square": 7000.0,
     }
     explained = replace(search, explained=True)
-    assert not [*search_findings(Outcome(chains=(), search=explained))]
+    assert not [*search_findings(Outcome(np.zeros(1), search=explained))]
 
 
 def test_of_intervals_that_nobody_tells_no_sentence_speaks() -> None:

@@ -15,8 +15,17 @@ import pytest
 
 import fitting as ff
 from fitting.fit.fit import Status
+from fitting.fit.linearisation import Linearisation
+from fitting.fit.path import HistoryRow
+from fitting.fit.search.minima import Minimum, Search
 from fitting.inference.checks.mistakes import check_exchanged_peaks, check_peaks, single_rows
-from fitting.inference.checks.solutions import check_bounds, check_correlation, check_residuals
+from fitting.inference.checks.solutions import (
+    check_bounds,
+    check_correlation,
+    check_levels,
+    check_minima,
+    check_residuals,
+)
 from fitting.inference.checks.sweeps import (
     check_agreement,
     check_drift,
@@ -244,3 +253,74 @@ def test_a_simulation_that_is_most_of_an_error_is_named(honest: Solved) -> None:
 def test_a_fit_that_did_not_converge_is_an_error(honest: Solved) -> None:
     stopped = replace(honest, fit=replace(honest.fit, status=Status.NOT_CONVERGED))
     assert [f.kind for f in check_residuals(stopped)][:1] == [Kind.not_converged]
+
+
+def level(number: int, j: float, second_j: float, status: str = "converged") -> HistoryRow:
+    return HistoryRow(
+        level=number,
+        nu=0.1**number,
+        parameters={},
+        derived={},
+        j_fit=j,
+        j_reg=0.0,
+        change=0.0,
+        optimality=0.0,
+        second_j=second_j,
+        status=status,
+        message="",
+        iterations=1,
+        evaluations=1,
+        seconds=0.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("levels", "severity", "at_limit", "above"),
+    [
+        ([level(0, 1.0, 1.0), level(1, 1.0, 0.99995)], None, 0.0, ()),
+        ([level(0, 1.0, 1.0, "iteration limit"), level(1, 1.0, 1.0)], "note", 1.0, ()),
+        ([level(0, 1.0, 0.9998), level(1, 1.0, 1.0)], "warning", 0.0, ("0",)),
+    ],
+)
+def test_levels_that_are_not_minimised_are_named(
+    honest: Solved,
+    levels: list[HistoryRow],
+    severity: str | None,
+    at_limit: float,
+    above: tuple[str, ...],
+) -> None:
+    """2e-4 of J above what the second solver came by is above, half a ten-thousandth is not."""
+    history = (level(-1, 5.0, np.nan, "start"), *levels)
+    found = [*check_levels(replace(honest, fit=replace(honest.fit, path=history)))]
+    assert [f.severity for f in found] == ([] if severity is None else [severity])
+    for each in found:
+        assert each.kind is Kind.level_not_minimised
+        assert (each.numbers["levels"], each.numbers["at_limit"]) == (2.0, at_limit)
+        assert each.names["above"] == above
+    assert [*check_levels(replace(honest, fit=replace(honest.fit, path=())))] == []
+
+
+def test_a_minimum_as_low_is_named_where_a_value_that_is_held_differs(honest: Solved) -> None:
+    """Each is held to a hundredth: ten standard errors off along the first one, and two."""
+    n = len(honest.fit.x)
+    errors = Linearisation(rows=np.zeros(n), matrix=100.0 * np.eye(n), prior=np.ones(n))
+    solution = replace(honest.fit.solution, errors=errors)
+    fit, axis = replace(honest.fit, solution=solution), np.eye(n)[0]
+    for sigmas, count in ((10.0, 1), (2.0, 0)):
+        places = [fit.outcome.x, fit.outcome.x + 0.01 * sigmas * axis]
+        minima = tuple(
+            Minimum(x=x, begun=x, chi_square=4.0, reached=True, descents=1) for x in places
+        )
+        search = Search(
+            minima=minima,
+            screened=64,
+            screens=1,
+            descents=2,
+            explained=True,
+            evaluations=0,
+            runs=0,
+        )
+        outcome = replace(fit.outcome, search=search)
+        outcomes = tuple(outcome if o is fit.outcome else o for o in fit.outcomes)
+        solved = replace(honest, fit=replace(fit, outcomes=outcomes))
+        assert [f.kind for f in check_minima(solved)] == [Kind.equal_objective] * count

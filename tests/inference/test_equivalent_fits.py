@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import to_search
-from fitting.fit.alternative import Outcome
-from fitting.fit.choice import chosen
+from fitting.fit.alternative import Outcome, best_alternative, chi_squares, is_complete
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
-from fitting.fit.solver.continuation import Chain, ContinuationStep
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.equivalent_fits import contradicts
 from fitting.inference.likelihood.knowledge import Equivalent
@@ -26,37 +24,6 @@ from tests.support.whitened import Z95, learnt, parameter, whitened
 TURNED = np.array([1.9498 - np.pi / 2, 90.0, 120.0])
 
 
-def step(p: np.ndarray, j: float) -> ContinuationStep:
-    return ContinuationStep(
-        alternative=0,
-        start=0,
-        level=0,
-        nu=1e-9,
-        x=tuple(p),
-        parameters=tuple(p),
-        j_fit=j,
-        j_reg=0.0,
-        change=0.0,
-        optimality=0.0,
-        status="optimal",
-        message="",
-        iterations=1,
-        evaluations=1,
-        jacobians=1,
-        runs=1,
-        seconds=0.0,
-    )
-
-
-def outcome(*ends: tuple[np.ndarray, float]) -> Outcome:
-    return Outcome(
-        tuple(
-            Chain(start=k, begun=tuple(p), steps=(replace(step(p, j), start=k),))
-            for k, (p, j) in enumerate(ends)
-        )
-    )
-
-
 def test_of_equal_fits_one_with_every_value_is_reported() -> None:
     """lambda^2 = -sin(2 theta) (eta_-^2 - eta_+^2)/2 is negative a quarter turn on."""
     measured = closed_form.measured_by(both_modes(), noise=0.01, seed=4)
@@ -64,16 +31,19 @@ def test_of_equal_fits_one_with_every_value_is_reported() -> None:
         make_objective(both_modes(reflection), closed_form.string_parameters(), measured)
         for reflection in (False, True)
     ]
-    whole, part = outcome((TRUTH, 0.1)), outcome((TURNED, 0.1))
-    assert chosen(objectives, [part, whole])[1] == 1
-    assert chosen(objectives, [whole, part])[1] == 0
-    assert chosen(objectives, [part, part])[1] == 0
-    found, best = chosen(objectives, [part, outcome((TURNED, 0.1), (TRUTH, 0.1))])
-    assert best == 1
-    assert found[1].best is not None
-    assert found[1].best.start == 1
-    # a better fit is reported all the same
-    assert chosen(objectives, [outcome((TURNED, 0.05)), whole])[1] == 0
+
+    def best(*places: np.ndarray) -> int:
+        xs = [to_search(objectives[0].parameters, p) for p in places]
+        values, _ = chi_squares(objectives, [Outcome(x) for x in xs])
+        assert values[0] == pytest.approx(values[1], rel=1e-6)
+        complete = [is_complete(o, x) for o, x in zip(objectives, xs, strict=True)]
+        return best_alternative(values, complete)
+
+    # of the reflection: the same matrices with lambda, and a quarter turn on
+    there = np.array([1.5 * np.pi - TRUTH[0], 90.0, 120.0])
+    part = np.array([np.pi - TRUTH[0], 120.0, 90.0])
+    assert best(TURNED, there) == 1
+    assert best(TRUTH, part) == best(TURNED, part) == best(TRUTH, there) == 0
 
 
 def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> None:

@@ -15,8 +15,8 @@ import pytest
 from fitting.api.fitted import Value
 from fitting.fit.fit import solve_problem
 from fitting.fit.options import Options
+from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem
-from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import infer
 from fitting.report.published import write_values
 from fitting.report.screen import phrase
@@ -43,7 +43,7 @@ def found_of(row: Callable[[float], float], start: float, top: float) -> FittedE
         parameter("p", start / 100.0, top, start=start, unit="Hz"),
     )
     problem = Problem(objective.parameters, objective.data)
-    options = Options(Schedule(starts=1, nu_start=1e-6, levels=2))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-6, levels=2))
     return infer(solve_problem(problem, lambda _: objective.response, options)).parameters["p"]
 
 

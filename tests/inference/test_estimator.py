@@ -15,10 +15,10 @@ import pytest
 from scipy.optimize import linprog
 from scipy.stats import chi2, norm, t
 
-from fitting.fit.fit import solve_problem
+from fitting.fit.fit import solve_problem, with_path
 from fitting.fit.options import ALGORITHM2, LIKELIHOOD, Options
+from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem
-from fitting.fit.solver.continuation import Schedule
 from fitting.inference.infer import Inference, infer
 from fitting.report.screen import phrase
 from fitting.report.table import table as table_of
@@ -92,8 +92,9 @@ def with_outlier(
     )
     problem = Problem(objective.parameters, objective.data)
     schedule = Schedule(starts=1, nu_start=1e-6, beta=0.1, levels=3)
-    options = Options(schedule, estimator=estimator)
-    return matrix, measured, infer(solve_problem(problem, lambda _: objective.response, options))
+    options = Options(schedule=schedule, estimator=estimator, path=True)
+    fit = with_path(solve_problem(problem, lambda _: objective.response, options))
+    return matrix, measured, infer(fit)
 
 
 def least_absolute(matrix: FloatArray, measured: FloatArray) -> Any:
@@ -171,8 +172,8 @@ def test_a_value_of_algorithm_2_beyond_the_interval_is_said_to_be_there() -> Non
     y = np.array([10.0] * 10 + [12.9] * 3)
     objective = whitened(lambda x: x[0] - y, parameter("p", 1.0, 40.0, start=9.0))
     problem = Problem(objective.parameters, objective.data)
-    options = Options(Schedule(starts=1, nu_start=1e-6, levels=2), estimator=ALGORITHM2)
-    found = infer(solve_problem(problem, lambda _: objective.response, options))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-6, levels=2), estimator=ALGORITHM2)
+    found = infer(with_path(solve_problem(problem, lambda _: objective.response, options)))
     mean, error = float(np.mean(y)), y.size**-0.5
     assert mean - Z95 * error > np.median(y)
     result = found.parameters["p"]

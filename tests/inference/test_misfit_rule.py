@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign import Experiment
-from fitting.fit.fit import Fit, Status
+from fitting.fit.fit import Fit, Status, with_path
 from fitting.inference.infer import Inference
 from fitting.inference.joint import (
     JointResult,
@@ -173,13 +173,19 @@ def test_files_of_values_have_none_where_none_is_reported() -> None:
 # --- the discrepancy principle ------------------------------------------------------------------
 
 
+def followed(measured: Sweep) -> Fit:
+    """The fit of one damped mode, and the levels of nu."""
+    fit = fitted_line(measured)
+    return with_path(replace(fit, options=replace(fit.options, path=True)))
+
+
 def test_no_misfit_is_within_the_noise_where_the_model_fails() -> None:
     data = line(U) + 0.2 * (U - 1000.0) / 24.0 + 0.2 + noise()
-    bad = inferred(fitted_line(sweep(data, 0.07)), profiles=True)
+    bad = inferred(followed(sweep(data, 0.07)), profiles=True)
     assert bad.knowledge is not None
     assert bad.knowledge.nu is not None
     assert math.isnan(bad.knowledge.nu.discrepancy)
-    good = inferred(fitted_line(sweep(line(U) + noise(), NOISE)), profiles=True)
+    good = inferred(followed(sweep(line(U) + noise(), NOISE)), profiles=True)
     assert good.knowledge is not None
     assert good.knowledge.nu is not None
     assert good.knowledge.nu.discrepancy > 0.0

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from fitting.fit.likelihood.likelihood import likelihood_of
 from fitting.fit.objective import Objective
-from fitting.fit.solver.continuation import ContinuationStep
+from fitting.fit.path import PATH, PathLevel
 from fitting.inference.likelihood.knowledge import NuRow
 from fitting.inference.likelihood.nu_choice import choose_nu, corner_of, curvatures
 from fitting.report.screen import phrases
@@ -60,11 +60,11 @@ def test_a_curve_that_goes_nowhere_has_no_corner() -> None:
     assert math.isnan(corner_of(rows_of([1.0, 0.5], [1.0, 2.0])))
 
 
-def steps_at(objective: Objective, xs: list[np.ndarray]) -> list[ContinuationStep]:
+def steps_at(objective: Objective, xs: list[np.ndarray]) -> list[PathLevel]:
     return [
-        ContinuationStep(
+        PathLevel(
+            kind=PATH,
             alternative=0,
-            start=0,
             level=k,
             nu=NUS[k],
             x=tuple(map(float, x)),
@@ -73,7 +73,7 @@ def steps_at(objective: Objective, xs: list[np.ndarray]) -> list[ContinuationSte
             j_reg=0.0,
             change=0.0,
             optimality=0.0,
-            status="optimal",
+            status="converged",
             message="",
             iterations=0,
             evaluations=0,

@@ -13,11 +13,11 @@ from fitting.fit.fit import solve_problem
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.options import Options
+from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import search_box
 from fitting.fit.search.twins import find_twins, twins_but_for_priors
-from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Determined
@@ -94,7 +94,7 @@ def problem() -> Problem:
 
 def test_a_whole_fit_lists_it_too() -> None:
     response = RowsResponse(lambda p: SIGMA * square(p))
-    fit = solve_problem(problem(), lambda chosen: response, Options(Schedule(starts=2)))
+    fit = solve_problem(problem(), lambda chosen: response, Options(schedule=Schedule(starts=2)))
     inferred = infer(fit)
     knowledge = inferred.knowledge
     assert knowledge is not None

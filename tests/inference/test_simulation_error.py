@@ -17,8 +17,8 @@ from fitting.fit.fit import solve_problem
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.options import Options
+from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem
-from fitting.fit.solver.continuation import Schedule
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Determined
@@ -130,7 +130,7 @@ def straight(promised: float) -> tuple[FloatArray, FloatArray, Objective]:
 
 def inferred(objective: Objective, *, profiles: bool) -> Inference:
     problem = Problem(objective.parameters, objective.data)
-    options = Options(Schedule(starts=1, nu_start=1e-9, levels=1))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-9, levels=1))
     fit = solve_problem(problem, lambda _: objective.response, options)
     return infer(fit, InferenceRequest(profiles=profiles))
 

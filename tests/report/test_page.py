@@ -280,16 +280,16 @@ def test_mean_deviations_per_experiment(page: Any) -> None:
     assert exact(rows[5][3]) == pytest.approx(100.0 * 0.01 / 0.345)
 
 
-def test_history_alternatives_and_starts_are_complete(page: Any, result: Result) -> None:
-    levels = table(page, "Levels of the regularisation, reported chain")
+def test_history_alternatives_and_minima_are_complete(page: Any, result: Result) -> None:
+    levels = table(page, "Algorithm 2: levels of the regularisation")
     assert [row[0].text_content() for row in levels] == ["start", "0", "1", "2"]
     assert [exact(row[2]) for row in levels] == [r.parameters["theta"] for r in result.history]
     verdicts = [row[-1].text_content() for row in table(page, "Discrete alternatives")]
     assert verdicts[0] == "reported"
     assert verdicts[1].startswith("equal ")
-    starts = table(page, "Starts of the search")
+    starts = table(page, "Minima of the search")
     assert len(starts) == 2
-    assert [exact(row[4]) for row in starts] == [0.263700001] * 2  # what decides: J_fit + J_reg
+    assert [exact(row[4]) for row in starts] == [4.2] * 2  # what decides: chi square
 
 
 def test_the_cost_counts_profiles_where_their_time_is_in_it(

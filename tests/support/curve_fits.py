@@ -10,9 +10,8 @@ import numpy as np
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Fit, solve_problem
 from fitting.fit.options import Options
+from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem
-from fitting.fit.solver.continuation import Schedule
-from fitting.fit.solver.interior_point import SolveSettings
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Measurement, Prediction
@@ -77,7 +76,7 @@ def fitted(
     """The fit of some measurements by a function."""
     problem = Problem(tuple(parameters), Dataset(tuple(measurements)))
     schedule = Schedule(starts=1, nu_start=1e-3, levels=2)
-    options = Options(schedule, SolveSettings(misfit="squares"))
+    options = Options(schedule=schedule, misfit="squares")
     return solve_problem(problem, lambda chosen: ClosedResponse(predicted), options)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from fitting.fit.fit import Fit, Hooks, solve_problem
+from fitting.fit.fit import Fit, Hooks, solve_problem, with_path
 from fitting.fit.options import Options
 from fitting.fit.planned_fmu import plan_problem
 from fitting.fit.problem import Problem
@@ -49,6 +49,7 @@ def reconstruct(
     """
     begun = request.hooks.clock()
     fit = solve_problem(problem, respond, request.options, request.hooks)
+    fit = with_path(fit, request.hooks)
     inference = _inferred(fit, identity, request)
     provenance = provenance_of(problem, identity, request.options)
     result = result_of(inference.fit, inference, provenance)
@@ -82,6 +83,7 @@ def reconstruct_through(
     begun = request.hooks.clock()
     planned = plan_problem(problem, workers)
     fit = solve_problem(problem, planned.response, request.options, request.hooks)
+    fit = with_path(fit, request.hooks)
     inference = _inferred(fit, identity, request)
     seconds = request.hooks.clock() - begun
     return result_through(planned, inference.fit, inference, identity, seconds)

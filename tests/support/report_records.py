@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign import Drive, Setup, Spectrum
+from fitting.fit.alternative import AlternativeResult, StartResult
 from fitting.fit.fit import Status
-from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
+from fitting.fit.path import HistoryRow
 from fitting.inference.sweep_line import SweepLine
 from fitting.lines.form import fit_resonance
 from fitting.measurements.figure import Figure
@@ -318,9 +319,9 @@ def history() -> tuple[HistoryRow, ...]:
     """Start and three levels."""
     rows = [
         (-1, math.nan, 0.0, 94.0, math.nan, 591.7, 3.4, math.nan, "start"),
-        (0, 0.1, 1.9641, 93.5, 657200.0, 599.3, 0.27, 9.6e-5, "optimal"),
-        (1, 0.01, 1.9642, 93.43, 657229.0, 599.14, 0.264, 9.6e-6, "optimal"),
-        (2, 0.001, 1.96422676, 93.424576, 657229.7, 599.134, 0.2637, 9.6e-7, "optimal"),
+        (0, 0.1, 1.9641, 93.5, 657200.0, 599.3, 0.27, 9.6e-5, "converged"),
+        (1, 0.01, 1.9642, 93.43, 657229.0, 599.14, 0.264, 9.6e-6, "converged"),
+        (2, 0.001, 1.96422676, 93.424576, 657229.7, 599.134, 0.2637, 9.6e-7, "converged"),
     ]
     return tuple(
         HistoryRow(
@@ -332,6 +333,7 @@ def history() -> tuple[HistoryRow, ...]:
             j_reg=reg,
             change=1.2,
             optimality=1e-6,
+            second_j=fit + reg,
             status=status,
             message="as good as it gets",
             iterations=5,
@@ -348,11 +350,8 @@ def alternatives() -> tuple[AlternativeResult, ...]:
     start = StartResult(
         begun={"theta": 0.0, "d1": 94.0},
         parameters=at,
-        j_fit=0.2637,
-        j_reg=1e-9,
-        levels=3,
-        joined=None,
-        ended="levels done",
+        chi_square=4.2,
+        descents=3,
         equivalent=True,
     )
     out = {"lambda": 657229.7, "D11": 599.1}
@@ -361,10 +360,9 @@ def alternatives() -> tuple[AlternativeResult, ...]:
             settings={"reflection": form},
             parameters=at,
             derived=out,
+            chi_square=4.2,
             j_fit=0.2637,
-            j_reg=1e-9,
-            status="optimal",
-            message="done",
+            converged=True,
             reported=not form,
             equal_to_best=True,
             starts=(start,),

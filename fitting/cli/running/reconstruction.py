@@ -27,6 +27,7 @@ from fitting.report.summary import result_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
+from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import NoScale, OutOfBudget
 from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
@@ -39,7 +40,7 @@ RECORDED = (
     *("out", "workers", "accuracy", "misfit", "estimator", "seed", "starts", "bootstrap"),
     *("start", "style", "budget"),
 )
-FLAGS = ("quick", "no_profiles", "no_report", "isolate", "resume")
+FLAGS = ("quick", "no_path", "global_path", "no_profiles", "no_report", "isolate", "resume")
 #: What goes with the result that it belongs to.
 PASSING = (*RESULT_FILES, "fmu/*.fmu")
 
@@ -242,7 +243,12 @@ def _way_on(job: _Job) -> str:
 def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
     """As the campaign says, but for what the options change."""
     changes = {name: getattr(args, name) for name in ("misfit", "estimator") if getattr(args, name)}
-    return replace(ff.Tikhonov.of(problem.options), quick=args.quick, **changes)
+    method = replace(ff.Tikhonov.of(problem.options), **changes)
+    if args.no_path and (args.global_path or method.estimator != LIKELIHOOD):
+        option = "--global-path" if args.global_path else f"--estimator {method.estimator}"
+        raise ff.BadInput(f"--no-path: contradicts {option}, which needs the levels of ν")
+    path = method.path and not (args.no_path or args.quick)
+    return replace(method, path=path, global_path=args.global_path)
 
 
 def _starts(args: argparse.Namespace) -> int | None:

@@ -43,23 +43,24 @@ class Remaining:
         self._told_s: Range | None = None
 
     def searching(self, state: Progress) -> str:
-        """Where a search is, in words.
+        """Where a fit is, in words.
 
         Args:
             state: as `fitting.fit` hands it out.
         """
         e = self._expected
-        if state.seconds_each * state.evaluations >= SEEN_S:
-            self._seconds_each = state.seconds_each
-        words = [
-            f"alternative {state.alternative + 1}/{state.alternatives}",
-            _start_words(state.start + 1, state.starts),
-            f"ν = {state.nu:.0e}",
-        ]
+        if state.elapsed_s >= SEEN_S and state.evaluations >= ENOUGH:
+            self._seconds_each = state.elapsed_s / state.evaluations
+        share = 1.0 - state.done / max(state.of, 1)
+        if state.stage == "search":
+            words = [f"search, alternative {state.done + 1}/{state.of}"]
+            left = added(times(share, e.search), e.path)
+        else:
+            words = [f"{state.stage}, level {state.done + 1}/{state.of}", f"ν = {state.nu:.0e}"]
+            left = times(share, e.path)
         j = state.j_fit + state.j_reg
         words += [f"J = {j:.5g}"] if math.isfinite(j) else []
-        share = 1.0 - state.done / max(state.of, 1)
-        self._expect(added(times(share, e.search), e.profiles, e.bootstrap))
+        self._expect(added(left, e.profiles, e.bootstrap))
         return ", ".join(words)
 
     def walking(self, spent: Spent) -> str:
@@ -166,8 +167,3 @@ def _rounded(value: float) -> str:
         return f"{value:.0f}"
     place = 1 - math.floor(math.log10(value))
     return f"{round(value, place):.0f}"
-
-
-def _start_words(start: int, starts: int) -> str:
-    """The start that is followed: those that met another one are made up for, beyond the number."""
-    return f"start {start}/{starts}" if start <= starts else f"further start {start}"

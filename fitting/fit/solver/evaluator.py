@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from fitting.campaign.parameters import search_bounds
+from fitting.fit.differences import forward
 from fitting.fit.objective import Nu, Objective, Point, evaluate_many, j_reg, jacobian_of, stencil
 from fitting.text.arrays import FloatArray
 
@@ -45,6 +46,7 @@ class Evaluator:
         self.counts = Counts()
         self._points: dict[bytes, Point] = {}
         self._jacobians: dict[bytes, FloatArray] = {}
+        self._slopes: dict[bytes, FloatArray] = {}
 
     def point(self, x: FloatArray) -> Point:
         """The point at x, simulated at most once while it is remembered.
@@ -90,6 +92,20 @@ class Evaluator:
             self._remember(self._jacobians, key, matrix)
         return self._jacobians[key]
 
+    def slopes(self, x: FloatArray) -> FloatArray:
+        """dr/dx at x by forward differences, shape (n_rows, n): half the evaluations, to solve by.
+
+        Args:
+            x: search vector (n,).
+        """
+        key = x.tobytes()
+        if key not in self._slopes:
+            here, around = self.point(x), forward(x, self.objective.steps, self.upper)
+            matrix = jacobian_of(around, [here, *self._evaluate(around.nodes[1:])])
+            self.counts += Counts(jacobians=1)
+            self._remember(self._slopes, key, matrix)
+        return self._slopes[key]
+
     def _evaluate(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
         points = evaluate_many(self.objective, xs, whole=whole) if xs else []
         self.counts += Counts(evaluations=len(xs), runs=sum(point.runs for point in points))
@@ -102,18 +118,6 @@ class Evaluator:
         memory[key] = value
 
 
-def misfit_value(point: Point, misfit: str) -> float:
-    """Misfit: sum |r| for "slack" and "absolute", `Dataset.squares` for "squares".
-
-    Args:
-        point: residual rows at a search vector.
-        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
-    """
-    if misfit == "squares":
-        return point.squares
-    return point.j_fit
-
-
 def total(point: Point, nu: Nu, misfit: str) -> float:
     """What is minimised at one point: misfit + J_reg.
 
@@ -122,4 +126,5 @@ def total(point: Point, nu: Nu, misfit: str) -> float:
         nu: weight of the Tikhonov term, one number or (n,).
         misfit: "slack" or "absolute" (sum of absolute values), or "squares".
     """
-    return misfit_value(point, misfit) + j_reg(point.x, nu)
+    misfit_here = point.squares if misfit == "squares" else point.j_fit
+    return misfit_here + j_reg(point.x, nu)

@@ -18,10 +18,11 @@ from itertools import combinations
 import numpy as np
 
 from fitting.campaign.laws import in_base
-from fitting.fit.alternative import Outcome
+from fitting.campaign.parameters import to_model
+from fitting.fit.alternative import Outcome, distances
 from fitting.fit.fit import Status
-from fitting.fit.path import named
-from fitting.fit.solver.continuation import distance, equal_j
+from fitting.fit.linearisation import DETERMINED as HELD
+from fitting.fit.path import MINIMISED, named
 from fitting.inference.estimates import DETERMINED
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
@@ -34,8 +35,8 @@ from fitting.text.notation import settings_words
 EVERYTHING = "measurements"
 #: Factor on errors from which it is worth a warning.
 WORTH_TELLING = 1.5
-#: Starts of equal J whose parameters differ by more than this (units of x) are distinct.
-APART = 0.1
+#: Standard errors from which a parameter has another value at another minimum.
+SIGMAS_APART = 4.0
 #: Correlation of two errors from which it is strong.
 CORRELATED = 0.95
 #: Shares of the bounds' distance: within them a value lies on a bound, to the rounding of solvers,
@@ -139,7 +140,7 @@ def subject_of(series: Sequence[str], curve: str = "") -> str:
 
 
 def check_bounds(solved: Solved) -> Iterator[Finding]:
-    """Parameters of Algorithm 2's end on a bound, or next to one."""
+    """Parameters at the end of the fit on a bound, or next to one."""
     solution = solved.solution
     for parameter, value in zip(solution.parameters, solution.final.parameters, strict=True):
         p = float(value)
@@ -169,23 +170,49 @@ def check_correlation(solved: Solved) -> Iterator[Finding]:
 
 
 def check_minima(solved: Solved) -> Iterator[Finding]:
-    """Starts that converged elsewhere, with the same objective or another one."""
-    outcome, parameters = solved.fit.outcome, solved.solution.parameters
-    best, shared = outcome.best, [p for p in parameters if not p.experiments]
+    """Minima as low as the reported one at which a value that the data hold is another.
+
+    Images of it by the model's symmetries are none, and along an open valley nothing is held.
+    """
+    outcome, solution = solved.fit.outcome, solved.fit.solution
+    parameters, search, errors = solution.parameters, outcome.search, solution.errors
+    shared = [p for p in parameters if not p.experiments]
     about = {"values": tuple(p.name for p in shared), "units": tuple(p.unit for p in shared)}
-    for chain in outcome.chains:
-        if best is None or chain is best or chain.joined is not None or not chain.steps:
-            continue
-        end, lowest = chain.steps[-1], best.steps[-1]
-        values = named(parameters, np.array(end.parameters))
-        apart = distance(parameters, np.array(end.x), np.array(lowest.x))
-        equal = equal_j(end.j, lowest.j) and apart > APART
-        if equal or chain.nu == best.nu:
-            kind = Kind.equal_objective if equal else Kind.other_minimum
-            numbers = {"start": chain.start + 1.0, "objective": end.j}
-            numbers |= {p.name: values[p.name] for p in shared}
-            yield note(kind, f"start {chain.start + 1}", about, **numbers)
+    held = np.array([errors.of(axis)[1] >= HELD for axis in np.eye(len(parameters))])
+    apart = SIGMAS_APART * np.sqrt(np.diag(errors.covariance))
+    images = [twin.of(parameters, outcome.x) for twin in outcome.twins]
+    known = [outcome.x, *(image for image in images if image is not None)]
+    for k, minimum in enumerate([] if search is None else search.apart_by_height()[0]):
+        if all(np.any(held & (distances(parameters, x, minimum.x) > apart)) for x in known):
+            values = named(parameters, to_model(parameters, minimum.x))
+            numbers = {"chi_square": minimum.chi_square} | {p.name: values[p.name] for p in shared}
+            yield note(Kind.equal_objective, f"minimum {k + 1}", about, **numbers)
     yield from search_findings(outcome)
+
+
+def check_levels(solved: Solved) -> Iterator[Finding]:
+    """Levels of Algorithm 2 that are not minimised: by the solver's own word or by a second solver.
+
+    A level that ended at its limit of iterations, where the second solver comes by nothing lower,
+    is a note: J is at its minimum, and the solver's own test has not said so.
+    """
+    history = solved.fit.path
+    levels = [row for row in history if row.level >= 0 and not row.is_minimised]
+    if not levels:
+        return
+    above = [row for row in levels if row.gap > MINIMISED]
+    numbers = {
+        "levels": len(history) - 1.0,
+        "at_limit": float(sum(row.status != "converged" for row in levels)),
+        "above": float(len(above)),
+        "gap": max(row.gap for row in levels),
+    }
+    names = {
+        "levels": tuple(str(row.level) for row in levels),
+        "above": tuple(str(row.level) for row in above),
+    }
+    said = warning if above else note
+    yield said(Kind.level_not_minimised, "Algorithm 2", names, **numbers)
 
 
 def search_findings(outcome: Outcome) -> Iterator[Finding]:
@@ -210,7 +237,7 @@ def search_findings(outcome: Outcome) -> Iterator[Finding]:
 
 
 def check_alternatives(solved: Solved) -> Iterator[Finding]:
-    """Equivalent solutions with their values, else alternatives that reach the same objective."""
+    """Equivalent solutions with their values, else alternatives that reach the same chi square."""
     yield from solved.equivalents
     for a in () if solved.equivalents else solved.fit.alternatives:
         if a.equal_to_best and not a.reported:

@@ -17,8 +17,7 @@ import numpy as np
 
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request
-from fitting.fit.path import HistoryRow
-from fitting.fit.solver.continuation import ContinuationStep
+from fitting.fit.path import HistoryRow, PathLevel
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
 from fitting.signal.chi_square import largest
 
@@ -30,32 +29,22 @@ SHORT = 0.05
 
 def choose_nu(
     likelihood: Likelihood,
-    steps: Sequence[ContinuationStep],
+    steps: Sequence[PathLevel],
     history: Sequence[HistoryRow],
     *,
     describes: bool = True,
 ) -> NuChoice:
-    """Corner and discrepancy over the levels of a finished chain.
+    """Corner and discrepancy over the levels of Algorithm 2.
 
     Args:
         likelihood: of the stated noise, without inflation.
-        steps: levels of the reported chain.
+        steps: levels of Algorithm 2, at least one.
         history: their rows (and others), for parameters and outputs.
         describes: whether the model describes the data: else no misfit is within the noise.
 
     Raises:
         FmuFailure: the model failed at one of the levels.
     """
-    if not steps:
-        return NuChoice(
-            rows=(),
-            corner=math.nan,
-            discrepancy=math.nan,
-            allowed=math.nan,
-            last=math.nan,
-            prior={},
-            widths={},
-        )
     evaluator = LikelihoodEvaluator(likelihood)
     xs = [np.array(step.x) for step in steps]
     samples = evaluator([Request(tuple(xs), outputs=False)])[0]

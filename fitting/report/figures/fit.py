@@ -62,12 +62,10 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Described:
     groups, outputs = _groups(result), list(result.derived)
     every: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
     unknown = [name for name, e in every.items() if e.status is Verdict.UNKNOWN]
-    elsewhere = ends_elsewhere(result)
     words = described(
         CONVERGENCE,
         result=result,
-        levels=len(result.history) - 1 - elsewhere,
-        elsewhere=elsewhere,
+        levels=len(result.history) - 1,
         other=any(p.value != p.algorithm2 for p in result.parameters.values()),
         open=[n for n, e in every.items() if not e.status.has_value and n not in unknown],
         unknown=unknown,
@@ -329,18 +327,7 @@ def _nu_axis(axes: Axes, result: Result) -> None:
 
 def _nu_text(result: Result, row: int) -> str:
     nu = result.history[row].nu
-    if math.isnan(nu):
-        return "start"
-    return "end" if ends_elsewhere(result) and row == len(result.history) - 1 else on_log_axis(nu)
-
-
-def ends_elsewhere(result: Result) -> bool:
-    """Whether the last row of a history is the reported end beside Algorithm 2, at its last ν.
-
-    Args:
-        result: a reconstruction with a history.
-    """
-    return len(result.history) > 1 and result.history[-1].nu == result.history[-2].nu
+    return "start" if math.isnan(nu) else on_log_axis(nu)
 
 
 def _room_around(axes: Axes, values: Sequence[float]) -> None:
