@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fitting.extension.problem import Values, answered_apart, mean
+from fitting.extension.report import phrase
 from fitting.posterior.chain import Samples
 from fitting.posterior.convergence import Accepted, autocorrelation_time, missed_by, split_rhat
 from fitting.posterior.minima import Target, about
@@ -30,7 +31,7 @@ from fitting.text.estimate import (
     Verdict,
 )
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import number, unit_text
+from fitting.text.notation import unit_text
 from fitting.text.records import EndedRecord
 
 #: Steps over the longest correlation time, and R, at which there are enough draws.
@@ -38,7 +39,6 @@ LONG_ENOUGH, AGREE = 50.0, 1.01
 #: Share of a chain that is left out at its beginning.
 LEFT_OUT = 0.2
 CONVERGED, NOT_CONVERGED, INTERRUPTED = "converged", "not converged", "interrupted"
-UNCHECKED = "the posterior is bent, and the fit has no profiles that show what the draws miss"
 #: Median, and the ends of the intervals as shares of the draws: 68 % as a Gaussian has it, 95 %.
 QUANTILES = (0.5, 0.158655, 0.841345, 0.025, 0.975)
 #: Draws at which derived outputs are read in one batch.
@@ -194,22 +194,20 @@ def reached(
     draws = in_period(target, begins, draws)
     names = [p.name for p in target.parameters]
     slow, apart = int(np.argmax(taus)), int(np.argmax(rhats))
-    message = (
-        f"{len(draws)} steps are {number(len(draws) / float(taus[slow]), 3)} correlation times of "
-        f"{names[slow]} (wanted {LONG_ENOUGH:g}), R = {rhats[apart]:.3f} of {names[apart]} "
-        f"(wanted {AGREE:g} at most)"
-    )
     missed = missed_by(target, begins, draws, accepted or {})
     if accepted is None:
         missed = Finding(kind=Kind.posterior_unchecked, severity="error", subject="")
-        message += f"; {UNCHECKED}"
-    elif missed is not None:
-        unit = unit_text(target.parameters[names.index(missed.subject)].unit)
-        value, nearest = (
-            f"{number(missed.numbers[key], 4)} {unit}".rstrip() for key in ("value", "nearest")
-        )
-        message += f"; no draw is near {missed.subject} = {value}, which the fit accepts "
-        message += f"(the nearest: {nearest})"
+    units = {p.name: unit_text(p.unit) for p in target.parameters}
+    message = phrase(
+        "posterior/text",
+        "reached",
+        len(draws),
+        (LONG_ENOUGH, AGREE),
+        (names[slow], float(taus[slow])),
+        (names[apart], float(rhats[apart])),
+        missed,
+        units,
+    )
     return Reached(
         draws=draws,
         begins=begins,
