@@ -39,6 +39,8 @@ WIRINGS = (
     "transmission",
     "fano",
     "sloped",
+    "duffing",
+    "duffing_offset",
     "notch",
     "reflection",
     "offset",

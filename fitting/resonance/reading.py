@@ -14,7 +14,7 @@ from fitting.campaign.recognised import Recognised, recognised
 from fitting.resonance.control_map import ControlMap, map_of
 from fitting.resonance.trace import Trace, swapped, trace_of
 from fitting.text.arguments import checked
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.frequency import hertz_of
@@ -56,6 +56,8 @@ class Columns:
         trace: which of the file's traces, from 1.
         chunk: which of the file's sweeps, as LabOne counts them.
         header_row: row of the names of columns, from 1, where it is not the one that is found.
+        drop_missing: whether rows of a sweep without a number in one of its columns are left out.
+        average: whether readings of a sweep at the same frequency are averaged.
     """
 
     frequency: str = ""
@@ -71,6 +73,8 @@ class Columns:
     trace: int = 1
     chunk: int | None = None
     header_row: int | None = None
+    drop_missing: bool = False
+    average: bool = False
 
     @property
     def selection(self) -> Selection:
@@ -344,6 +348,12 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         BadInput: see `roles_of`; a cell that is no number, a unit of another kind.
     """
     roles = roles_of(path, columns)
+    repeated: list[Finding] = []
+    if columns.drop_missing:
+        finite = np.all([np.isfinite(_lenient(channel)) for channel in roles.all], axis=0)
+        if not np.all(finite):
+            repeated.append(note(Kind.rows_dropped, count=float(np.sum(~finite))))
+            roles = _some_rows(roles, np.flatnonzero(finite))
     recording = roles.recording
     found = _map_beside_cells(roles)
     if found is not None:
@@ -358,8 +368,50 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     steps = np.diff(frequency_hz)
     if np.any(steps < 0.0):
         reading.append(note(Kind.rows_sorted, reversed=float(np.all(steps < 0.0))))
-    made = trace_of(frequency_hz, values, unit, source=str(path), places=recording.places)
+    places = recording.places
+    if columns.average:
+        count = frequency_hz.size
+        frequency_hz, first, group = np.unique(frequency_hz, return_index=True, return_inverse=True)
+        sums = np.zeros(frequency_hz.size, dtype=values.dtype)
+        np.add.at(sums, group.ravel(), values)
+        values, places = sums / np.bincount(group.ravel()), tuple(places[i] for i in first)
+        repeated.append(note(Kind.rows_averaged, count=count, points=frequency_hz.size))
+    made = trace_of(frequency_hz, values, unit, source=str(path), places=places)
+    reading += repeated
     return replace(made, read=read, reading=tuple(reading), notes=dict(recording.notes))
+
+
+def _lenient(channel: Channel) -> ComplexArray:
+    """The values of a column, (n,), NaN where a cell is no number."""
+    return np.asarray((channel.lenient or channel.read)())
+
+
+def _some_rows(roles: Roles, rows: IntArray) -> Roles:
+    """The columns of a file with some of its rows.
+
+    Args:
+        roles: of its columns.
+        rows: numbers of the rows, from 0.
+    """
+
+    def taken(channel: Channel) -> Channel:
+        return replace(channel, read=lambda: _lenient(channel)[rows], lenient=None)
+
+    parts = {
+        name: None if channel is None else taken(channel)
+        for name, channel in (
+            ("sizes", roles.sizes),
+            ("phase", roles.phase),
+            ("real", roles.real),
+            ("imaginary", roles.imaginary),
+        )
+    }
+    return replace(
+        roles,
+        recording=roles.recording.part(rows),
+        frequency=taken(roles.frequency),
+        **parts,  # type: ignore[arg-type]
+    )
 
 
 def _map_beside_cells(roles: Roles) -> ControlMap | None:

@@ -96,6 +96,8 @@ class Kind(StrEnum):
     other_columns = "other_columns"
     values_converted = "values_converted"
     rows_sorted = "rows_sorted"
+    rows_dropped = "rows_dropped"
+    rows_averaged = "rows_averaged"
     part_taken = "part_taken"
     zero_frequency = "zero_frequency"
     phases_reversed = "phases_reversed"

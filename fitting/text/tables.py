@@ -90,6 +90,15 @@ class Table:
             decimal_comma=self.decimal_comma,
         )
 
+    def numbers_or_nan(self, column: Column) -> FloatArray:
+        """The numbers of a column, (n,), NaN where a cell is none.
+
+        Args:
+            column: of the table.
+        """
+        found = (_finite(text, self.decimal_comma) for text in self.texts(column))
+        return np.array([math.nan if value is None else value for value in found])
+
     def texts(self, column: Column) -> tuple[str, ...]:
         """The cells of a column as they stand.
 

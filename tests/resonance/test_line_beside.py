@@ -157,3 +157,31 @@ def test_columns_that_look_swapped_are_refused(tmp_path: Path, named: bool) -> N
     else:
         with pytest.raises(BadInput, match="look swapped"):
             ff.line(seen, F)
+
+
+def test_rows_without_a_number_are_dropped_where_that_is_requested(tmp_path: Path) -> None:
+    seen = np.abs(LINE + noise(F.size, 0.015, 3))
+    cells = [
+        f"{f:.6f},{'' if 40 <= k < 43 else f'{a:.9g}'}"
+        for k, (f, a) in enumerate(zip(F, seen, strict=True))
+    ]
+    path = tmp_path / "gaps.csv"
+    path.write_text("\n".join(["f (Hz),amplitude (mV)", *cells]), "utf-8")
+    with pytest.raises(BadInput, match="row 42"):
+        ff.line(path)
+    found = ff.line(path, columns=ff.Columns(drop_missing=True))
+    whole = ff.line(np.delete(F, slice(40, 43)), np.delete(seen, slice(40, 43)))
+    assert found.width.value == pytest.approx(whole.width.value, rel=1e-6)
+    assert "3 rows without a number" in repr(found)
+
+
+def test_readings_of_one_frequency_are_averaged_where_that_is_requested(tmp_path: Path) -> None:
+    f = np.repeat(F, 3)
+    seen = np.abs(np.repeat(LINE, 3) + noise(f.size, 0.015, 3))
+    path = write_csv(tmp_path / "three.csv", "f (Hz),Magn (mV)", f, seen)
+    with pytest.raises(BadInput, match="twice"):
+        ff.line(path)
+    found = ff.line(path, columns=ff.Columns(average=True))
+    means = ff.line(F, np.mean(seen.reshape(-1, 3), axis=1))
+    assert found.width.value == pytest.approx(means.width.value, rel=1e-6)
+    assert len(found.points.measured) == F.size

@@ -26,7 +26,8 @@ class Channel:
 
     ``read`` gives its values (n,), checked then and not before: nobody may want this column.
     ``whole`` is its name with the groups of the file that it is in, as "warm/X"; empty: in none.
-    ``role`` and ``guessed`` say what it seems to be (`fitting.campaign.recognised`).
+    ``role`` and ``guessed`` say what it seems to be (`fitting.campaign.recognised`). ``lenient``
+    gives its values with NaN where a cell is no number, if it is a column of text.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Channel:
     whole: str = ""
     role: str = ""
     guessed: bool = False
+    lenient: Callable[[], Numbers] | None = None
 
     def is_called(self, name: str) -> bool:
         """Whether it has this name, capitals apart, alone or with groups that it is in.
@@ -266,7 +268,13 @@ def _of_column(table: Table, column: Column) -> Channel:
     def read() -> Numbers:
         return _complex_cells(table, column) if is_complex else table.numbers(column)
 
-    return Channel(name=column.name, unit=column.unit, read=read, is_complex=is_complex)
+    return Channel(
+        name=column.name,
+        unit=column.unit,
+        read=read,
+        is_complex=is_complex,
+        lenient=None if is_complex else partial(table.numbers_or_nan, column),
+    )
 
 
 def _complex_cells(table: Table, column: Column) -> ComplexArray:

@@ -45,6 +45,19 @@ def add_columns(parser: argparse.ArgumentParser, *, over_time: bool = False) -> 
     group.add_argument(
         "--chunk", type=whole_number(0), help="which of the file's sweeps, as LabOne numbers them"
     )
+    if over_time:
+        group.add_argument(
+            "--drop-missing",
+            action="store_true",
+            default=None,
+            help="leave rows of a sweep out that lack a number",
+        )
+        group.add_argument(
+            "--average",
+            action="store_true",
+            default=None,
+            help="average readings of a sweep at the same frequency",
+        )
     group.add_argument(
         "--header-row",
         type=whole_number(1),
@@ -70,6 +83,8 @@ def columns_of(args: argparse.Namespace) -> ff.Columns:
             "trace",
             "chunk",
             "header_row",
+            "drop_missing",
+            "average",
         )
     }
     for name, value in values.items():
