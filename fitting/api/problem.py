@@ -94,7 +94,7 @@ class Problem:
             noise=noise,
         )
         if accuracy is not None:
-            bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
+            bound = tuple(replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound)
         refuse_repeats(bound)
         record = problem_of(bound)
         self._take(record, options_of(None, record.measurements), fmu)

@@ -11,7 +11,7 @@ from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 
 
-def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, ...], list[str]]:
+def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, ...], list[Finding]]:
     """Parameters of campaigns that are fitted together, and notes where these begin elsewhere.
 
     Parameters of a whole campaign are shared by name and must have the same unit, box, period and

@@ -252,7 +252,7 @@ class Rows:
             weights = flat.slope.reshape(noise.shape) / noise
 
         def weighted(columns: FloatArray | ComplexArray) -> FloatArray:
-            rows = weights[..., np.newaxis] * columns
+            rows = np.asarray(weights[..., np.newaxis] * columns, dtype=complex)
             return both_parts(rows, axis=1) if np.iscomplexobj(self.values) else rows.real
 
         matrix = weighted(np.concatenate([self.by_x, self.shared], axis=-1))

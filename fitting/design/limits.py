@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -461,7 +461,7 @@ def limits_of(
         limits = _of_traces(bound, table)
     else:
         limits = _of_tones(bound, variables, table, read)
-    times = {
+    times: dict[str, Any] = {
         "time_s": keys.time,
         "spectrum_s": keys.spectrum_time,
         "point_s": keys.point_time,

@@ -83,7 +83,8 @@ def sweep_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice, ..
 
 def frequencies_hz(choice: DriveChoice) -> FloatArray:
     """Frequencies of a sweep, (points,), Hz."""
-    return np.linspace(*choice.tones_hz, choice.points)
+    first_hz, last_hz = choice.tones_hz
+    return np.linspace(first_hz, last_hz, choice.points)
 
 
 class SweepCandidates:

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -167,19 +168,19 @@ class ToneCandidates:
         around = central(place.x, self.steps, *search_bounds(series.bound.parameters))
         points = evaluate_many(objective, [place.x, *around.nodes])
         here, *nodes = [self._lines(series, point) for point in points]
-        errors = []
+        errors: list[Any] = []
         for name, sigma in self.limits.setting_sigmas.items():
             ends = series.moved(objective, place, name, SHIFT * sigma)
             above, below = (self._lines(series, point) for point in ends)
             errors.append((above - below) / (2.0 * SHIFT))
-        nothing = np.zeros((*here.shape, 0))
+        nothing: FloatArray | ComplexArray = np.zeros((*here.shape, 0))
         columns = [here, 1j * here] if self.limits.phases else [here]
         return Rows(
             values=here,
             by_x=around.quotients(nodes),
             shared=np.stack(columns, axis=-1),
             inside=nothing,
-            errors=np.stack(errors, axis=-1) if errors else nothing,
+            errors=np.asarray(np.stack(errors, axis=-1)) if errors else nothing,
         )
 
     def _at(self, series: Series, place: Place) -> FloatArray | ComplexArray:

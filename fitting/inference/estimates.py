@@ -121,8 +121,8 @@ def _error(solution: Solution, gradient: FloatArray) -> _Error:
         return _Error(math.nan, math.nan, 0.0, 0.0)
     std, shrinkage = solution.errors.of(gradient)
     freedom, shift = solution.errors.freedom_of(gradient), solution.errors.shift(gradient)
-    halves = (reach(root, freedom) * std + shift for root in (ROOT_68, ROOT_95))
-    return _Error(*halves, shift, shrinkage)
+    half68, half95 = (reach(root, freedom) * std + shift for root in (ROOT_68, ROOT_95))
+    return _Error(half68, half95, shift, shrinkage)
 
 
 def parameter_results(solution: Solution, estimates: Estimates) -> dict[str, ParameterEstimate]:

@@ -41,7 +41,7 @@ def duffing(
     x = 2.0 * (frequency_hz - eta_hz) / width_hz
     y = _least_root(x, bend) if rising else -_least_root(-x, -bend)
     size = 1.0 / (1.0 + y * y)
-    h = -1j / (1.0 + 1j * y)
+    h = np.asarray(-1j / (1.0 + 1j * y), dtype=complex)
     # dx/dy of x = y + b s; beyond a fold nothing is on this branch
     steep = 1.0 - 2.0 * bend * y * size**2
     steep = np.where(np.abs(steep) < STEEPEST, STEEPEST, steep)

@@ -284,7 +284,7 @@ def _minimum(problem: _Problem, start: FloatArray) -> tuple[FloatArray, bool, st
 
 def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
     """The fit of largest likelihood, begun at that of least squares: all unknowns in one call."""
-    count = point.x.size
+    count, measured = point.x.size, np.asarray(problem.values, dtype=float)
 
     def curve(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         columns = problem.model.columns(unknowns[:count])
@@ -293,11 +293,11 @@ def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
         return np.asarray(columns.values @ unknowns[count:]), np.asarray(slopes)
 
     def residuals(unknowns: FloatArray) -> FloatArray:
-        return likelihood.residuals(problem.values, curve(unknowns)[0])[0]
+        return likelihood.residuals(measured, curve(unknowns)[0])[0]
 
     def jacobian(unknowns: FloatArray) -> FloatArray:
         there, slopes = curve(unknowns)
-        return likelihood.residuals(problem.values, there)[1][:, None] * slopes
+        return likelihood.residuals(measured, there)[1][:, None] * slopes
 
     with np.errstate(all="ignore"):
         unknowns, _, _, message, status = leastsq(

@@ -197,7 +197,10 @@ class AmplitudeSweep:
         own = self.shapes.count
         slopes[:own] = lines[0].slopes
         ones = np.ones_like(wave)
-        others = [*lines[1:], *([Response(ones, np.zeros((own, wave.size)))] * self.phased)]
+        others = [
+            *lines[1:],
+            *([Response(ones, np.zeros((own, wave.size), dtype=complex))] * self.phased),
+        ]
         for k, (height, other) in enumerate(zip(self.heights(x), others, strict=True)):
             wave = wave + height * other.values
             slopes[:own] += height * other.slopes

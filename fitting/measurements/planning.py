@@ -242,7 +242,8 @@ def _part(series: Series, reduced: DrivenModel, whole: DrivenModel, workers: Wor
         ratio = cost_ratio(workers, partial(evaluate, reduced), partial(evaluate, whole))
         if ratio is not None:
             return ratio
-        evaluate(reduced), evaluate(whole)
+        for model in (reduced, whole):
+            evaluate(model)
     except NoAnswer:
         raise
     except FmuFailure:  # the evaluation has its own way to tell

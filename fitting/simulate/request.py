@@ -213,7 +213,7 @@ class RequestBinder:
             name
             for name in names
             if (amplitude := amplitude_of(name, self.variables)) is None
-            or values.get(amplitude.name, amplitude.start)
+            or values.get(amplitude.name, amplitude.start or 0.0)
         )
         return driving or names
 

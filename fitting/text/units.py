@@ -186,15 +186,15 @@ def _convert(
     if unit == wanted:  # also a private unit name of the FMU, used as the FMU writes it
         return value
     if unit in COMMON and (wanted is None or wanted in COMMON):
-        base, factor = COMMON[unit]
+        base, size = COMMON[unit]
         other, over = (base, Decimal(1)) if wanted is None else COMMON[wanted]
         if base != other:
             raise BadInput(
                 f"{where}: found unit {unit!r}, wanted {wanted!r} or one convertible to it"
             )
-        if factor == over or not math.isfinite(value):
+        if size == over or not math.isfinite(value):
             return value
-        return float(Decimal(repr(float(value))) * factor / over)
+        return float(Decimal(repr(float(value))) * size / over)
     source, target = _pair(unit, wanted)
     if source is None:
         raise BadInput(f"{where}: there is no unit {unit!r}{_instead(wanted)}")

@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -153,7 +154,7 @@ def laboratory(
     true = np.array([abs(phasor(f, step_s, f0, width)) for f in FREQUENCIES])
     measured = true * (1.0 + NOISE * rng.standard_normal(true.size))
     drive = ff.Drive(frequency_names=("tone",), amplitude_names=("level",))
-    asked = {} if accuracy is None else {"accuracy": accuracy}
+    asked: dict[str, Any] = {} if accuracy is None else {"accuracy": accuracy}
     setup = ff.Setup(drive, "displacement", line_width_hz=4.0, **asked)
     wanted = (
         ff.Parameter("eigenfrequency", 31.0, bounds=(29.0, 33.0), unit="Hz"),

@@ -152,7 +152,7 @@ def fmu(swift_fmu: Path) -> Iterator[ff.Fmu]:
 def test_a_lorentzian_with_its_phase_says_what_its_fisher_information_says() -> None:
     """S = 1/(1 + iy), y = 2 (f - f0)/w; a complex gain of its own takes half of each."""
     y = np.linspace(-400.0, 400.0, 80_001)
-    line = 1.0 / (1.0 + 1j * y)
+    line = np.asarray(1.0 / (1.0 + 1j * y), dtype=complex)
     by_x = np.column_stack([2j * line**2, 1j * y * line**2])  # f0 and w, in widths
     made = Rows(
         values=line[None],

@@ -35,7 +35,8 @@ from fitting.inference.checks.sweeps import (
 from fitting.inference.findings import CHECKS, findings_of
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
-from fitting.inference.sweeps import SweepAgreement
+from fitting.inference.sweep_agreement import SweepAgreement
+from fitting.measurements.tones import Tones
 from fitting.text.finding import Kind
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
@@ -91,7 +92,7 @@ def with_experiments(solved: Solved, change: Callable[[Any], Any]) -> Solved:
     data = solved.problem.data
     measurements = tuple(
         replace(m, experiments=tuple(change(e) for e in m.experiments))
-        if hasattr(m, "experiments")
+        if isinstance(m, Tones)
         else m
         for m in data.measurements
     )

@@ -13,12 +13,12 @@ from fitting.fit.fit import Fit, Status, with_path
 from fitting.inference.infer import Inference
 from fitting.inference.joint import (
     JointResult,
-    PairTest,
     SeriesPart,
     ValueAlone,
     contradicted,
     pair_findings,
 )
+from fitting.inference.likelihood.knowledge import PairTest
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra

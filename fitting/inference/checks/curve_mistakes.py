@@ -129,7 +129,7 @@ def _candidates(curves: Sequence[_Curve], x: FloatArray) -> dict[Kind, list[Tria
     candidates = {}
     for kind in dict.fromkeys(kind for each in curves for kind in each.curve.columns):
         mine = tuple(each for each in curves if kind in each.curve.columns)
-        groups = [(each,) for each in mine]
+        groups: list[tuple[_Curve, ...]] = [(each,) for each in mine]
         alike = kind is not Kind.shift or all(c.settings == mine[0].settings for c in mine)
         if 1 < len(mine) <= MOST_CURVES and alike:
             groups.append(mine)

@@ -282,8 +282,9 @@ def check_combinations(solved: Solved) -> Iterator[Finding]:
             numbers |= {f"std_{p.name}": std, f"{ALONE}{p.name}": alone}
         # derived values whose errors are those of this direction, a standard error long
         along, following = errors.covariance[:, i] / deviations[i], []
-        for name in solved.outputs.values[0] if solved.outputs else ():
-            gradient = solved.outputs.gradient(name)
+        outputs = solved.outputs
+        for name in outputs.values[0] if outputs else ():
+            gradient = outputs.gradient(name) if outputs else np.zeros(len(along))
             std = errors.of(gradient)[0] if np.all(np.isfinite(gradient)) else 0.0
             if std > 0.0 and abs(float(gradient @ along)) >= FOLLOWS * std:
                 following.append(name)

@@ -11,8 +11,8 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import Parameter
 from fitting.fit.options import LIKELIHOOD
 from fitting.inference.solved import Solved
+from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.inference.sweep_line import SweepLine, line_findings
-from fitting.inference.sweeps import SweepAgreement
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import DETECTION_SIGMA, unknown_line
 from fitting.signal.scale import laboratory_maximum
