@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -334,7 +334,7 @@ def promised_anew(fit: Fit, respond: Callable[[Mapping[str, Scalar]], Response])
 def _again(fit: Fit, objectives: Sequence[Objective], outcomes: Sequence[Outcome]) -> Fit:
     """The fit put together anew; its levels of ν stay."""
     anew = _finished(fit.problem, fit.options, objectives, outcomes, fit.seconds)
-    paths = {"levels": fit.levels, "path": fit.path, "global_path": fit.global_path}
+    paths: dict[str, Any] = {"levels": fit.levels, "path": fit.path, "global_path": fit.global_path}
     return replace(anew, cost=anew.cost + sum((v.counts for v in fit.levels), Counts()), **paths)
 
 

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -285,7 +286,7 @@ def history_rows(course: Course, levels: Sequence[PathLevel]) -> tuple[HistoryRo
     objective, evaluator = course.objective, Evaluator(course.objective)
     x = own_start(objective.parameters)
     point, pull = evaluator.point(x), weights(objective, course.schedule.nu(0), course.misfit)
-    nothing = {each.name: math.nan for each in fields(Level)}
+    nothing: dict[str, Any] = {each.name: math.nan for each in fields(Level)}
     counts = {"iterations": 0, "evaluations": 0, "seconds": 0.0}
     j = {"j_fit": total(point, 0.0, course.misfit), "j_reg": j_reg(x, pull)}
     where = {"level": -1, "status": "start", "message": "where the levels begin"}

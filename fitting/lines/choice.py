@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import fdtrc
@@ -155,7 +156,8 @@ def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> Sp
         return replace(there, std=std, ci95=(there.value - half * std, there.value + half * std))
 
     names = ("frequency", "width", "q", "amplitude")
-    fit = replace(best, **{name: wider(name, getattr(best, name)) for name in names})
+    widened: dict[str, Any] = {name: wider(name, getattr(best, name)) for name in names}
+    fit = replace(best, **widened)
     factor = max(fit.frequency.std / best.frequency.std, fit.width.std / best.width.std)
     return Spread(fit, tuple(dict.fromkeys(fit.name for fit in near)), factor)
 

@@ -187,7 +187,7 @@ class _LawModel:
 
     def columns(self, x: FloatArray) -> Columns:
         sizes = self.line.columns(x[:2])
-        bent = self.law.law(sizes.values[:, 0], float(x[2]))
+        bent = self.law.law(sizes.values[:, 0].real, float(x[2]))
         slopes = [bent.by_size * slope[:, 0] for slope in sizes.slopes]
         return Columns(bent.values[:, None], np.stack([*slopes, bent.by_number])[:, :, None])
 

@@ -20,10 +20,10 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from fitting.lines.lorentzian import mode_response
 from fitting.lines.names import FORM_OF, MIN_SWEEP_POINTS
 from fitting.lines.rice import fit_readings
 from fitting.lines.solve import Array, Fit, fit_model, folded
@@ -44,6 +44,7 @@ from fitting.signal.line_record import (
     line_numbers,
     number_of_line,
 )
+from fitting.signal.peaks import mode_response
 from fitting.signal.residual_tests import Structure
 from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -334,7 +335,7 @@ class _Numbers:
             gradient[k] += slope
         return number_of_line(name, value, self.std(gradient), unit, half=ratio95(self.dof))
 
-    def line(self, start: Place, place: Place, number: int = 0) -> dict[str, LineNumber]:
+    def line(self, start: Place, place: Place, number: int = 0) -> dict[str, Any]:
         """Frequency, width and quality of a line."""
         scale, width, eta = start.width_hz, place.width_hz, place.frequency_hz
         unit = np.eye(2, self.fit.unknowns, 2 * number)
@@ -414,7 +415,7 @@ class _Complex(_Sweep):
             unknowns=fit.unknowns,
             squares=fit.squares,
             likely_squares=fit.squares,
-            coefficients=fit.coefficients[chosen],
+            coefficients=np.asarray(fit.coefficients[chosen], dtype=complex),
             covariance=np.outer(scales, scales) * numbers.covariance[np.ix_(at, at)],
         )
 
@@ -440,6 +441,8 @@ class _Complex(_Sweep):
 
 class _Amplitudes(_Sweep):
     """A form of amplitudes."""
+
+    y: FloatArray
 
     def fitted(self, starts: Sequence[Start], sigma: float | None) -> LineFit:
         fit, model, likely = self._best(
@@ -539,7 +542,7 @@ class _Amplitudes(_Sweep):
         weights[2:4] = max(point_noise(self.y), 1e-6) / self.form.pull
         return weights
 
-    def _background(self, fit: Fit, model: AmplitudeSweep, place: Place) -> dict[str, float]:
+    def _background(self, fit: Fit, model: AmplitudeSweep, place: Place) -> dict[str, Any]:
         """Constant and slope in the unit of the amplitudes."""
         height, added = float(fit.coefficients[0]), fit.coefficients[1:]
         if self.form.single:

@@ -101,10 +101,14 @@ def pair_of(frequency_hz: FloatArray, values: FloatArray | ComplexArray) -> Pair
     if f.size < LEAST_POINTS or not largest > 0.0:
         return None
     y = values / largest
-    made = _complex(f, y) if np.iscomplexobj(y) else _amplitudes(f, np.asarray(y, dtype=float))
-    if made is None:
-        return None
-    model, starts = made
+    model: ComplexSweep | AmplitudeSweep
+    if np.iscomplexobj(y):
+        made = _complex(f, np.asarray(y, dtype=complex))
+        if made is None:
+            return None
+        model, starts = made
+    else:
+        model, starts = _amplitudes(f, np.asarray(y, dtype=float))
     try:
         fit = fit_model(model, y, starts, tries=TRIES)
     except (ValueError, np.linalg.LinAlgError):

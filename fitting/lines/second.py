@@ -23,10 +23,10 @@ import numpy as np
 
 from fitting.lines.choice import chance
 from fitting.lines.form import Form, LineFit, fit_form
-from fitting.lines.lorentzian import mode_response
 from fitting.lines.starts import Start
 from fitting.lines.sweep_model import Place
 from fitting.signal.line_record import LineValues, SecondLine
+from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 

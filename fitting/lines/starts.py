@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.lines.lorentzian import mode_response
 from fitting.lines.sweep_model import Place
 from fitting.signal.complex_line import (
     NEAR,
@@ -17,6 +16,7 @@ from fitting.signal.complex_line import (
     far_delays,
     tops_and_bottoms,
 )
+from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Median of the modulus of a normal deviate, and deviation of a second difference of noise.

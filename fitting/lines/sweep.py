@@ -386,7 +386,7 @@ class _Search:
     def check_describes(self, best: LineFit) -> None:
         """Complain of correlated residuals beyond the limit."""
         shares = (self.values - best.curve) / float(np.max(np.abs(self.values)))
-        parts = [shares.real, shares.imag] if self.is_complex else [shares]
+        parts = [shares.real, shares.imag] if self.is_complex else [shares.real]
         if all(correlation(part, part).misfit is not Misfit.REFUSED for part in parts):
             return
         worth = max(1.0, self.f.size / best.structure.together**2)

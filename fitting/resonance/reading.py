@@ -374,7 +374,9 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         frequency_hz, first, group = np.unique(frequency_hz, return_index=True, return_inverse=True)
         sums = np.zeros(frequency_hz.size, dtype=values.dtype)
         np.add.at(sums, group.ravel(), values)
-        values, places = sums / np.bincount(group.ravel()), tuple(places[i] for i in first)
+        means = sums / np.bincount(group.ravel())
+        values = np.asarray(means, dtype=values.dtype)
+        places = tuple(places[i] for i in first)
         repeated.append(note(Kind.rows_averaged, count=count, points=frequency_hz.size))
     made = trace_of(frequency_hz, values, unit, source=str(path), places=places)
     reading += repeated

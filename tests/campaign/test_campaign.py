@@ -119,6 +119,7 @@ def test_the_string_campaign_in_the_fmus_units(tmp_path: Path, texts: dict[str, 
     assert theta.period == pytest.approx(math.pi, rel=1e-15)
     assert d1.start == pytest.approx(94.1, abs=1.5)
     assert (d1.lower, d1.upper) == (1.0, 1000.0)
+    assert campaign.continuation is not None
     assert campaign.continuation.iterations == 9
     assert campaign.continuation.nu_start == 0.1
     assert [p.name for p in campaign.files[:2]] == ["campaign.toml", "experiments.csv"]

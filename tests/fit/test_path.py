@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -153,7 +154,7 @@ def problem_of_rows(tmp_path: Path) -> ff.Problem:
     )
 
 
-def ff_problem(bound):  # type: ignore[no-untyped-def]
+def ff_problem(bound: Any) -> Any:
     from fitting.fit.problem import problem_of
 
     return problem_of([bound])

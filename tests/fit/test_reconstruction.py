@@ -138,6 +138,7 @@ def test_the_scatter_of_the_width_over_noise_is_what_is_claimed(tmp_path: Path) 
         measured = closed_form.measured_by(response, noise=0.01, seed=seed)
         bound = closed_form.string_campaign(measured, response, tmp_path)
         # by squares Algorithm 2 ends sooner; what is reported is of the likelihood either way
+        assert bound.continuation is not None
         continuation = replace(bound.continuation, misfit="squares")
         bound = replace(bound, alternatives=bound.alternatives[:1], continuation=continuation)
         one = run(bound, starts=1, levels=1)

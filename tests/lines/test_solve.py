@@ -10,9 +10,9 @@ from scipy.optimize import least_squares, minimize
 
 from fitting.lines.duffing import CRITICAL, duffing
 from fitting.lines.likelihood import Whittle
-from fitting.lines.lorentzian import mode_response
 from fitting.lines.solve import Columns, fit_model
 from fitting.lines.sweep_model import MEAN, POWER, AmplitudeSweep, ComplexSweep, Place, Shapes
+from fitting.signal.peaks import mode_response
 from fitting.text.arrays import FloatArray, both_parts
 
 F = np.linspace(4920.0, 5080.0, 161)

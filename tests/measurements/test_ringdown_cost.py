@@ -29,15 +29,15 @@ def test_squares_are_summed_where_a_trace_is_measured_and_nobody_says_otherwise(
     assert usual_misfit([peaks]) == "slack"
     assert usual_misfit([peaks, traces]) == "squares"
     nothing, named = ContinuationSettings(), ContinuationSettings(misfit="absolute")
-    assert options_of(nothing, [traces]).solve.misfit == "squares"
-    assert options_of(nothing, [peaks]).solve.misfit == "slack"
-    assert options_of(named, [traces]).solve.misfit == "absolute"
+    assert options_of(nothing, [traces]).misfit == "squares"
+    assert options_of(nothing, [peaks]).misfit == "slack"
+    assert options_of(named, [traces]).misfit == "absolute"
 
 
 def test_python_sums_squares_of_traces_too() -> None:
     method = ff.Tikhonov(levels=1)
-    assert method.options(1, 1, "squares").solve.misfit == "squares"
-    assert ff.Tikhonov(misfit="slack").options(1, 1, "squares").solve.misfit == "slack"
+    assert method.options(1, 1, "squares").misfit == "squares"
+    assert ff.Tikhonov(misfit="slack").options(1, 1, "squares").misfit == "slack"
 
 
 @pytest.mark.parametrize("periods", [2.2, 3.0, 60.0])

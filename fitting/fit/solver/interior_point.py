@@ -98,7 +98,7 @@ def solve(
     nonlinear programming", SIAM J. Optim. 9 (1999) 877; the paper's Algorithm 2, line 3.
     """
     n, x0 = start.size, inside(start, evaluator.lower, evaluator.upper)
-    lowest = [start, total(evaluator.point(start), nu, misfit)]
+    lowest: list[Any] = [start, total(evaluator.point(start), nu, misfit)]
 
     def follow(y: FloatArray, state: Any) -> bool:
         x = np.array(y[:n])

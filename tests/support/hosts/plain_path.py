@@ -15,6 +15,7 @@ import json
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from fmpy import extract, read_model_description
@@ -81,7 +82,7 @@ def parts(x: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def rows(maximum: float, z: np.ndarray) -> np.ndarray:
-    return (DATA["maximum_v"] / maximum * z / MEASURED - 1.0).ravel()
+    return np.ravel(DATA["maximum_v"] / maximum * z / MEASURED - 1.0)
 
 
 known: dict[bytes, tuple[float, np.ndarray]] = {}
@@ -123,13 +124,14 @@ def level(start: np.ndarray, nu: np.ndarray) -> tuple[np.ndarray, float, int]:
     margin = 1e-3 * np.minimum(UPPER - LOWER, 1.0)
     x0 = np.clip(start, LOWER + margin, UPPER - margin)
     j = lambda x: float(np.sum(np.abs(rows(*at(x)))) + 0.5 * np.sum(nu * x * x))  # noqa: E731
-    lowest = [start, j(start)]
+    lowest: list[Any] = [start, j(start)]  # type: ignore[no-untyped-call]
     barrier = 0.1 * min(lowest[1], 1.0)
-    minus, straight = -eye_array(m), csr_array((n + m, n + m))
+    minus: Any = -eye_array(m)
+    straight: Any = csr_array((n + m, n + m))
 
     def follow(y: np.ndarray, state: object) -> bool:
         x = np.array(y[:n])
-        if (value := j(x)) < lowest[1]:
+        if (value := j(x)) < lowest[1]:  # type: ignore[no-untyped-call]
             lowest[:] = [x, value]
         return False
 
@@ -138,7 +140,7 @@ def level(start: np.ndarray, nu: np.ndarray) -> tuple[np.ndarray, float, int]:
         return np.concatenate([r - y[n:], -r - y[n:]])
 
     def band_slopes(y: np.ndarray) -> object:
-        matrix = csr_array(slopes(np.array(y[:n])))
+        matrix: Any = csr_array(slopes(np.array(y[:n])))
         return block_array([[matrix, minus], [-matrix, minus]], format="csr")
 
     free = np.full(m, np.inf)
