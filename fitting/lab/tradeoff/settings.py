@@ -14,7 +14,7 @@ from fitting.text.written import written_values
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)
 QUICK_ACCURACIES = (1e-2, 1e-4)
 #: A reference aims at so much less than the most accurate setting, and no further than this.
-FINER, FINEST = 0.01, 1e-10
+FINER, FINEST = 0.1, 1e-10
 #: Values of a knob that is named, as parts of what the plan chose.
 KNOBS = (100.0, 10.0, 0.1)
 
