@@ -223,17 +223,23 @@ def equivalent(theta: float, d1: float, d2: float) -> list[tuple[float, float, f
 
 @pytest.mark.nightly
 def test_the_least_j_of_every_level_is_that_of_an_independent_search(swift_models: None) -> None:
+    """At 1e-3 and 1e-4 it is lower than theirs, by 2e-5 and 2e-4: the minimum is another one."""
     fmu = ff.Fmu("CoupledOscillator", workers=2)
     problem = ff.Problem.of(ROOT / "data/string_q1_published/campaign.toml", fmu)
-    method = replace(ff.Tikhonov.of(problem.options), global_path=True)
-    fit = ff.fit(problem, method)
+    fit = ff.fit(problem, replace(ff.Tikhonov.of(problem.options), global_path=True))
     _, *rows = fit.global_path
-    for found, (nu, theta, d1, d2, j_fit) in zip(rows, PUBLISHED, strict=True):
-        assert found.nu == pytest.approx(nu)
-        assert found.j_fit == pytest.approx(j_fit, rel=1e-4)
-        p = found.parameters
-        apart = min(
-            abs(math.remainder(p["theta"] - t, math.pi)) + 0.0 * (a + b)
-            for t, a, b in equivalent(theta, d1, d2)
-        )
-        assert apart < 1e-3
+    scale, reference = (
+        np.array([1.0, 100.0, 100.0]),
+        np.array([5.0 * math.pi / 8.0, 15.004, 15.004]),
+    )
+    for row, (nu, theta, d1, d2, j_fit) in zip(rows, PUBLISHED, strict=True):
+        p = np.array([row.parameters[name] for name in ("theta", "d1", "d2")])
+        assert row.nu == pytest.approx(nu)
+        x = (np.array([theta, d1, d2]) - reference) / scale
+        theirs = j_fit + 0.5 * nu * float(x @ x)
+        assert row.j <= theirs * (1.0 + 1e-4)
+        if nu in (1e-3, 1e-4):
+            continue
+        assert row.j_fit == pytest.approx(j_fit, rel=1e-4)
+        turns = [math.remainder(p[0] - t, math.pi) for t, _, _ in equivalent(theta, d1, d2)]
+        assert min(map(abs, turns)) < 1e-3
