@@ -13,7 +13,6 @@ from fitting.campaign.instruments import layout_in, read_recording
 from fitting.campaign.instruments.recording import Channel, Numbers, Recording
 from fitting.campaign.instruments.roles import (
     AMPLITUDE,
-    FREQUENCY,
     PHASE,
     TIME,
     X,
@@ -21,6 +20,7 @@ from fitting.campaign.instruments.roles import (
     parts_by_name,
     plain_name,
     usual,
+    usual_frequency,
 )
 from fitting.campaign.instruments.trace import Selection
 from fitting.text.errors import BadInput
@@ -159,7 +159,7 @@ class _Roles:
     def axis(self) -> None:
         """The frequency: by its usual name, one that rises, or the only one in hertz; or time."""
         recording = self.recording
-        time, frequency = usual(recording, TIME), usual(recording, FREQUENCY)
+        time, frequency = usual(recording, TIME), usual_frequency(recording)
         if time is not None and frequency is not None and _rises(time) and not _varies(frequency):
             frequency = None  # what a lock-in demodulated at, beside what it recorded
         if self._give(frequency, "frequency"):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign import instruments
-from fitting.campaign.instruments.roles import FREQUENCY, TIME, usual
+from fitting.campaign.instruments.roles import TIME, usual, usual_frequency
 from fitting.draft.boxes import Box, Shown, decade_box, decay_boxes
 from fitting.draft.closer_start import closer_starts
 from fitting.draft.decays import (
@@ -171,7 +171,7 @@ def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) ->
     if columns.time:
         column = table.column(columns.time)
         return with_unit(column, requested or ("" if column.unit else "s"))
-    if usual(table, FREQUENCY) is not None:
+    if usual_frequency(table) is not None:
         return None
     times = [c for c in table.channels if c.unit and same_kind(c.unit, "s")]
     named = usual(table, TIME)

@@ -18,7 +18,7 @@ from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, left_out
 from fitting.text.loose_tables import suffixed_unit
-from fitting.text.units import convert, same_kind
+from fitting.text.units import convert, is_frequency, same_kind
 
 #: Usual names of columns, small letters; the first that is there is taken.
 FREQUENCY = ("frequency", "freq", "f", "frequencies", "frequency axis", "grid")
@@ -50,6 +50,16 @@ def usual(recording: Recording, names: Sequence[str]) -> Channel | None:
     for channel in recording.channels:
         by_name.setdefault(plain_name(channel), channel)
     return next((by_name[name] for name in names if name in by_name), None)
+
+
+def usual_frequency(recording: Recording) -> Channel | None:
+    """The column of a usual name of frequencies; not "F (N)", which is a force.
+
+    Args:
+        recording: what was read.
+    """
+    found = usual(recording, FREQUENCY)
+    return None if found is not None and found.unit and not is_frequency(found.unit) else found
 
 
 def parts_by_name(recording: Recording) -> tuple[Channel, Channel] | None:
