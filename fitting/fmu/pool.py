@@ -8,7 +8,7 @@ import re
 import time
 import weakref
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from multiprocessing import connection
@@ -211,6 +211,10 @@ class FmuWorkers:
     def resets_end(self) -> bool:
         """Whether a reset ended the process, or never ended itself."""
         return any(verdict.ended for verdict in self._verdicts)
+
+    def alone(self) -> AbstractContextManager[object]:
+        """Within, no other thread runs the FMU by these workers."""
+        return self._turn
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         """Results of the runs in their order, each (samples, outputs).

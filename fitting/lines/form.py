@@ -324,7 +324,9 @@ class _Numbers:
         """Half of the 68 % interval of a number with this gradient by the unknowns."""
         at = np.flatnonzero(gradient)
         part = self.covariance[np.ix_(at, at)]
-        return math.sqrt(max(0.0, float(gradient[at] @ part @ gradient[at])))
+        size = float(np.max(np.abs(gradient), initial=0.0))  # its square may be no number
+        unit = gradient[at] / size if size else gradient[at]
+        return size * math.sqrt(max(0.0, float(unit @ part @ unit)))
 
     def number(
         self, name: str, value: float, slopes: Sequence[tuple[int, float]], unit: str = ""

@@ -1,9 +1,9 @@
 """What an evaluation costs: processor time of its runs on this FMU, compared in pairs.
 
 A plan may not hang on how busy the machine is. So the time is that of processors, in the FMU's
-process and in the thread that asks; two settings are timed in turn, several times; long runs are
-timed at their beginning and reckoned up by their counted steps; and pairs are added where the
-medians of the first leave a doubt.
+process and in the thread that asks, while no other thread drives it; two settings are timed in
+turn, always as often, so that a plan takes the same runs everywhere; and long runs are timed at
+their beginning and reckoned up by their counted steps.
 """
 
 from __future__ import annotations
@@ -11,16 +11,15 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 from fitting.simulate.batch import Workers
 
 #: A reduction is taken where an evaluation then takes less than this part of the processor time.
 CHEAPER = 0.8
-#: Pairs that are timed, those in all where their median is a doubtful one, and what is doubtful.
-PAIRS, MORE_PAIRS, DOUBTFUL = 3, 15, (0.65, 0.95)
-#: Processor time of pairs from which no more are timed, s.
-ENOUGH_S = 0.5
+#: Pairs that are timed.
+PAIRS = 7
 
 
 def processor_s(workers: Workers) -> float | None:
@@ -52,13 +51,8 @@ def cost_ratio(
 
     if processor_s(workers) is None:
         return None
-    reduced(), whole()  # the first run with other settings does more
-    ratios: list[float] = []
-    spent_s, wanted = 0.0, PAIRS
-    while len(ratios) < wanted and spent_s < ENOUGH_S:
-        one, other = timed(reduced), timed(whole)
-        spent_s += one + other
-        ratios.append(one / other if other > 0.0 else 1.0)
-        if len(ratios) == PAIRS and DOUBTFUL[0] < statistics.median(ratios) < DOUBTFUL[1]:
-            wanted = MORE_PAIRS
-    return statistics.median(ratios)
+    alone: Any = getattr(workers, "alone", nullcontext)
+    with alone():
+        reduced(), whole()  # the first run with other settings does more
+        pairs = [(timed(reduced), timed(whole)) for _ in range(PAIRS)]
+    return statistics.median(one / other if other > 0.0 else 1.0 for one, other in pairs)

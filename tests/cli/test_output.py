@@ -24,7 +24,7 @@ from tests.support.small_campaign import small_campaign
 
 ROOT = Path(__file__).parents[2]
 FIT = ("--workers", "1", "--no-report", "--no-profiles")
-LEVEL = re.compile(r"alternative 1, start 1, ν = \S+: J = \S+, \w+, \d+ evaluations, \S+ s")
+LEVEL = re.compile(r"path, ν = \S+: J = \S+, [\w ]+, \d+ iterations, \d+ evaluations, \S+ s")
 
 
 @pytest.fixture(scope="module")

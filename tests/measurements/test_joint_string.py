@@ -115,7 +115,7 @@ def test_the_mode_that_is_seen_is_fitted_together(of: str, swift_fmu: Path, tmp_
     ended = told("reconstruct", tmp_path / "campaign.toml", *words)
     assert ended.code == 0, ended.err
     result = read_result(tmp_path / "out" / "result.json")
-    assert result.findings == ()
+    assert not [each for each in result.findings if each.severity != "note"]
     for name, truth in {"eta_plus": F_HZ, "d1": WIDTH_HZ}.items():
         value = result.parameters[name]
         assert abs(value.value - truth) < 4.0 * value.std
