@@ -296,7 +296,8 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
         evaluator = Evaluator(objective)
         held = weights(objective, nu, "squares")
         found = solve(evaluator, np.zeros(3), held, "squares")
-        assert evaluator.point(found.x).parameters == pytest.approx(truth, abs=1e-5)
+        # the barrier ends within a thousandth of the posterior's width
+        assert evaluator.point(found.x).parameters == pytest.approx(truth, abs=1e-4)
 
 
 def test_what_two_outputs_read_of_one_drive_is_one_state(swift_fmu: Path, tmp_path: Path) -> None:
