@@ -126,3 +126,9 @@ def test_bad_input_is_one_line(
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert token in err
+
+
+def test_options_of_before_are_read_with_a_warning(tmp_path: Path) -> None:
+    words = ["tradeoff", "--only", "widths", "--accuracies", "7"]
+    with pytest.warns(DeprecationWarning, match="--only"):
+        assert main([*words, "--out", str(tmp_path / "out")]) == 2  # 7 is no accuracy

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from fitting.lab.tradeoff import FILES
 from fitting.text.results_folder import remove_earlier
 
 NAME = "tradeoff"
+#: Options of 0.2.0 that are read, and do nothing.
+GONE = ("only", "workers", "scheduler", "seed")
 EXAMPLE = "fmu-fit tradeoff --scene string --out out/tradeoff --quick"
 
 
@@ -33,6 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--accuracies", metavar="X,X,...", help="accuracies of plans (1e-1,1e-2,1e-3,1e-4,1e-6)"
     )
+    for name in GONE:
+        parser.add_argument(f"--{name}", help=argparse.SUPPRESS)
 
 
 @writes(NAME, *FILES)
@@ -47,6 +52,10 @@ def run(args: argparse.Namespace) -> int:
     from fitting.lab.tradeoff.report import screen_lines
     from fitting.text.scratch import Scratch
 
+    for name in GONE:
+        if getattr(args, name) is not None:
+            text = f"tradeoff: --{name} has no effect any more and goes with 0.4"
+            warnings.warn(text, DeprecationWarning, stacklevel=2)
     accuracies = () if args.accuracies is None else _accuracies(args.accuracies)
     options = ff.StudyOptions(accuracies=accuracies, quick=args.quick, fit=args.fit)
     with Scratch() as scratch:
