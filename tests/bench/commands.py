@@ -110,7 +110,7 @@ COMMANDS = (
         full=("--laboratories 100 --first 20000 --widen 10 --record out.jsonl",),
         smoke="--kind pairs --laboratories 1 --widen 2",
     ),
-    Command("lines", "coverage of lines of sweeps, and sweeps without one", smoke="1"),
+    Command("lines", "coverage of lines of sweeps, and sweeps without one", ("20",), smoke="1"),
     Command("memory", "memory of fits of many samples", smoke="1x1000"),
     Command(
         "minima",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -97,8 +98,9 @@ def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Determ
     change, most = [unseen.change[name] for name in ("theta", "d1", "d2")], unseen.largest
     text = phrase("knowledge", "change", unseen, determined.knowledge)
     told = [float(n.replace("−", "-")) for n in re.findall(r"[−\d][\d.]*(?:e-\d+)?", text)]
-    for number in (*change, most):  # rounded in words
-        assert np.min(np.abs(np.array(told) - number)) <= 0.06 * abs(number)
+    for number in (*change, most):  # rounded in words, to a digit at least
+        half = 0.5 * 10.0 ** math.floor(math.log10(abs(number)))
+        assert np.min(np.abs(np.array(told) - number)) <= half
     assert most <= 0.01
     assert max(np.abs(change) / (np.pi, 120.0, 120.0)) > 0.01  # no trifle
     best = np.array([determined.parameters[name].likely for name in ("theta", "d1", "d2")])
