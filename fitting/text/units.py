@@ -36,8 +36,7 @@ _ROOT = re.compile(r"(?:√|\bsqrt|\brt)\s*(?:\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+))
 _PLAIN = re.compile(r"[\w°Ωµμ%./*^() \u00b2\u00b3·-]+")
 
 
-#: Common units: what they are multiples of (without a dimension in common with any other one here),
-#: with its dimensions and its prefixes. pint knows them as well, but takes 0.7 s to load.
+#: Common units: their prefixes and dimensions. pint knows them as well, but takes 0.7 s to load.
 _PREFIXES = {"": 0, "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3}
 _PREFIXES |= {"k": 3, "M": 6, "G": 9}
 _SMALL = "fpnuµμm"
