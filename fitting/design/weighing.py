@@ -411,7 +411,8 @@ def _weighed(data: Series, limits: Limits, known: Known, own: IntArray) -> Weigh
 
 
 def _largest(peaks: FloatArray) -> FloatArray:
-    return np.max(peaks, axis=1, keepdims=True)
+    largest: FloatArray = np.max(peaks, axis=1, keepdims=True)
+    return largest
 
 
 def _effort(choice: DriveChoice) -> float:

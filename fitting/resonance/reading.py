@@ -372,10 +372,9 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     if columns.average:
         count = frequency_hz.size
         frequency_hz, first, group = np.unique(frequency_hz, return_index=True, return_inverse=True)
-        sums = np.zeros(frequency_hz.size, dtype=values.dtype)
+        sums = np.zeros_like(values, shape=frequency_hz.shape)
         np.add.at(sums, group.ravel(), values)
-        means = sums / np.bincount(group.ravel())
-        values = np.asarray(means, dtype=values.dtype)
+        values = sums / np.bincount(group.ravel())
         places = tuple(places[i] for i in first)
         repeated.append(note(Kind.rows_averaged, count=count, points=frequency_hz.size))
     made = trace_of(frequency_hz, values, unit, source=str(path), places=places)

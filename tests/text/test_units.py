@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from decimal import Decimal
+from typing import Any
 
 import pint
 import pytest
@@ -77,7 +78,7 @@ def test_conversion(value: float, unit: str, wanted: str | None, truth: float) -
 
 def test_common_units_are_those_of_pint() -> None:
     """They are known without it: kind, factor and dimensions of each pair are its own."""
-    registry = pint.UnitRegistry(non_int_type=Decimal)
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(non_int_type=Decimal)
     for unit, other in itertools.product(COMMON, repeat=2):
         one, two = (
             registry.parse_units({"": "1", "-": "1", "1": ""}.get(u, u.replace("s2", "s**2")))
