@@ -372,9 +372,10 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     if columns.average:
         count = frequency_hz.size
         frequency_hz, first, group = np.unique(frequency_hz, return_index=True, return_inverse=True)
-        sums = np.zeros_like(values, shape=frequency_hz.shape)
-        np.add.at(sums, group.ravel(), values)
-        values = sums / np.bincount(group.ravel())
+        means = np.zeros(frequency_hz.size, dtype=np.result_type(values))
+        np.add.at(means, group.ravel(), values)
+        means /= np.bincount(group.ravel())
+        values = means
         places = tuple(places[i] for i in first)
         repeated.append(note(Kind.rows_averaged, count=count, points=frequency_hz.size))
     made = trace_of(frequency_hz, values, unit, source=str(path), places=places)
