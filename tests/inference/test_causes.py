@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.constants import Boltzmann
+from scipy.optimize import least_squares
 
 from fitting.inference.checks import curve_mistakes
 from fitting.measurements.residual_curve import ResidualCurve
@@ -154,6 +155,22 @@ scale = "none"
     values = np.column_stack([U, amplitude + drawn(1, U.size)])
     tables = {"sweep.csv": ("frequency (Hz),amplitude (m)", values)}
     return Laboratory(text, tables, "" if centre else KNOWN_CENTRE)
+
+
+def faint(noise: float, background: str = "none") -> Laboratory:
+    """Magnitudes of two quadratures of noise (share of the top) over a line as narrow as a step."""
+    u = F_HZ + np.linspace(-1600.0, 1600.0, 129)
+    quadratures = np.random.default_rng(8).standard_normal((2, u.size))
+    seen = np.abs(response(u) + noise * TOP * (quadratures[0] + 1j * quadratures[1]))
+    text = f"""{DRIVE}[sweep]
+file = "sweep.csv"
+amplitude = "m peak"
+use = "fit"
+scale = "fit"
+background = "{background}"
+{WIDTH}"""
+    table = ("frequency (Hz),amplitude (m)", np.column_stack([u, seen]))
+    return Laboratory(text, {"sweep.csv": table}, KNOWN_CENTRE)
 
 
 def thrice(shifts_hz: Sequence[float], offset: complex = 0.0) -> Laboratory:
@@ -368,6 +385,36 @@ def test_a_right_model_has_no_cause(name: str, swift_fmu: Path, tmp_path: Path) 
     code, result, _ = RIGHT[name].reconstructed(swift_fmu, tmp_path)
     assert code == 0
     assert result.findings == ()
+
+
+def test_the_floor_of_magnitudes_is_an_offset_and_a_background_mends_it(
+    swift_fmu: Path, tmp_path: Path
+) -> None:
+    """Far from the line |noise| is 1.25 of a quadrature's on average (Rice): that is in the data.
+
+    The same least squares by scipy: a line and a constant.
+    """
+    laboratory = faint(0.03)
+    (tmp_path / "mended").mkdir()
+    _, result, _ = laboratory.reconstructed(swift_fmu, tmp_path)
+    [cause] = [f for f in result.findings if f.kind in CAUSES]
+    assert cause.kind is Kind.offset
+    [(_, table)] = laboratory.tables.values()
+    u, seen = table.T
+
+    def left(p: FloatArray) -> FloatArray:
+        return np.asarray((p[1] * np.abs(response(u, w=p[0])) + p[2] * TOP - seen) / TOP)
+
+    offset = least_squares(left, [40.0, 1.0, 0.0]).x[2] * TOP
+    assert cause.numbers["size"] == pytest.approx(offset, rel=0.02)
+    _, mended, _ = faint(0.03, "offset").reconstructed(swift_fmu, tmp_path / "mended")
+    assert not {f.kind for f in mended.findings} & (CAUSES | {Kind.correlated_residuals})
+
+
+def test_one_point_of_a_line_is_no_offset(swift_fmu: Path, tmp_path: Path) -> None:
+    """The same line far above its noise: one point of 81 stands out, and nothing is wrong."""
+    _, result, _ = faint(1e-4).reconstructed(swift_fmu, tmp_path)
+    assert not {f.kind for f in result.findings} & (CAUSES | {Kind.correlated_residuals})
 
 
 #: What no single number mends: a second line, an amplifier's slope, a drift that bends, a law

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.linalg import expm
 
 from tests.bench.bench_hidden import KINDS, read
+from tests.support.hidden import joint
 from tests.support.hidden.judge import _Answer, _false, _said
 from tests.support.hidden.laboratory import NOISE
 from tests.support.hidden.motion import TWO_PI, chain, hybrid
@@ -66,6 +68,17 @@ def test_a_third_is_wrong_and_the_others_leave_nothing(kind: str, tmp_path: Path
             assert float(np.sum(one.left_at(one.truth) ** 2)) < 1e-3
         paths = one.write(tmp_path / str(one.seed), tmp_path / "model.fmu")
         assert all("model.fmu" in path.read_text() for path in paths)
+
+
+def test_amplitudes_without_their_sign_have_an_offset() -> None:
+    """Mean of |a + g| by quadrature; of 1018, most points are noise, and only there it shows."""
+    for a in (0.0, 0.3, 1.0, 2.5):
+        mean, _ = quad(lambda x, a=a: abs(a + x) * math.exp(-0.5 * x * x), -12.0, 12.0, points=[-a])
+        [found] = joint.noise_floor(np.array([a]), np.ones(1))
+        assert found == pytest.approx(mean / math.sqrt(TWO_PI) - a, abs=1e-9)
+    right = [joint.laboratory(seed) for seed in range(1000, 1050)]
+    offset = [one.seed for one in right if "offset" in one.causes and not one.mistake]
+    assert offset == [1018]
 
 
 def answer(code: int, value: float, *findings: str) -> _Answer:

@@ -17,11 +17,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import lambertw
 
 from fitting.campaign.parameters import inverse_priors, search_bounds
-from fitting.fit.objective import evaluate_many, jacobian
+from fitting.fit.objective import Point, evaluate_many, jacobian
 from fitting.fit.solution import Solution
+from fitting.measurements.dataset import own_scale
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.tones import Tones
@@ -158,7 +160,7 @@ class Search:
     def __init__(self, solution: Solution, curves: Sequence[_Curve]) -> None:
         self.solution, self.curves = solution, curves
         self.bounds = search_bounds(solution.parameters)
-        self.inside = solved_inside(solution, solution.final.parameters)
+        self.inside = solved_inside(solution, solution.final)
         self.known = solution.objective.data.sigma > 0.0
         self.sigma = solution.noise.sigma.copy()
         for rows in (each.rows for each in curves):
@@ -242,7 +244,7 @@ class Search:
     def sized(self, trial: Trial) -> Trial:
         """The best sizes, and the best values of what is solved inside, at parameters x."""
         [point] = evaluate_many(self.solution.objective, [trial.x])
-        inside, count = solved_inside(self.solution, point.parameters), trial.sizes.size
+        inside, count = solved_inside(self.solution, point), trial.sizes.size
 
         def at(sizes: FloatArray) -> Trial:
             here = self._corrected(replace(trial, sizes=sizes), point.residuals, inside)
@@ -323,21 +325,25 @@ def _shifted(trial: Trial, columns: FloatArray) -> FloatArray:
     return moved
 
 
-def solved_inside(solution: Solution, parameters: FloatArray) -> FloatArray:
-    """Derivatives (m, k) of all rows by what measurements are solved for inside.
+def solved_inside(solution: Solution, point: Point) -> FloatArray:
+    """Derivatives (m, k) of all rows by scales taken from rows and what else is solved inside.
 
     Args:
         solution: the end of a fit.
-        parameters: where, in their units, shape (n,).
+        point: where.
     """
     data = solution.objective.data
-    if not data.solved_inside:
-        return np.empty((data.sigma.size, 0))
-    [answer] = solution.objective.response.evaluate_many([parameters])
-    blocks = []
-    for m, at, prediction in zip(data.measurements, data.slices, answer.predictions, strict=True):
-        columns = m.solved_columns(prediction) if m.rows else np.empty((0, 0))
-        block = np.zeros((data.sigma.size, columns.shape[1]))
-        block[at] = columns
-        blocks.append(block)
-    return np.hstack(blocks)
+    of_scale = point.residuals + data.measured_rows  # d r/d ln chi
+    blocks = [
+        np.where(data.series_of_rows == k, of_scale, 0.0)[:, None]
+        for k, series in enumerate(data.series)
+        if any(m.series == series and own_scale(m) for m in data.measurements)
+    ]
+    if data.solved_inside:
+        [answer] = solution.objective.response.evaluate_many([point.parameters])
+        columns = [
+            m.solved_columns(prediction) if m.rows else np.empty((0, 0))
+            for m, prediction in zip(data.measurements, answer.predictions, strict=True)
+        ]
+        blocks.append(block_diag(*columns))
+    return np.hstack([np.empty((data.sigma.size, 0)), *blocks])

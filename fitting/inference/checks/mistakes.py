@@ -127,7 +127,7 @@ def without_outliers(fit: Fit, adequacy: Adequacy) -> Adequacy:
         return adequacy
     solution, known = fit.solution, fit.problem.data.sigma > 0.0
     try:
-        inside = solved_inside(solution, solution.final.parameters)
+        inside = solved_inside(solution, solution.final)
     except (FmuFailure, NoScale):
         return adequacy
     columns, sigma = np.column_stack([solution.matrix, inside])[known], solution.noise.sigma[known]
