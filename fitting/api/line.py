@@ -16,10 +16,10 @@ import fitting.resonance.line as sweeps
 import fitting.resonance.noise_line as spectra
 import fitting.resonance.ringdown as decays
 from fitting.api.printed import HtmlText
+from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import DipReading
 from fitting.report.resonance import text
-from fitting.resonance.decay_reading import is_over_time, read_decay_of
-from fitting.resonance.decay_record import AMPLITUDES, PHASORS, decay_record_of
+from fitting.resonance.decay_reading import decay_record_of, is_over_time, read_decay_of
 from fitting.resonance.line import WIRINGS, line_of
 from fitting.resonance.noise_line import noise_line_of, noise_record_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
@@ -205,8 +205,8 @@ def ringdown(
 
     Samples of the motion, complex values of a demodulator, or amplitudes alone, which tell no
     frequency. Where the decay begins is found. A constant beside it is solved for; a second line,
-    and a frequency that moves with the square of the amplitude, are looked for, see
-    `fitting.resonance.decay_fit` for the formula. Errors hold for noise as it is seen in what the
+    and a frequency or damping that follows the square of the amplitude, are looked for, see
+    `fitting.lines.ringdown` for the formula. Errors hold for noise as it is seen in what the
     fit leaves, and are wider where neighbouring samples follow each other.
 
     Args:

@@ -19,7 +19,8 @@ from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.series import LIST, Series, series_of
 from fitting.draft.sweeps import check_one_line, sweeps_draft
 from fitting.draft.traces import INPUT, OUTPUT, lines_of_recording, recordings_of, traces_draft
-from fitting.resonance.reading import TIME_PAGE, Columns
+from fitting.lines.names import TIME_PAGE
+from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.results_folder import results_folder

@@ -17,7 +17,8 @@ from fitting.draft.model import COUPLING, UNCOUPLED, Offer, is_of_solver
 from fitting.draft.questions import Answers, Question
 from fitting.extension.fmu import Run
 from fitting.extension.records import Pulse, TraceRecord
-from fitting.resonance.decay_record import SAMPLES, decay_record_of
+from fitting.lines.decay_record import SAMPLES
+from fitting.resonance.decay_reading import decay_record_of
 from fitting.resonance.ringdown import Ringdown
 from fitting.resonance.ringdown import ringdown_of as lines_of
 from fitting.text.arrays import FloatArray, Scalar

@@ -38,8 +38,8 @@ from fitting.inference.line_fits import (
     MOST_SAMPLES,
     TRIED,
     ComplexLines,
+    DecayingLines,
     LineFits,
-    decays,
     pair,
     single_lines,
 )
@@ -397,18 +397,22 @@ def compared_decay(trace: TraceRecord, model: Model) -> Adequacy | None:
     if rows < 4 * (4 * count + 1):
         return None
     left = model.residuals[:MOST_SAMPLES]
-    squares, fit = float(left @ left), decays(trace, count)
-    if fit is None or not fit[0].squares < squares:
+    squares = float(left @ left)
+    try:
+        lines = DecayingLines(trace, count)
+    except ValueError:
         return None
-    lines, structure = fit
-    freedom, more = rows - lines.unknowns, max(1, lines.unknowns - model.unknowns)
-    chance = float(fdtrc(more, freedom, (squares / lines.squares - 1.0) / more * freedom))
+    fit, structure = lines.fit, lines.structure
+    if not fit.squares < squares:
+        return None
+    freedom, more = rows - fit.unknowns, max(1, fit.unknowns - model.unknowns)
+    chance = float(fdtrc(more, freedom, (squares / fit.squares - 1.0) / more * freedom))
     if structure.p_value <= NO_NOISE or chance > IMPROBABLE / rows:
         return None
     return Adequacy(
-        chi_square=squares * freedom / lines.squares,
+        chi_square=squares * freedom / fit.squares,
         freedom=float(freedom),
         p_value=chance,
         describes=False,
-        rival=Rival(shape="decays", frequencies_hz=lines.frequency_hz, remedy="states"),
+        rival=Rival(shape="decays", frequencies_hz=lines.frequencies_hz, remedy="states"),
     )

@@ -11,12 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
+from fitting.lines.decay_model import Decays, fit_decays
+from fitting.lines.decay_record import SAMPLES
 from fitting.lines.form import LineFit, fit_resonance
 from fitting.lines.names import FLOOR, OFFSET, RICE, SLOPE
 from fitting.lines.pair import Pair, bent_line, pair_of
+from fitting.lines.solve import Fit
 from fitting.measurements.traces.record import TraceRecord
 from fitting.signal.complex_line import complex_line
-from fitting.signal.decaying_lines import DecayingLines, decaying_lines
 from fitting.signal.lines_together import LinesTogether, lines_together
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
@@ -139,13 +141,19 @@ class ComplexLines:
         return all(mode.is_seen(self.frequency_hz) for mode in self.fit.modes)
 
 
-def decays(trace: TraceRecord, count: int) -> tuple[DecayingLines, Structure] | None:
-    """So many decaying lines of a free decay's first samples, and the structure of what they leave.
+class DecayingLines:
+    """So many decaying lines of a free decay's first samples, over the largest one."""
 
-    Args:
-        trace: the free decay.
-        count: of lines.
-    """
-    values = np.asarray(trace.y[:MOST_SAMPLES] / trace.largest)
-    lines = decaying_lines(values, trace.spacing_s, count, offset=trace.offset)
-    return None if lines is None else (lines, residual_structure(lines.left, lines.columns))
+    def __init__(self, trace: TraceRecord, count: int) -> None:
+        """Fit them.
+
+        Raises:
+            ValueError: one that hardly oscillates.
+        """
+        values = np.asarray(trace.y[:MOST_SAMPLES] / trace.largest)
+        model = Decays(samples=values.size, kind=SAMPLES, lines=count, constant=trace.offset)
+        self.fit: Fit = fit_decays(model, values)
+        turns = np.sort(np.abs(self.fit.x[::2]))
+        self.frequencies_hz = tuple(float(f) for f in turns / (values.size * trace.spacing_s))
+        linear = self.fit.jacobian[:, model.count :]
+        self.structure = residual_structure(self.fit.residuals, linear)

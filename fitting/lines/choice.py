@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.special import fdtrc
@@ -45,7 +45,27 @@ DETERMINED = 0.2
 DOUBT = {"single": 2.0}
 
 
-def criteria_of(fits: Sequence[LineFit], rows: int) -> FloatArray:
+class Described(Protocol):
+    """A model as it is compared with others."""
+
+    @property
+    def name(self) -> str:
+        """Of its form."""
+
+    @property
+    def unknowns(self) -> int:
+        """Real numbers that were fitted."""
+
+    @property
+    def likely_squares(self) -> float:
+        """Squares of residuals with which normal noise of one size is as likely."""
+
+    @property
+    def structure(self) -> Structure:
+        """What the order of the residuals shows."""
+
+
+def criteria_of(fits: Sequence[Described], rows: int) -> FloatArray:
     """Akaike's criterion of every model over the lowest one; NaN where there are too few points.
 
     Args:
@@ -63,7 +83,7 @@ def criteria_of(fits: Sequence[LineFit], rows: int) -> FloatArray:
     return np.array(made) - np.nanmin(made) if not np.all(np.isnan(made)) else np.array(made)
 
 
-def order_of(fits: Sequence[LineFit], criteria: FloatArray) -> list[int]:
+def order_of(fits: Sequence[Described], criteria: FloatArray) -> list[int]:
     """Numbers of the models, the one that is taken first, the others by their criterion.
 
     Args:
@@ -103,7 +123,7 @@ def chance(
     return gain_p(squares, left, max(1, more - unknowns), dof)
 
 
-def gain_p(before: float, after: float, more: int, dof: float) -> float:
+def gain_p(before: float, after: float, more: float, dof: float) -> float:
     """Probability that noise alone lets ``more`` numbers lower a sum of squares so far (F test).
 
     Args:

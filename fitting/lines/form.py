@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from fitting.lines.names import FORM_OF, MIN_SWEEP_POINTS
+from fitting.lines.numbers import Numbers
 from fitting.lines.rice import fit_readings
 from fitting.lines.solve import Array, Fit, fit_model, folded
 from fitting.lines.starts import Start, amplitude_starts, point_noise
@@ -46,7 +47,7 @@ from fitting.signal.line_record import (
 )
 from fitting.signal.peaks import mode_response
 from fitting.signal.residual_tests import Structure
-from fitting.signal.student import ROOT_68, ratio95, reach
+from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many
@@ -308,34 +309,8 @@ class _Sweep:
             )
 
 
-class _Numbers:
-    """Numbers of a fit with the errors of its covariance, widened for what residuals show."""
-
-    def __init__(self, fit: Fit, sigma: float | None) -> None:
-        self.fit, self.structure = fit, fit.structure
-        known = sigma is not None
-        self.dof = math.inf if known else fit.dof / self.structure.widening**2
-        variance = fit.squares / fit.dof if sigma is None else sigma**2
-        self.variance = variance
-        widened = self.structure.widening**2 * variance * fit.inverse
-        self.covariance = reach(ROOT_68, self.dof) ** 2 * widened
-
-    def std(self, gradient: FloatArray) -> float:
-        """Half of the 68 % interval of a number with this gradient by the unknowns."""
-        at = np.flatnonzero(gradient)
-        part = self.covariance[np.ix_(at, at)]
-        size = float(np.max(np.abs(gradient), initial=0.0))  # its square may be no number
-        unit = gradient[at] / size if size else gradient[at]
-        return size * math.sqrt(max(0.0, float(unit @ part @ unit)))
-
-    def number(
-        self, name: str, value: float, slopes: Sequence[tuple[int, float]], unit: str = ""
-    ) -> LineNumber:
-        """A number with its error; slopes by single unknowns."""
-        gradient = np.zeros(self.fit.unknowns)
-        for k, slope in slopes:
-            gradient[k] += slope
-        return number_of_line(name, value, self.std(gradient), unit, half=ratio95(self.dof))
+class _Numbers(Numbers):
+    """Numbers of lines of a sweep."""
 
     def line(self, start: Place, place: Place, number: int = 0) -> dict[str, Any]:
         """Frequency, width and quality of a line."""
@@ -381,7 +356,7 @@ class _Complex(_Sweep):
         shapes = model.shapes
         places = shapes.places(fit.x)
         self.check(places[0], fit)
-        numbers = _Numbers(fit, None)
+        numbers = _Numbers(fit)
         gain = complex(fit.coefficients[0])
         size, first = abs(gain), model.count
         delay = None

@@ -32,3 +32,8 @@ WORDS = {
 WORDS_COMPLEX = {**WORDS, SLOPED: "a complex background that changes linearly with frequency"}
 #: Fewest points of a sweep that is fitted.
 MIN_SWEEP_POINTS = 8
+#: What fits a recording over time, and what is printed of one that is no free decay.
+TIME_PAGE = "fmu-fit help traces"
+TIME_WAY = (
+    f"the FMU whose output was recorded, as fmu-fit init --fmu drafts a campaign: {TIME_PAGE}"
+)

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import i0e, i1e
 
-from fitting.lines.solve import Fit, Model, fit_model
+from fitting.lines.solve import Columns, Fit, Model, fit_model
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.signal.rician import rician_deviation, rician_mean, rician_slope
 from fitting.text.arrays import FloatArray
@@ -53,7 +53,12 @@ def fit_readings(
     noise = math.sqrt(fit.squares / fit.dof)
     if not noise > SMALLEST_RESIDUAL:
         raise ValueError("its points have no noise by which to detect single readings")
-    unknowns = np.array([*fit.x, *fit.coefficients, math.log(noise)])
+    begun = [np.array([*fit.x, *fit.coefficients, math.log(noise)])]
+    # where the line drowns the squares, to which noise adds a constant, are the closer begin
+    powers = fit_model(_Power(model), values**2, [*starts, fit.x])
+    line, floor = np.sqrt(np.maximum(powers.coefficients, SMALLEST_RESIDUAL**2))
+    begun.append(np.array([*powers.x, line, math.log(floor / math.sqrt(2.0))]))
+    unknowns = max(begun, key=lambda there: _value(model, values, there))
     unknowns, information, converged = _likeliest(model, values, unknowns)
     nu, slopes = _line(model, unknowns)
     sigma = math.exp(float(unknowns[-1]))
@@ -76,6 +81,24 @@ def fit_readings(
     )
     variance = readings.squares / readings.dof
     return replace(readings, folds=spread / variance), values.size * math.exp(mean)
+
+
+@dataclass(frozen=True, eq=False)
+class _Power:
+    """Squares of readings: columns |g|^2 and 1."""
+
+    model: Model
+
+    def columns(self, x: FloatArray) -> Columns:
+        values, slopes = self.model.columns(x)
+        one = np.ones_like(values)
+        squares = np.concatenate([values**2, one], axis=1)
+        return Columns(squares, np.concatenate([2.0 * values * slopes, 0.0 * slopes], axis=2))
+
+
+def _value(model: Model, values: FloatArray, unknowns: FloatArray) -> float:
+    """Logarithm of the likelihood."""
+    return _log_likelihood(values, _line(model, unknowns)[0], math.exp(float(unknowns[-1])))
 
 
 def _line(model: Model, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -130,11 +153,7 @@ def _likeliest(
     model: Model, values: FloatArray, unknowns: FloatArray
 ) -> tuple[FloatArray, FloatArray, bool]:
     """The unknowns of largest likelihood, the information there, and whether it was reached."""
-
-    def value(there: FloatArray) -> float:
-        return _log_likelihood(values, _line(model, there)[0], math.exp(float(there[-1])))
-
-    best = value(unknowns)
+    best = _value(model, values, unknowns)
     gradient, information = _newton(model, values, unknowns)
     for _ in range(STEPS):
         matrix, scale = _scaled(information)
@@ -144,7 +163,7 @@ def _likeliest(
         )
         for part in 0.5 ** np.arange(HALVINGS):
             there = unknowns + part * step / scale
-            found = value(there)
+            found = _value(model, values, there)
             if found >= best:
                 break
         else:

@@ -11,9 +11,11 @@ from dataclasses import replace
 from typing import Any
 
 from fitting.lines.choice import SIMPLER
+from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import NOTCH, REFLECTION
 from fitting.lines.faults import fault_finding
 from fitting.lines.names import FANO, TRANSMISSION, WORDS, WORDS_COMPLEX
+from fitting.lines.ringdown import ALONE, FORM_WORDS
 from fitting.report.table import (
     Table,
     environment,
@@ -21,11 +23,10 @@ from fitting.report.table import (
     terminal_text,
     wrapped,
 )
-from fitting.resonance.decay_record import AMPLITUDES, PHASORS
 from fitting.resonance.line import Line
 from fitting.resonance.noise_line import NoiseLine
 from fitting.resonance.record import MeasuredLine
-from fitting.resonance.ringdown import ALONE, FORM_WORDS, MOVING, NOISE, Ringdown
+from fitting.resonance.ringdown import Ringdown
 from fitting.signal.line_record import TriedForm
 from fitting.signal.noise_lines import COUPLED, TOGETHER
 from fitting.signal.residual_tests import NOTABLE
@@ -136,8 +137,8 @@ def _of_ringdown(result: Ringdown) -> dict[str, Any]:
         "phasors": PHASORS,
         "amplitudes": AMPLITUDES,
         "alone": ALONE,
-        "noise": NOISE,
-        "moving": MOVING,
+        # amplitudes without a constant have the noise of X and Y, which has no error
+        "in_noise": result.kind == AMPLITUDES and result.background_std == 0.0,
         "correlated": CORRELATED in result.structure.found,
     }
 

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from fitting.lines.decay_record import SAMPLES
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.resonance.decay_record import SAMPLES
 from fitting.resonance.line import Line
 from fitting.resonance.noise_line import NoiseLine
 from fitting.resonance.record import MeasuredLine

@@ -11,6 +11,7 @@ import numpy as np
 from fitting.campaign.instruments import Channel, Recording, Selection, read_recording
 from fitting.campaign.instruments.roles import without_zero
 from fitting.campaign.recognised import Recognised, recognised
+from fitting.lines.names import TIME_WAY
 from fitting.resonance.control_map import ControlMap, map_of
 from fitting.resonance.trace import Trace, swapped, trace_of
 from fitting.text.arguments import checked
@@ -26,11 +27,6 @@ POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
 
 #: Names of columns that a complaint lists.
 MOST_SHOWN = 12
-#: What fits a recording over time, and what is said of one that is no free decay.
-TIME_PAGE = "fmu-fit help traces"
-TIME_WAY = (
-    f"the FMU whose output was recorded, as fmu-fit init --fmu drafts a campaign: {TIME_PAGE}"
-)
 #: Roles of columns of a sweep whose values are amplitudes; of a noise spectrum it is another.
 AMPLITUDE = "amplitude"
 #: Unit of amplitudes that were levels over a milliwatt.

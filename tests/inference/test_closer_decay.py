@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fitting.inference.closer_form import Model, compared_decay
+from fitting.inference.line_fits import DecayingLines
 from fitting.measurements.traces.record import TraceRecord
-from fitting.signal.decaying_lines import decaying_lines
 from fitting.text.rendering import phrase
 
 T = np.arange(2500) / 8000.0
@@ -21,9 +21,8 @@ def test_a_second_line_is_told_where_one_line_leaves_it(second: float, said: boo
         fall = np.exp(-np.pi * 4.0 * T)
         y = fall * (np.cos(2e3 * np.pi * 1.0003 * T) + second * np.sin(2e3 * np.pi * 1.013 * T))
         trace = TraceRecord(T, y + noise, input="force", start="unknown")
-        one = decaying_lines(trace.y / trace.largest, trace.spacing_s, 1)
-        assert one is not None
-        found = compared_decay(trace, Model(one.left, 4))
+        one = DecayingLines(trace, 1)
+        found = compared_decay(trace, Model(one.fit.residuals, 4))
         assert (found is not None) is said
         if found is not None:
             assert not found.describes

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import fdtrc
 
-from fitting.resonance.decay_record import AMPLITUDES, PHASORS, DecayRecord
+from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.signal.decay import decay_start
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Samples up to which the begin is looked for in all of them.
 MOST = 20_000
@@ -36,20 +36,21 @@ UNKNOWNS = 4
 IMPROBABLE = 1e-4
 
 
-def begin_of(record: DecayRecord, lines: int = 1) -> int:
+def begin_of(values: FloatArray | ComplexArray, kind: str, lines: int = 1) -> int:
     """Number of the first sample of the free decay; 0 where none before it is seen.
 
     Args:
-        record: what was recorded.
+        values: of the record, (n,), evenly sampled.
+        kind: what was recorded, see `fitting.lines.decay_record`.
         lines: that decay.
     """
-    every = -(-record.values.size // MOST)
-    y, states = record.values[::every], 2 * lines
-    if record.kind in (PHASORS, AMPLITUDES):
+    every = -(-values.size // MOST)
+    y, states = values[::every], 2 * lines
+    if kind in (PHASORS, AMPLITUDES):
         # a decay that swings, for what looks for one; a constant is then a line of its own
         y, states = y * np.exp(0.5j * np.pi * (np.arange(y.size) % 4 + 0.5)), states + 2
     found = (decay_start(np.asarray(y.real), states) or 0) * every
-    return max(found, held_samples(record.values.real)) if record.kind == AMPLITUDES else found
+    return max(found, held_samples(values.real)) if kind == AMPLITUDES else found
 
 
 def held_samples(amplitudes: FloatArray) -> int:

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from fitting.measurements.traces.grid import LEAST_SAMPLES, spacing_s
+from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import how_many, number
-from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: What was recorded: the motion itself, X and Y, or amplitudes alone; None: it has to be seen.
 SAMPLES, PHASORS, AMPLITUDES = KINDS = ("samples", "phasors", "amplitudes")
@@ -52,6 +50,11 @@ class DecayRecord:
         return float(self.time_s[-1] - self.time_s[0]) / (self.time_s.size - 1)
 
     @property
+    def span_s(self) -> float:
+        """Length of the record, s."""
+        return self.spacing_s * self.values.size
+
+    @property
     def top(self) -> float:
         """The largest modulus, in ``unit``."""
         return float(np.max(np.abs(self.values)))
@@ -72,11 +75,11 @@ class DecayRecord:
         high = math.inf if high_s is None else high_s
         kept = np.flatnonzero((self.time_s >= low) & (self.time_s <= high))
         first, last = number(float(self.time_s[0]), 6), number(float(self.time_s[-1]), 6)
-        if kept.size < LEAST_SAMPLES:
+        if kept.size < MIN_SWEEP_POINTS:
             raise BadInput(
                 f"{self.source}: {how_many(kept.size, 'sample lies', 'samples lie')} between "
-                f"--from and --to, wanted at least {LEAST_SAMPLES}; its samples run from {first} "
-                f"to {last} s"
+                f"--from and --to, wanted at least {MIN_SWEEP_POINTS}; its samples run from "
+                f"{first} to {last} s"
             )
         taken = note(Kind.part_taken, "sample", taken=kept.size, count=self.time_s.size)
         return replace(self.part(int(kept[0]), int(kept[-1]) + 1), reading=(*self.reading, taken))
@@ -89,30 +92,3 @@ class DecayRecord:
             end: of the one behind the last.
         """
         return replace(self, time_s=self.time_s[first:end], values=self.values[first:end])
-
-
-def decay_record_of(
-    time_s: npt.ArrayLike, values: npt.ArrayLike, unit: str, source: str = "arrays"
-) -> DecayRecord:
-    """A checked record of arrays.
-
-    Args:
-        time_s: evenly spaced, shape (n,), s.
-        values: samples or amplitudes, or complex ones that were demodulated, shape (n,).
-        unit: of the values.
-        source: what complaints name it by.
-
-    Raises:
-        BadInput: shapes that differ, values that are no numbers, times that are not even.
-    """
-    t, y = as_numbers(time_s, f"{source}: times"), as_values(values, f"{source}: values")
-    if t.ndim != 1 or t.shape != y.shape:
-        raise BadInput(f"{source}: times {t.shape} and values {y.shape}; wanted (n,) for both")
-    for name, numbers in (("time", t), ("value", y)):
-        for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
-            raise BadInput(f"{source}: {name} number {i + 1} is {numbers[i]}, wanted a finite one")
-    require_size(t, f"{source}: times")
-    require_size(y, f"{source}: values")
-    spacing_s(t, source)
-    kind = PHASORS if np.iscomplexobj(y) else ""
-    return DecayRecord(source=source, time_s=t, values=y, unit=unit, kind=kind)

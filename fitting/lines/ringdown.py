@@ -1,0 +1,492 @@
+"""The line of a free decay: where it begins, every form that may describe it, the one that does.
+
+`alone` is one line, `constant` has a constant next to it, `second` a further line, too. Where
+residuals are no noise the frequency follows the square of the amplitude in `moving`, the damping in
+`damping`, both in `nonlinear`. Of amplitudes `noise` has the noise of X and Y, from which they do
+not fall, and `constant` the zero of a detector.
+
+A drive or a blow may come before the decay. The begin that the record suggests is taken where the
+samples before it follow another decay than those behind it, or none, by the F tests of G. Chow,
+Econometrica 28 (1960) 591; else the decay is that of all samples.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fitting.lines.choice import EQUAL, criteria_of, gain_p, order_of
+from fitting.lines.decay_begin import begin_of
+from fitting.lines.decay_model import Decays, fit_decays, fit_law
+from fitting.lines.decay_record import AMPLITUDES, PHASORS, SAMPLES, DecayRecord
+from fitting.lines.names import TIME_WAY
+from fitting.lines.numbers import Numbers
+from fitting.lines.rice import fit_readings
+from fitting.lines.solve import Array, Fit
+from fitting.signal.line_record import (
+    LineNumber,
+    SecondLine,
+    line_numbers,
+    number_of_line,
+)
+from fitting.signal.residual_tests import (
+    SMALLEST_RESIDUAL,
+    STRUCTURED,
+    Structure,
+    residual_structure,
+)
+from fitting.signal.student import ratio95
+from fitting.text.errors import BadInput
+from fitting.text.notation import number, quantity
+
+ALONE, CONSTANT, SECOND, MOVING, NOISE = "alone", "constant", "second", "moving", "noise"
+DAMPING, NONLINEAR = "damping", "nonlinear"
+#: What each form is, in words.
+FORM_WORDS = {
+    ALONE: "the decay alone",
+    CONSTANT: "the decay and a constant",
+    SECOND: "two decays and a constant",
+    MOVING: "a decay whose frequency moves with the square of its amplitude, and a constant",
+    DAMPING: "a decay whose damping depends on the square of its amplitude",
+    NONLINEAR: "a decay whose frequency and damping depend on the square of its amplitude",
+    NOISE: "the decay in the noise of X and Y (Rice)",
+}
+#: Terms of each form.
+TERMS: dict[str, dict[str, Any]] = {
+    ALONE: {"constant": False},
+    CONSTANT: {},
+    NOISE: {},
+    SECOND: {"lines": 2},
+    MOVING: {"moves": True},
+    DAMPING: {"damps": True},
+    NONLINEAR: {"moves": True, "damps": True},
+}
+#: A decay is there if noise alone were to look like one less often than this.
+SEEN_P = 1e-3
+#: Probability below which chance does not explain what a larger form, or a begin, gains.
+IMPROBABLE = 1e-4
+#: Samples up to which a further line is looked for where residuals seem noise.
+MOST = 200_000
+#: Share of the largest value below zero from which a record swings, as amplitudes do not.
+SWINGS = 0.3
+#: Standard errors, and decays of the amplitude over the record, that a line needs to decay.
+DECAYS_SIGMA, DECAYS = 2.0, 0.02
+#: Akaike's criterion by which a form that was not expected has to be better.
+PLAINLY = 10.0
+#: Times the noise of X above which amplitudes are correlated as it is, and how many at least.
+ABOVE, LEAST = 2.0, 40
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DecayFit:
+    """A form of the decay as fitted.
+
+    Attributes:
+        name: of the form.
+        lines: those that decay first, each time the highest at the first sample first.
+        amplitude: of the first line at the first sample.
+        shift: how far the frequency of the first line is moved at the first sample, Hz.
+        extra: how much wider it is there than at small amplitudes, Hz.
+        background: the constant, complex of phasors; of `noise` that of X and Y each.
+        background_std: its error, of complex ones that of either part.
+        model: its shapes and terms.
+        fit: to the values over the largest one.
+        structure: what the residuals show of the noise.
+        dof: degrees of freedom of the noise; correlated samples count as fewer.
+        likely_squares: those with which normal noise of one size is as likely.
+        heights: complex amplitude of each line over the largest value.
+        curve: fitted values, (n,).
+        rival: another form for which the errors hold, too; mostly empty.
+    """
+
+    name: str
+    lines: tuple[SecondLine, ...]
+    amplitude: LineNumber
+    shift: LineNumber
+    extra: LineNumber
+    background: complex
+    background_std: float
+    model: Decays
+    fit: Fit
+    structure: Structure
+    dof: float
+    likely_squares: float
+    heights: tuple[complex, ...]
+    curve: Array = field(repr=False)
+    rival: str = ""
+
+    @property
+    def squares(self) -> float:
+        """Sum of squared residuals over the largest value."""
+        return self.fit.squares
+
+    @property
+    def unknowns(self) -> int:
+        """Number of real unknowns."""
+        return self.fit.unknowns
+
+    @property
+    def rows(self) -> int:
+        """Number of residuals."""
+        return self.fit.residuals.size
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether what it leaves is noise, by all tests."""
+        return min(self.structure.p_value, self.structure.sizes_p) >= STRUCTURED
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of the residuals over the amplitude of the first line."""
+        height = abs(self.heights[0])
+        return math.sqrt(self.fit.squares / self.curve.size) / height if height else math.inf
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RingdownFit:
+    """The decay of a record: every form, the one that is taken first, and the first sample."""
+
+    record: DecayRecord
+    forms: tuple[DecayFit, ...]
+    criteria: tuple[float, ...]
+    first: int
+
+
+def fit_ringdown(record: DecayRecord) -> RingdownFit:
+    """The line of a free decay.
+
+    Args:
+        record: what was recorded.
+
+    Raises:
+        BadInput: no free decay, or one of which too little is recorded.
+    """
+    known = bool(record.kind)
+    record = replace(record, kind=record.kind or _apparent_kind(record))
+    first = begin_of(record.values, record.kind)
+    used, forms = _begun(record, first, known=known)
+    first = record.values.size - used.values.size
+    best = forms[0]
+    if _presence_p(used, best) > SEEN_P:
+        raise _no_decay(record)
+    if not best.lines[0].decays:
+        raise _too_short(used, best.lines[0].width)
+    criteria = criteria_of(forms, best.rows)
+    return RingdownFit(
+        record=used, forms=tuple(forms), criteria=tuple(float(c) for c in criteria), first=first
+    )
+
+
+def _begun(record: DecayRecord, first: int, *, known: bool) -> tuple[DecayRecord, list[DecayFit]]:
+    """The record from where it decays freely on, and every form of it."""
+    whole: list[DecayFit] = []
+    with contextlib.suppress(*([BadInput] if first else [])):
+        whole = _forms(record, known=known)
+        if first == 0 or (whole[0].is_noise and len(whole[0].lines) == 1):
+            return record, whole
+    part = record.part(first, record.values.size)
+    forms = _forms(part, known=known)
+    if len(forms[0].lines) > 1:  # lines that beat look like a begin, to one line
+        earlier = begin_of(record.values, record.kind, len(forms[0].lines))
+        if 0 < earlier < first:
+            first, part = earlier, record.part(earlier, record.values.size)
+            forms = _forms(part, known=known)
+    # the begin of a decay after a drive looks like a second line, too
+    more = whole and len(whole[0].lines) > len(forms[0].lines)
+    if not whole or more or _begins(record, whole, forms, first):
+        return part, forms
+    return record, whole
+
+
+def _begins(
+    record: DecayRecord, whole: Sequence[DecayFit], part: Sequence[DecayFit], first: int
+) -> bool:
+    """Whether the samples before the first do not belong to the decay behind it, by F tests.
+
+    They are compared with the decay that the others have (predictive test), and with one of their
+    own, which a drive that holds the amplitude is, too (test of equal coefficients).
+    """
+    every = next(form for form in whole if form.model.constant)
+    late = next(form for form in part if form.model.constant)
+    alike = late.structure.together**2
+    before = every.squares * record.top**2
+    behind = late.squares * record.part(first, record.values.size).top ** 2
+    rows = every.rows - late.rows
+    chances = [gain_p(before, behind, max(1.0, rows / alike), late.dof)]
+    if rows > 2 * late.unknowns:
+        head = record.part(0, first)
+        model = replace(late.model, samples=first, moves=False, damps=False)
+        with contextlib.suppress(ValueError):
+            own = fit_decays(model, _scaled(head)).squares * head.top**2
+            chances.append(gain_p(before, behind + own, late.unknowns, late.dof))
+    return len(chances) * min(chances) < IMPROBABLE
+
+
+def _apparent_kind(record: DecayRecord) -> str:
+    """Samples or amplitudes: which of both a decay follows closer."""
+    if np.min(record.values.real) < -SWINGS * record.top:
+        return SAMPLES
+    y = np.asarray(record.values.real / record.top)
+    try:
+        line = fit_decays(Decays(samples=y.size, kind=SAMPLES), y)
+    except ValueError:
+        return AMPLITUDES
+    size = fit_decays(Decays(samples=y.size, kind=AMPLITUDES), y)
+    return SAMPLES if line.squares < size.squares else AMPLITUDES
+
+
+# --- forms ---------------------------------------------------------------------------------------
+
+
+def _forms(record: DecayRecord, *, known: bool) -> list[DecayFit]:
+    """Every form of the record, the one that is taken first."""
+    if record.kind == AMPLITUDES:
+        return _of_amplitudes(record, known=known)
+    try:
+        one = _form(record, CONSTANT)
+    except ValueError as error:
+        raise _no_decay(record) from error
+    closer: list[DecayFit] = []
+    if one.squares > one.rows * SMALLEST_RESIDUAL**2 and (not one.is_noise or one.rows <= MOST):
+        closer = _closer(record, one)
+    rest = [one, *_fitted(record, (ALONE,), one)]
+    order = order_of(closer, criteria_of(closer, one.rows)) if closer else []
+    return [*(closer[k] for k in order), *rest]
+
+
+def _closer(record: DecayRecord, one: DecayFit) -> list[DecayFit]:
+    """Larger forms that gain more than noise lets them; where one line leaves noise, two lines."""
+    closer: list[DecayFit] = []
+    if not one.is_noise:
+        closer = _fitted(record, (MOVING, DAMPING), one)
+        closer = [form for form in closer if _gain(one, form) < IMPROBABLE]
+        moving = [form for form in closer if form.name == MOVING and not form.is_noise]
+        if moving:
+            closer += _fitted(record, (NONLINEAR,), moving[0])
+    if not any(form.is_noise for form in closer):
+        closer += _fitted(record, (SECOND,), one)
+    return [form for form in closer if _gain(one, form) < IMPROBABLE]
+
+
+def _of_amplitudes(record: DecayRecord, *, known: bool) -> list[DecayFit]:
+    """Forms of amplitudes: in Rice's noise where they are known to be such, else the closer one."""
+    constant = _form(record, CONSTANT)
+    noise = [] if np.any(record.values < 0.0) else _fitted(record, (NOISE,), constant)
+    forms = [*noise, constant]
+    if noise:
+        here, there = criteria_of(forms, constant.rows)
+        if here - there > (PLAINLY if known else 0.0):
+            forms = forms[::-1]
+        if not known and abs(here - there) < EQUAL:
+            forms[0] = _covering(*forms)
+    best = forms[0]
+    if best.is_noise or best.squares <= best.rows * SMALLEST_RESIDUAL**2:
+        return forms
+    bent = [form for form in _fitted(record, (DAMPING,), best) if _gain(best, form) < IMPROBABLE]
+    return [*bent, *forms]
+
+
+def _fitted(record: DecayRecord, names: Sequence[str], near: DecayFit) -> list[DecayFit]:
+    """Those of some forms that can be fitted, and are determined."""
+    forms = []
+    for name in names:
+        with contextlib.suppress(ValueError, np.linalg.LinAlgError):
+            forms.append(_form(record, name, near))
+    return [form for form in forms if math.isfinite(form.lines[-1].width.std)]
+
+
+def _form(record: DecayRecord, name: str, near: DecayFit | None = None) -> DecayFit:
+    """A form of a record, begun at one line with what is next to it.
+
+    Raises:
+        ValueError: it cannot be fitted.
+    """
+    y = _scaled(record)
+    in_noise = name == NOISE or (near is not None and near.name == NOISE)
+    terms = TERMS[name] | ({"constant": False} if in_noise else {})
+    model = Decays(samples=y.size, kind=record.kind, **terms)
+    begun = None if near is None else near.fit
+    if in_noise and begun is not None:
+        law = [begun.x[-1]] * model.damps
+        fit, likely = fit_readings(model, np.asarray(y, dtype=float), [np.array([*begun.x, *law])])
+        return _numbers(record, name, model, fit, likely)
+    if begun is not None and (model.moves or model.damps):
+        fit = fit_law(model, y, begun)
+    else:
+        fit = fit_decays(model, y, begun if name == SECOND else None)
+    return _numbers(record, name, model, fit, fit.squares)
+
+
+def _scaled(record: DecayRecord) -> Array:
+    """Values over the largest one, complex ones of phasors alone."""
+    y: Array = np.asarray(record.values / record.top, dtype=complex)
+    return y if record.kind == PHASORS else np.asarray(y.real)
+
+
+def _structure(model: Decays, fit: Fit) -> Structure:
+    """What residuals show; of amplitudes in noise those above it, where its correlation shows."""
+    rows, jacobian = fit.residuals, fit.jacobian
+    if model.kind == AMPLITUDES and not model.constant:
+        loud = fit.curve > ABOVE * float(fit.coefficients[-1])
+        if np.count_nonzero(loud) >= LEAST:
+            rows, jacobian = rows[loud], jacobian[loud]
+    return residual_structure(rows, jacobian[:, : model.count], jacobian[:, model.count :])
+
+
+def _numbers(record: DecayRecord, name: str, model: Decays, fit: Fit, likely: float) -> DecayFit:
+    """A form with its numbers and their errors."""
+    numbers = Numbers(fit, structure=_structure(model, fit))
+    first, span = model.count, record.span_s
+    parts = 1 if model.kind == AMPLITUDES else 2
+    coefficients = fit.coefficients
+    if model.kind == SAMPLES:  # the real part of a + i b
+        coefficients = coefficients[: 2 * model.lines].reshape(-1, 2) @ np.array([1.0, 1j])
+    heights = coefficients[: model.lines]
+    lines = [_line(record, model, numbers, k) for k in range(model.lines)]
+    order = sorted(range(model.lines), key=lambda k: (not lines[k].decays, -abs(heights[k])))
+    size, at = float(abs(heights[order[0]])), first + parts * order[0]
+    along = [heights[order[0]].real, heights[order[0]].imag][:parts]
+    amplitude = numbers.number(
+        "amplitude",
+        record.top * size,
+        [(at + k, record.top * float(part) / size) for k, part in enumerate(along)] if size else [],
+        record.unit,
+    )
+    law = {"shift": model.moves, "extra": model.damps}
+    made, k = [], model.each * model.lines
+    for what, there in law.items():
+        slopes = [(k, 1.0 / span)] if there else []
+        made.append(numbers.number(what, float(fit.x[k]) / span if there else 0.0, slopes, "Hz"))
+        k += there
+    shift, extra = made
+    # of amplitudes without a constant the last one is the noise of X and Y
+    last = model.constant or model.kind == AMPLITUDES
+    background = record.top * complex(fit.coefficients[-1]) if last else 0j
+    std = 0.0
+    if model.constant:
+        std = record.top * numbers.std_of([(first + parts * model.lines, 1.0)])
+    shares = [replace(lines[j], share=float(abs(heights[j])) / size) for j in order]
+    return DecayFit(
+        name=name,
+        lines=tuple(shares),
+        amplitude=amplitude,
+        shift=shift,
+        extra=extra,
+        background=background,
+        background_std=std,
+        model=model,
+        fit=fit,
+        structure=numbers.structure,
+        dof=numbers.dof,
+        likely_squares=likely,
+        heights=tuple(complex(heights[j]) for j in order),
+        curve=record.top * fit.curve,
+    )
+
+
+def _line(record: DecayRecord, model: Decays, numbers: Numbers, k: int) -> SecondLine:
+    """The k-th line of a form; NaN: the record does not determine it."""
+    span, at = record.span_s, model.each * k
+    turns, wide, _, _ = model.at(numbers.fit.x, k)
+    width, width_std = wide / span, numbers.std_of([(at + model.each - 1, 1.0 / span)])
+    rings, rings_std, offset = math.nan, math.nan, None
+    if model.kind != AMPLITUDES:
+        rings, rings_std = turns / span, numbers.std_of([(at, 1.0 / span)])
+    if model.kind == SAMPLES:
+        rings = abs(rings)  # what turns backwards is the same
+    if model.kind == PHASORS:
+        offset = number_of_line("offset", rings, rings_std, half=ratio95(numbers.dof))
+        rings += record.reference_hz
+    eigen, eigen_std = math.hypot(rings, 0.5 * width), rings_std
+    if eigen > 0.0:
+        eigen_std = math.hypot(rings * rings_std, 0.25 * width * width_std) / eigen
+    q = (record.reference_hz if model.kind == AMPLITUDES else eigen) / width
+    # its error is that of the width but for low quality
+    share = eigen_std / eigen if eigen > 0.0 else 0.0
+    made = line_numbers(
+        (eigen, eigen_std),
+        (width, width_std),
+        (q, abs(q) * math.hypot(width_std / width, share)),
+        numbers.dof,
+    )
+    slow, fast = (max(end, 1e-300) for end in made["width"].ci95)
+    made["q"] = replace(made["q"], ci95=(q * width / fast, q * width / slow))
+    time = 1.0 / (math.pi * width)
+    ci95 = 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
+    return SecondLine(
+        **made,
+        share=1.0,
+        decays=width > DECAYS_SIGMA * width_std and math.pi * width * span > DECAYS,
+        offset=offset,
+        decay_time=number_of_line(
+            "decay_time", time, abs(time * width_std / width), "s", ci95=ci95
+        ),
+    )
+
+
+def _covering(form: DecayFit, rival: DecayFit) -> DecayFit:
+    """A form with errors that hold for another one, too, which the samples do not tell from it.
+
+    Source: `fitting.lines.choice`, of sweeps.
+    """
+    half = ratio95(form.dof)
+
+    def wider(here: LineNumber, there: LineNumber) -> LineNumber:
+        std = max(here.std, there.std + abs(there.value - here.value) / half)
+        return replace(here, std=std, ci95=(here.value - half * std, here.value + half * std))
+
+    line, other = form.lines[0], rival.lines[0]
+    width = wider(line.width, other.width)
+    factor = width.std / line.width.std
+    # what follows from the width alone
+    q = replace(line.q, std=line.q.std * factor)
+    slow, fast = (max(end, 1e-300) for end in width.ci95)
+    decay_time = line.decay_time
+    if decay_time is not None:
+        ci95 = 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
+        decay_time = replace(decay_time, std=decay_time.std * factor, ci95=ci95)
+    lines = (replace(line, width=width, q=q, decay_time=decay_time), *form.lines[1:])
+    amplitude = wider(form.amplitude, rival.amplitude)
+    return replace(form, lines=lines, amplitude=amplitude, rival=rival.name)
+
+
+# --- what contradicts a decay --------------------------------------------------------------------
+
+
+def _gain(before: DecayFit, after: DecayFit) -> float:
+    """Probability that noise, at any of the samples, lets a larger form leave so much less."""
+    if before.squares <= after.rows * SMALLEST_RESIDUAL**2:
+        return 1.0
+    more = max(1, after.unknowns - before.unknowns)
+    return after.rows * gain_p(before.squares, after.squares, more, after.dof)
+
+
+def _presence_p(record: DecayRecord, form: DecayFit) -> float:
+    """Probability that noise about a constant looks as much like a decay, at any of the samples."""
+    y = record.values / record.top
+    squares = float(np.sum(np.abs(y - np.mean(y)) ** 2))
+    if form.squares <= form.rows * SMALLEST_RESIDUAL**2:
+        return 0.0 if squares > form.squares else 1.0
+    more = max(1, form.unknowns - (2 if record.kind == PHASORS else 1))
+    return form.rows * gain_p(squares, form.squares, more, form.dof)
+
+
+def _no_decay(record: DecayRecord) -> BadInput:
+    return BadInput(
+        f"{record.source}: is a recording over time without a free decay: a constant describes its "
+        f"samples as well; wanted a ringdown, or {TIME_WAY}"
+    )
+
+
+def _too_short(record: DecayRecord, width: LineNumber) -> BadInput:
+    span_s = number(record.span_s, 3)
+    what = f"does not fall within its {span_s} s"
+    if width.std < width.value:
+        size = quantity(width.value, width.std, "Hz")
+        what = f"falls too little within its {span_s} s to determine how fast: its width is {size}"
+    return BadInput(f"{record.source}: {what}; wanted a longer record of a free decay")
