@@ -11,6 +11,7 @@ name it and no other.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,8 +25,10 @@ from scipy.optimize import least_squares
 
 from fitting.inference.checks import curve_mistakes
 from fitting.measurements.residual_curve import ResidualCurve
+from fitting.report.summary import summary_of
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.estimate import Verdict
 from fitting.text.finding import Kind
 from tests.support.in_process import told
 from tests.support.samples import cases
@@ -120,8 +123,8 @@ class Laboratory:
     start: str = ""
     labels: Sequence[str] = field(default=())
 
-    def reconstructed(self, fmu: Path, folder: Path) -> tuple[int, Result, str]:
-        """Exit code, result and what was printed."""
+    def reconstructed(self, fmu: Path, folder: Path, *options: str) -> tuple[int, Result, str]:
+        """Exit code, result and what was printed; options: another report than none."""
         head = HEAD.format(fmu=fmu, start=self.start)
         (folder / "campaign.toml").write_text(head + self.text, "utf-8")
         for name, (columns, values) in self.tables.items():
@@ -129,7 +132,7 @@ class Laboratory:
             if self.labels and name == "experiments.csv":
                 rows = [f"{label},{row}" for label, row in zip(self.labels, rows, strict=True)]
             (folder / name).write_text("\n".join([columns, *rows]) + "\n", "utf-8")
-        words = ("--quick", "--no-profiles", "--no-report", "--workers", "1")
+        words = ("--quick", "--no-profiles", "--workers", "1", *(options or ("--no-report",)))
         ended = told("reconstruct", folder / "campaign.toml", "--out", folder / "out", *words)
         assert (folder / "out" / "result.json").exists(), ended.err
         return ended.code, read_result(folder / "out" / "result.json"), ended.out
@@ -360,6 +363,27 @@ def test_the_one_mistake_is_named_and_no_other(name: str, swift_fmu: Path, tmp_p
     if "removed" in cause.numbers:
         assert cause.numbers["removed"] > 0.9
     assert f"{case.subject}: " in printed
+
+
+def test_values_of_a_misfit_are_told_nowhere(swift_fmu: Path, tmp_path: Path) -> None:
+    """Terminal, values.csv, values.tex, result.json and Python; nor is a nearer start advised."""
+    case = CASES["offset of a sweep"].laboratory
+    _, result, printed = case.reconstructed(swift_fmu, tmp_path, "--formats", "svg")
+    out = tmp_path / "out"
+    stored = json.loads((out / "result.json").read_text("utf-8"))["parameters"]
+    assert all(
+        p.status is Verdict.WITHDRAWN and np.isnan(p.std) for p in result.parameters.values()
+    )
+    assert {p["status"] for p in stored.values()} == {Verdict.WITHDRAWN.value}
+    assert {p["std"] for p in stored.values()} == {None}
+    rows = (out / "values.csv").read_text("utf-8").splitlines()
+    columns, *cells = [row.split(",") for row in rows]
+    told = columns.index("value"), columns.index("std")
+    assert not any(row[k] for row in cells for k in told)
+    assert f"{result.parameters['d1'].value:.3g}" not in (out / "values.tex").read_text("utf-8")
+    assert f"{result.parameters['d1'].value:.3g}" not in printed
+    assert summary_of(result).values == ()
+    assert "start" not in summary_of(result).advice
 
 
 @pytest.mark.nightly
