@@ -259,8 +259,7 @@ class _Model:
 
     def fitted(self, start: FloatArray) -> tuple[FloatArray, float]:
         """Values of the least sum of squares from a start, and that sum."""
-        best = minimise_squares(self.rows, start, rounds=ROUNDS, gain=1e-9)
-        return best.values, float(best.residuals @ best.residuals)
+        return minimise_squares(self.rows, start, rounds=ROUNDS, gain=1e-9)
 
     def _ridges(self) -> list[FloatArray]:
         """Coefficients (3,) of lines and parabolas along the ridge."""

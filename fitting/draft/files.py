@@ -15,6 +15,7 @@ import numpy as np
 from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
 from fitting.draft.questions import Answers, Question
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
+from fitting.lines.noise_model import TOGETHER
 from fitting.lines.second import TwoLines, TwoResonances, as_two
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
@@ -30,7 +31,6 @@ from fitting.resonance.reading import (
 )
 from fitting.resonance.spikes import spike_note, spikes_in
 from fitting.signal.line_record import LineResult, line_numbers
-from fitting.signal.noise_lines import TOGETHER
 from fitting.text.errors import BadInput, gathered
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import listed
@@ -80,7 +80,7 @@ class SweepFile:
     def has_own_forces(self) -> bool:
         """Whether it is a noise spectrum of two modes that heat moves, each by itself."""
         lines = None if self.noise is None else self.noise.lines
-        single = lines is None or len(lines.frequency_hz) < 2 or lines.kind == TOGETHER
+        single = lines is None or len(lines.lines) < 2 or lines.kind == TOGETHER
         return self.is_noise and not single
 
     def as_noise(self) -> SweepFile:
@@ -101,12 +101,9 @@ class SweepFile:
                 reading.append(replace(each, names=names))
         lines, line, trouble = look.lines, None, ""
         if lines is None:
-            trouble = (
-                f"{self.path}: shows no line as a noise spectrum: its density is level within "
-            )
-            trouble += "its scatter"
+            trouble = f"{self.path}: shows no line as a noise spectrum that its points resolve"
         elif look.two is None:  # its single line, without errors, and its scatter
-            f, width = lines.frequency_hz[0], lines.width_hz[0]
+            f, width = lines.lines[0].frequency.value, lines.lines[0].width.value
             numbers = line_numbers((f, math.nan), (width, math.nan), (f / width, math.nan))
             line = LineResult(**numbers, unit="1", residual=look.residual)
         return replace(

@@ -19,10 +19,11 @@ from fitting.draft.questions import Question
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
 from fitting.draft.two_modes import TwoModes, apart_hz
 from fitting.extension.records import PLAIN
+from fitting.lines.noise_model import COUPLED, TOGETHER
+from fitting.lines.noise_spectrum import NoiseFit, noise_lines
 from fitting.lines.second import TwoLines
 from fitting.resonance.noise_reading import BY_NAME, BY_UNIT, told_density
 from fitting.resonance.reading import Roles
-from fitting.signal.noise_lines import COUPLED, TOGETHER, NoiseLines, noise_lines
 from fitting.text.arrays import FloatArray
 from fitting.text.units import same_kind
 
@@ -47,7 +48,7 @@ class NoiseLook:
     `lines` None where it shows none.
     """
 
-    lines: NoiseLines | None
+    lines: NoiseFit | None
     by: str
     holds: str
     is_root: bool
@@ -70,9 +71,10 @@ class NoiseLook:
         force with the square of g/(f w): `ratio` is what makes g of both alike.
         """
         lines = self.lines
-        if lines is None or len(lines.frequency_hz) < 2:
+        if lines is None or len(lines.lines) < 2:
             return None
-        (f1, f2), (w1, w2), (a1, a2) = lines.frequency_hz, lines.width_hz, lines.height
+        (f1, w1), (f2, w2) = ((line.frequency.value, line.width.value) for line in lines.lines)
+        a1, a2 = lines.height
         ratio = a2 / a1 * f2 / f1
         if lines.kind == TOGETHER:
             ratio = math.copysign(math.sqrt(abs(a2 / a1)), a2)
@@ -85,6 +87,7 @@ class NoiseLook:
         if lines is None or lines.kind != COUPLED:
             return None
         f1, w1, f2, w2, coupling = lines.modes
+        numbers = [each.frequency for each in lines.lines] + [each.width for each in lines.lines]
         return TwoModes(
             kind=COUPLED_MODES,
             frequency_hz=(f1, f2),
@@ -92,8 +95,8 @@ class NoiseLook:
             coupling_hz=coupling,
             drive=0.0,
             describes=True,
-            line_hz=(*lines.frequency_hz, *lines.width_hz),
-            line_std_hz=(*lines.frequency_std_hz, *lines.width_std_hz),
+            line_hz=tuple(each.value for each in numbers),
+            line_std_hz=tuple(each.std for each in numbers),
             apart_hz=apart_hz((f1, f2), (w1, w2), coupling),
         )
 
@@ -131,7 +134,10 @@ def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> No
     found = density.numbers
     if not np.all(np.isfinite(found)) or np.any(found <= 0.0):
         return None
-    lines = noise_lines(frequency_hz, found)
+    try:
+        lines = noise_lines(frequency_hz, found)
+    except ValueError:  # of a line that is not resolved nothing can be drafted
+        lines = None
     return NoiseLook(lines=lines, by=by, holds=holds, is_root=density.is_root)
 
 

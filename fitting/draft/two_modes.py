@@ -153,9 +153,8 @@ class _Fit:
         best = math.inf, np.zeros(UNKNOWNS[self.kind])
         for begin in self.begins():
             with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-                fit = minimise_squares(self.residuals, begin, rounds=ROUNDS, gain=GAIN)
-                squares = float(fit.residuals @ fit.residuals)
-                best = min(best, (squares, fit.values), key=lambda each: each[0])
+                x, squares = minimise_squares(self.residuals, begin, rounds=ROUNDS, gain=GAIN)
+                best = min(best, (squares, x), key=lambda each: each[0])
         return best
 
     def begins(self) -> list[FloatArray]:

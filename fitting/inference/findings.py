@@ -51,8 +51,7 @@ def check_causes(solved: Solved) -> Iterator[Finding]:
 def check_campaigns(solved: Solved) -> Iterator[Finding]:
     """Notes on how campaigns were joined, and campaigns that do not agree."""
     yield from solved.problem.notes if solved.problem.is_joint else ()
-    searched = solved.is_best or solved.fit.outcome.search is not None
-    yield from pair_findings(solved.joint, searched=searched)
+    yield from pair_findings(solved.joint, is_best=solved.is_best)
 
 
 #: All checks, in the order in which findings of one severity are printed.

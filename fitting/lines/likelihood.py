@@ -30,6 +30,9 @@ class Likelihood(Protocol):
     def residuals(self, values: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals (n,) and their derivatives by the curve (n,)."""
 
+    def deviation(self, curve: FloatArray) -> FloatArray:
+        """Standard deviation of the values about a curve, (n,)."""
+
 
 @dataclass(frozen=True)
 class Whittle:
@@ -52,3 +55,7 @@ class Whittle:
             small, np.sqrt(0.5) * (1.0 + off / 3.0), 0.5 * np.abs(off) / np.where(small, 1.0, size)
         )
         return root * np.sign(off) * size, -root * share / np.maximum(curve, floor)
+
+    def deviation(self, curve: FloatArray) -> FloatArray:
+        """S over the root of m."""
+        return np.asarray(curve / math.sqrt(self.averages))

@@ -26,7 +26,11 @@ class Numbers:
     """
 
     def __init__(
-        self, fit: Fit, sigma: float | None = None, structure: Structure | None = None
+        self,
+        fit: Fit,
+        sigma: float | None = None,
+        structure: Structure | None = None,
+        variance: float | None = None,
     ) -> None:
         """Numbers of a fit.
 
@@ -34,11 +38,13 @@ class Numbers:
             fit: of which they are.
             sigma: standard deviation of a residual, if known.
             structure: of the residuals; None: that of all of them.
+            variance: of a residual, where it is estimated otherwise than from their squares.
         """
         self.fit = fit
         self.structure = fit.structure if structure is None else structure
         self.dof = math.inf if sigma is not None else fit.dof / self.structure.widening**2
-        self.variance = fit.squares / fit.dof if sigma is None else sigma**2
+        own = fit.squares / fit.dof if variance is None else variance
+        self.variance = own if sigma is None else sigma**2
         widened = self.structure.widening**2 * self.variance * fit.inverse
         self.covariance = reach(ROOT_68, self.dof) ** 2 * widened
 

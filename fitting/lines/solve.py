@@ -139,7 +139,8 @@ def fit_model(  # noqa: PLR0913 - what a fit may know
     Args:
         model: the curve.
         values: measured, shape (n,), real or complex, of order one.
-        starts: where x may begin, one at least, shape (q,) each.
+        starts: where x may begin, one at least, shape (q,) each; with a likelihood all unknowns,
+            the coefficients last, (q + k,).
         weights: one over the standard deviation of every value, shape (n,); None: all are alike.
         likelihood: of the values; None: normal noise of one size.
         pull: weights of rows ``pull * x`` that count with the residuals, (q,); they are not among
@@ -150,15 +151,15 @@ def fit_model(  # noqa: PLR0913 - what a fit may know
     Raises:
         ValueError: fewer rows than unknowns, or a curve that is not finite.
     """
+    if likelihood is not None:
+        ends = [_likeliest(model, values, start, likelihood) for start in starts]
+        return min(ends, key=lambda end: end.squares if math.isfinite(end.squares) else math.inf)
     problem = _Problem(model, values, weights, pull)
     if tries < len(starts):
         starts = sorted(starts, key=lambda x: problem.at(x).squares)[:tries]
-    ends = [_minimum(problem, start) for start in starts]
-    x, converged, message = min(ends, key=lambda end: problem.at(end[0]).squares)
-    point = problem.at(x)
-    if likelihood is None:
-        return problem.fit(point, converged=converged, message=message)
-    return _likeliest(problem, point, likelihood)
+    minima = [_minimum(problem, start) for start in starts]
+    x, converged, message = min(minima, key=lambda end: problem.at(end[0]).squares)
+    return problem.fit(problem.at(x), converged=converged, message=message)
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,12 +283,16 @@ def _minimum(problem: _Problem, start: FloatArray) -> tuple[FloatArray, bool, st
     return np.asarray(x, dtype=float), bool(converged), " ".join(str(message).split())
 
 
-def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
-    """The fit of largest likelihood, begun at that of least squares: all unknowns in one call."""
-    count, measured = point.x.size, np.asarray(problem.values, dtype=float)
+def _likeliest(model: Model, values: Array, start: FloatArray, likelihood: Likelihood) -> Fit:
+    """The fit of largest likelihood near a start, all unknowns in one call.
+
+    Its jacobian is that of the expected information: of derivatives over deviations.
+    """
+    count = start.size - model.columns(start).values.shape[1]
+    measured = np.asarray(values, dtype=float)
 
     def curve(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        columns = problem.model.columns(unknowns[:count])
+        columns = model.columns(unknowns[:count])
         moved = (columns.slopes @ unknowns[count:]).T
         slopes = np.concatenate([moved, columns.values], axis=1)
         return np.asarray(columns.values @ unknowns[count:]), np.asarray(slopes)
@@ -302,7 +307,7 @@ def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
     with np.errstate(all="ignore"):
         unknowns, _, _, message, status = leastsq(
             residuals,
-            np.concatenate([point.x, point.coefficients]),
+            start,
             Dfun=jacobian,
             full_output=True,
             ftol=TOLERANCE,
@@ -310,12 +315,13 @@ def _likeliest(problem: _Problem, point: _Point, likelihood: Likelihood) -> Fit:
             gtol=0.0,
             maxfev=EVALUATIONS,
         )
+    there, slopes = curve(unknowns)
     return Fit(
         x=unknowns[:count],
         coefficients=unknowns[count:],
-        curve=curve(unknowns)[0],
+        curve=there,
         residuals=residuals(unknowns),
-        jacobian=jacobian(unknowns),
+        jacobian=-slopes / likelihood.deviation(there)[:, None],
         converged=status in (1, 2, 3, 4, 6, 7, 8) and bool(np.all(np.isfinite(unknowns))),
         message=" ".join(str(message).split()),
     )

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,7 @@ MOST = 40.0
 PLAIN, POWER, MEAN = "plain", "power", "mean"
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """Where a line is: frequency and FWHM, Hz; of a start, or of a result."""
 
     frequency_hz: float

@@ -15,6 +15,7 @@ from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import NOTCH, REFLECTION
 from fitting.lines.faults import fault_finding
 from fitting.lines.names import FANO, TRANSMISSION, WORDS, WORDS_COMPLEX
+from fitting.lines.noise_model import COUPLED, TOGETHER
 from fitting.lines.ringdown import ALONE, FORM_WORDS
 from fitting.report.table import (
     Table,
@@ -28,7 +29,6 @@ from fitting.resonance.noise_line import NoiseLine
 from fitting.resonance.record import MeasuredLine
 from fitting.resonance.ringdown import Ringdown
 from fitting.signal.line_record import TriedForm
-from fitting.signal.noise_lines import COUPLED, TOGETHER
 from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.text.estimate import Estimate

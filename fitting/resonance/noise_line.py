@@ -2,16 +2,10 @@
 
 Heat moves a mode all the time, and its displacement has the density
 
-    S(f) = a |g(f)|^2 + b,   |g| the line of `fitting.signal.peaks.mode_response`, b a white floor
+    S(f) = a |g(f)|^2 + b,   |g| the line of `fitting.lines.lorentzian`, b a white floor
     power of the line  P = pi/2 a w,   rms = sqrt(P),   Q = f/w
 
-which is fitted by the likelihood of averages of periodograms (`fitting.signal.noise_lines`). How
-many were averaged follows from the scatter: of M with deviances d = 2 (P/S - 1 - ln(P/S))
-
-    mean d = 2 (ln M - psi(M)),   psi the digamma function, of n - k degrees of freedom
-
-Source: P. McCullagh and J. A. Nelder, Generalized Linear Models (1989), section 8.3, on the shape
-of a gamma distribution from its deviance.
+which is fitted by the likelihood of averages of periodograms (`fitting.lines.noise_spectrum`).
 """
 
 from __future__ import annotations
@@ -21,21 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import digamma, gammainc, gammaincc, ndtri
 
+from fitting.lines.noise_spectrum import noise_lines
 from fitting.resonance.record import MeasuredLine, Points
 from fitting.resonance.trace import above_zero, within
-from fitting.signal.line_record import (
-    LineNumber,
-    LineValues,
-    SecondLine,
-    fields_of,
-    line_numbers,
-    number_of_line,
-)
-from fitting.signal.noise_lines import NoiseLines, noise_lines
-from fitting.signal.residual_tests import residual_structure
-from fitting.signal.student import ROOT_68, ratio95, reach
+from fitting.signal.line_record import LineNumber, LineValues, fields_of, number_of_line
+from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
@@ -44,10 +29,6 @@ from fitting.text.numbers import as_numbers, require_size
 
 #: Points that a noise spectrum has at least.
 LEAST_POINTS = 12
-#: Fewest and most averages that a scatter may tell.
-AVERAGES = (0.1, 1e12)
-#: Halvings that find their number, and the smallest tail that is told from none.
-HALVINGS, LEAST = 60, 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,7 +122,7 @@ class NoiseLine(MeasuredLine):
             NaN of two modes that are moved by one force or through each other.
         rms: its root, in ``unit``.
         height: density of the line at its frequency, without the floor, ``unit`` squared per Hz.
-        floor: white density under it, ``unit`` squared per Hz.
+        floor: white density under it, ``unit`` squared per Hz; ``floor_std`` its error.
         averages: of how many periodograms the points are averages, as they scatter.
         kind: how two modes are moved: "own" forces, "together" by one, "coupled".
         spacing_hz: between two points, Hz.
@@ -151,6 +132,7 @@ class NoiseLine(MeasuredLine):
     rms: LineNumber
     height: float
     floor: float
+    floor_std: float
     averages: float
     kind: str
     spacing_hz: float
@@ -165,84 +147,35 @@ def noise_line_of(record: NoiseRecord) -> NoiseLine:
     Raises:
         BadInput: no line, or one that is not told from the floor.
     """
-    lines = noise_lines(record.frequency_hz, record.density)
-    if lines is None:
+    try:
+        fit = noise_lines(record.frequency_hz, record.density)
+    except ValueError as error:
+        raise BadInput(
+            f"{record.source}: shows {error}; wanted more of them in it, or a longer range around "
+            "it"
+        ) from error
+    if fit is None:
         raise BadInput(
             f"{record.source}: shows no line as a noise spectrum: its density is level within its "
             "scatter; wanted one line at least"
         )
-    first = int(np.argmax(np.abs(lines.height)))
-    if not np.isfinite(lines.frequency_std_hz[first] * lines.width_std_hz[first]):
-        raise BadInput(
-            f"{record.source}: shows a line whose width does not show in its points; wanted more "
-            "of them in it, or a longer range around it"
-        )
-    return _result(record, lines, first)
-
-
-def averages_of(deviance: float, freedom: int) -> float:
-    """M: of how many periodograms points with such deviances are averages.
-
-    Args:
-        deviance: the sum of d over all points.
-        freedom: points less unknowns, n - k.
-    """
-    mean = deviance / freedom
-    low, high = map(math.log, AVERAGES)
-    for _ in range(HALVINGS):  # 2 (ln M - psi(M)) falls with M
-        middle = 0.5 * (low + high)
-        falls = 2.0 * (middle - float(digamma(math.exp(middle)))) > mean
-        low, high = (middle, high) if falls else (low, middle)
-    return math.exp(0.5 * (low + high))
-
-
-def _scores(record: NoiseRecord, lines: NoiseLines, averages: float) -> FloatArray:
-    """Normal deviates as probable as the points are, over sqrt(M), shape (n,)."""
-    share = record.density / lines.curve
-    below, above = (tail(averages, averages * share) for tail in (gammainc, gammaincc))
-    found = np.where(below < 0.5, ndtri(np.maximum(below, LEAST)), -ndtri(np.maximum(above, LEAST)))
-    return np.asarray(found / math.sqrt(averages))
-
-
-def _result(record: NoiseRecord, lines: NoiseLines, first: int) -> NoiseLine:
-    count = max(1, lines.points - lines.unknowns)
-    averages = averages_of(lines.deviance, count)
-    structure = residual_structure(_scores(record, lines, averages), lines.slopes)
-    dof = max(1.0, count / structure.widening**2)
-    # the lines' own errors take the mean deviance for 1/M, which it is but for few averages
-    scatter = math.sqrt(count / (averages * max(lines.deviance, 1e-300)))
-    factor = structure.widening * scatter * reach(ROOT_68, dof)
-    both = [_line(lines, k, factor, dof) for k in range(len(lines.frequency_hz))]
-    power = lines.power[first] if lines.power else math.nan
-    power_std = factor * lines.power_std[first] if lines.power else math.nan
-    rms = math.sqrt(power) if power > 0.0 else math.nan
-    half = ratio95(dof)
+    line, power, half = fit.lines[fit.first], fit.power[fit.first], ratio95(fit.dof)
+    rms = math.sqrt(power.value) if power.value > 0.0 else math.nan
     return NoiseLine(
-        **fields_of(both[first], LineValues),
+        **fields_of(line, LineValues),
         source=record.source,
         unit=record.unit,
-        power=number_of_line("power", power, power_std, f"({record.unit})**2", half=half),
-        rms=number_of_line("rms", rms, 0.5 * power_std / rms, record.unit, half=half),
-        height=abs(lines.height[first]),
-        floor=lines.floor,
-        averages=averages,
-        kind=lines.kind,
-        second=next((other for k, other in enumerate(both) if k != first), None),
+        power=replace(power, unit=f"({record.unit})**2"),
+        rms=number_of_line("rms", rms, 0.5 * power.std / rms, record.unit, half=half),
+        height=abs(fit.height[fit.first]),
+        floor=fit.floor.value,
+        floor_std=fit.floor.std,
+        averages=fit.averages,
+        kind=fit.kind,
+        second=next((other for other in fit.lines if other is not line), None),
         spacing_hz=float(np.median(np.diff(record.frequency_hz))),
-        dof=dof,
-        structure=structure,
+        dof=fit.dof,
+        structure=fit.structure,
         reading=record.reading,
-        points=Points.of(record.density, lines.curve, frequency_hz=record.frequency_hz),
+        points=Points.of(record.density, fit.curve, frequency_hz=record.frequency_hz),
     )
-
-
-def _line(lines: NoiseLines, k: int, factor: float, dof: float) -> SecondLine:
-    """The k-th line, its errors times a factor."""
-    f, w = lines.frequency_hz[k], lines.width_hz[k]
-    f_std, w_std = factor * lines.frequency_std_hz[k], factor * lines.width_std_hz[k]
-    q_std = f / w * math.hypot(w_std / w, f_std / f)
-    numbers = line_numbers((f, f_std), (w, w_std), (f / w, q_std), dof)
-    slow, fast = (max(end, 1e-300) for end in numbers["width"].ci95)
-    numbers["q"] = replace(numbers["q"], ci95=(f / fast, f / slow))
-    share = abs(lines.height[k]) / max(map(abs, lines.height))
-    return SecondLine(**numbers, share=share)

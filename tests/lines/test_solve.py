@@ -10,7 +10,7 @@ from scipy.optimize import least_squares, minimize
 
 from fitting.lines.duffing import CRITICAL, duffing
 from fitting.lines.likelihood import Whittle
-from fitting.lines.solve import Columns, fit_model
+from fitting.lines.solve import Columns, fit_model, folded
 from fitting.lines.sweep_model import MEAN, POWER, AmplitudeSweep, ComplexSweep, Place, Shapes
 from fitting.signal.peaks import mode_response
 from fitting.text.arrays import FloatArray, both_parts
@@ -82,6 +82,30 @@ def test_a_direction_that_no_value_determines_has_no_error() -> None:
     assert not np.all(np.isfinite(fit.inverse))
 
 
+class Square:
+    """c below, and c (1 + x^2) in the last points."""
+
+    above = np.repeat([0.0, 1.0], [600, 400])
+
+    def columns(self, x: FloatArray) -> Columns:
+        values = (1.0 + x[0] ** 2 * self.above)[:, None]
+        return Columns(values, (2.0 * x[0] * self.above)[None, :, None])
+
+
+def test_a_direction_without_a_slope_has_the_error_of_its_square() -> None:
+    """x^2 is the difference of two means, and x at zero has the root of its error."""
+    sigma = 0.01
+    seen = 1.0 + sigma * np.random.default_rng(3).standard_normal(1000)
+    seen[:600] += 1.0 - np.mean(seen[:600])
+    seen[600:] += 1.0 - np.mean(seen[600:])
+    fit = fit_model(Square(), seen, [np.array([1e-9])])
+    spread = folded(Square(), seen, fit).inverse * fit.squares / fit.dof
+    assert math.sqrt(spread[0, 0]) == pytest.approx(
+        math.sqrt(sigma * math.sqrt(1.0 / 400.0 + 1.0 / 600.0)), rel=0.05
+    )
+    assert math.sqrt(spread[1, 1]) == pytest.approx(sigma / math.sqrt(600.0), rel=0.05)
+
+
 class Floor:
     """Height and floor of a density whose shape is known: nothing but linear unknowns."""
 
@@ -99,7 +123,8 @@ def test_densities_are_fitted_by_their_likelihood(averages: float) -> None:
     rng = np.random.default_rng(4)
     true = 3.0 * np.abs(mode_response(F, 5000.0, 20.0)) ** 2 + 0.5
     seen = true * rng.gamma(averages, 1.0 / averages, F.size)
-    fit = fit_model(Floor(), seen, [np.zeros(1)], likelihood=Whittle(averages))
+    start = np.array([0.0, 2.0, 1.0])
+    fit = fit_model(Floor(), seen, [start], likelihood=Whittle(averages))
 
     def loss(q: FloatArray) -> float:
         curve = Floor().columns(q[:1]).values @ q[1:]

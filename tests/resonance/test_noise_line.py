@@ -12,7 +12,7 @@ import pytest
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.resonance.noise_line import averages_of
+from fitting.lines.noise_spectrum import averages_of
 from fitting.text.arrays import FloatArray
 from tests.support.lines import write_csv
 from tests.support.samples import sampled

@@ -1,35 +1,11 @@
-"""Least squares and the damped step: what the data do not see stays unknown and unmoved."""
+"""The damped step: what the data do not determine stays unmoved."""
 
 from __future__ import annotations
-
-import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fitting.signal.least_squares import damped_step, folded, minimise_squares
-from fitting.text.arrays import FloatArray
-
-
-def test_an_exact_fit_does_not_tell_what_it_does_not_see() -> None:
-    """Residuals that vanish, and a coordinate that none of them holds: 0 and infinite variance."""
-    fit = minimise_squares(lambda x: np.array([x[0], 2.0 * x[0], 3.0 * x[0]]), np.zeros(2))
-    assert fit.covariance[0, 0] == 0.0
-    assert fit.covariance[1, 1] == np.inf
-    assert fit.covariance[0, 1] == fit.covariance[1, 0] == 0.0
-    unmoved = minimise_squares(lambda x: 0.0 * np.array([x[0], x[1], 1.0]), np.ones(2))
-    np.testing.assert_array_equal(np.diag(unmoved.covariance), [np.inf, np.inf])
-
-
-def test_the_covariance_of_a_straight_line() -> None:
-    """sigma^2 (J^T J)^-1, by hand: abscissae -1, 0, 1 give 1/3 and 1/2, and nothing beside."""
-    t, y = np.array([-1.0, 0.0, 1.0]), np.array([0.0, 3.0, 0.0])
-    known = minimise_squares(lambda x: x[0] + x[1] * t - y, np.zeros(2), residual_sigma=0.5)
-    np.testing.assert_allclose(known.values, [1.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(known.covariance, np.diag([0.25 / 3, 0.25 / 2]), atol=1e-9)
-    own = minimise_squares(lambda x: x[0] + x[1] * t - y, np.zeros(2))
-    assert own.covariance[0, 0] == pytest.approx(6.0 / 3, rel=1e-9)  # residuals -1, 2, -1
+from fitting.signal.least_squares import damped_step
 
 
 def test_the_step_solves_the_damped_normal_equations() -> None:
@@ -95,24 +71,3 @@ def test_a_step_of_many_unknowns_is_least_in_its_box(half: float, steepest: floa
     assert np.max(np.abs(slope[~(low | high)]), initial=0.0) < 1e-9
     assert np.all(slope[low] > -1e-9)
     assert np.all(slope[high] < 1e-9)
-
-
-def test_a_direction_without_a_slope_has_the_error_of_its_square() -> None:
-    """x^2 is measured n times: its mean has sigma/sqrt(n), and x at zero the root of that."""
-    sigma, count = 0.01, 400
-    seen = sigma * np.random.default_rng(3).standard_normal(count)
-    seen -= np.mean(seen)
-
-    def residuals(x: FloatArray) -> FloatArray:
-        return np.concatenate([x[0] ** 2 - seen, [x[1] - 1.0, x[1] - 1.0]])
-
-    fit = replace(
-        minimise_squares(residuals, np.array([1e-3, 1.0])),
-        variance=sigma**2,
-        jacobian=np.array([*([[0.0, 0.0]] * count), [0.0, 1.0], [0.0, 1.0]]),
-        values=np.array([0.0, 1.0]),
-        residuals=np.concatenate([-seen, [0.0, 0.0]]),
-    )
-    errors = np.sqrt(np.diag(folded(residuals, fit).covariance))
-    assert errors[0] == pytest.approx(math.sqrt(sigma / math.sqrt(count)), rel=1e-6)
-    assert errors[1] == pytest.approx(sigma / math.sqrt(2.0), rel=1e-6)

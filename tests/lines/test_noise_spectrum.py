@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.signal.noise_lines import COUPLED, OWN, TOGETHER, noise_lines
+from fitting.lines.noise_model import COUPLED, OWN, TOGETHER, NoiseSpectrum
+from fitting.lines.noise_spectrum import noise_lines
+from fitting.lines.sweep_model import Place
 from fitting.text.arrays import ComplexArray, FloatArray
 
 F = 5000.0 + np.linspace(-160.0, 260.0, 301)
@@ -21,6 +23,42 @@ def averaged(density: FloatArray, averages: int, seed: int) -> FloatArray:
     return density * np.random.default_rng(seed).gamma(averages, 1.0 / averages, F.size)
 
 
+@pytest.mark.parametrize("kind", [OWN, TOGETHER, COUPLED])
+def test_slopes_are_those_of_differences(kind: str) -> None:
+    model = NoiseSpectrum(
+        frequency_hz=F, starts=[Place(5000.0, 20.0), Place(5060.0, 30.0)], kind=kind
+    )
+    x, step = np.array([0.1, 0.2, -0.3, 0.1, -0.6][: model.count]), 1e-5
+    for k, slope in enumerate(model.columns(x).slopes):
+        up, down = x.copy(), x.copy()
+        up[k] += step
+        down[k] -= step
+        moved = model.columns(up).values - model.columns(down).values
+        assert slope == pytest.approx(moved / (2.0 * step), abs=1e-5)
+        for line, above, below in zip(
+            model.lines(x), model.lines(up), model.lines(down), strict=True
+        ):
+            change = (np.array(above[0]) - np.array(below[0])) / (2.0 * step)
+            assert line[1][:, k] == pytest.approx(change, abs=1e-3)
+
+
+def test_the_flank_of_a_line_beyond_the_points_does_not_move_the_one_among_them() -> None:
+    """Alone it would be 60 standard errors off, in width."""
+    density = np.abs(response(5000.0, 20.0)) ** 2 + 2.0 * np.abs(response(5290.0, 40.0)) ** 2
+    for seed in range(3):
+        found = noise_lines(F, averaged(density + 0.002, 400, seed))
+        assert found is not None
+        line = found.lines[found.first]
+        assert line.frequency.value == pytest.approx(5000.0, abs=4.0 * line.frequency.std)
+        assert line.width.value == pytest.approx(20.0, abs=4.0 * line.width.std)
+
+
+def test_a_line_whose_top_is_not_among_the_points_is_refused() -> None:
+    density = np.abs(response(5300.0, 40.0)) ** 2 + 1e-4
+    with pytest.raises(ValueError, match="does not show"):
+        noise_lines(F, averaged(density, 100, 1))
+
+
 @pytest.mark.parametrize("seeds", [2, pytest.param(8, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("averages", [1, 100])
 def test_two_modes_with_forces_of_their_own_are_found_within_their_errors(
@@ -32,13 +70,12 @@ def test_two_modes_with_forces_of_their_own_are_found_within_their_errors(
     for seed in range(seeds):
         found = noise_lines(F, 1e-12 * averaged(density + 0.02, averages, seed))
         assert found is not None
-        assert len(found.frequency_hz) == 2
+        assert len(found.lines) == 2
         assert found.kind == OWN
         assert found.averages == pytest.approx(averages, rel=0.5)
-        truths = zip((5000.0, 5060.0), (20.0, 30.0), strict=True)
-        for k, (f0, width) in enumerate(truths):
-            pulls.append((found.frequency_hz[k] - f0) / found.frequency_std_hz[k])
-            pulls.append((found.width_hz[k] - width) / found.width_std_hz[k])
+        for line, f0, width in zip(found.lines, (5000.0, 5060.0), (20.0, 30.0), strict=True):
+            pulls.append((line.frequency.value - f0) / line.frequency.std)
+            pulls.append((line.width.value - width) / line.width.std)
     # 32 pulls of a standard normal: mean square 1 +- 0.25; of 8 it is within these, too
     assert 0.4 < float(np.mean(np.square(pulls))) < 2.0
 
@@ -77,9 +114,9 @@ def test_coupled_modes_in_heat_of_which_one_is_seen_are_told_from_lines_that_add
     motion[2:, :2] = -np.array([[f1**2, coupling**2], [coupling**2, f2**2]])
     motion[2:, 2:] = -np.diag([w1, w2])
     poles = sorted((p for p in np.linalg.eigvals(motion) if p.imag > 0.0), key=abs)
-    for k, pole in enumerate(poles):
-        assert abs(found.frequency_hz[k] - abs(pole)) < 3.5 * found.frequency_std_hz[k]
-        assert abs(found.width_hz[k] + 2.0 * pole.real) < 3.5 * found.width_std_hz[k]
+    for line, pole in zip(found.lines, poles, strict=True):
+        assert abs(line.frequency.value - abs(pole)) < 3.5 * line.frequency.std
+        assert abs(line.width.value + 2.0 * pole.real) < 3.5 * line.width.std
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(10, marks=pytest.mark.nightly)])
@@ -88,5 +125,5 @@ def test_one_line_is_one_and_a_level_none(seeds: int) -> None:
     for seed in range(seeds):
         found = noise_lines(F, averaged(density, 30, seed))
         assert found is not None
-        assert len(found.frequency_hz) == 1
+        assert len(found.lines) == 1
         assert noise_lines(F, averaged(np.ones(F.size), 30, seed)) is None
