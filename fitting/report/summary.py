@@ -289,7 +289,7 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "fit_drift"), ""
     if status != "converged" and Kind.sweep_point in kinds:
         return phrase("next", "remove_point"), ""
-    if status == "not converged" and Kind.search_unexplained not in kinds:
+    if status == "not converged" and not kinds & {Kind.search_unexplained, *CAUSES}:
         return phrase("next", "more_starts"), ""
     if status != "converged":
         return phrase("next", "other_model", None if knowledge is None else knowledge.adequacy), ""

@@ -231,7 +231,9 @@ def thermal(p: np.ndarray, u: np.ndarray = F) -> np.ndarray:
     return np.asarray(1.0 / ((2 * np.pi) ** 2 * (p[0] ** 2 - u**2 + 1j * u * p[1])))
 
 
-def spectrum(kelvin: float, stated: float, seed: int = 5, bin_: int = -1) -> NoiseSpectra:
+def spectrum(
+    kelvin: float, stated: float, seed: int = 5, bin_: int = -1, averages: int = 100
+) -> NoiseSpectra:
     truth = NoiseRecord(F, np.ones(F.size), force="thermal", unit="m", averages=100)
     density = kelvin * KT * truth.shape(thermal(np.array([1e4, 120.0])))
     density = density + 0.02 * np.max(density)
@@ -239,7 +241,7 @@ def spectrum(kelvin: float, stated: float, seed: int = 5, bin_: int = -1) -> Noi
     if bin_ >= 0:
         density[bin_] *= 30.0
     record = NoiseRecord(
-        F, density, force="thermal", unit="m", averages=100, temperature_k=stated, mass_kg=1.0
+        F, density, force="thermal", unit="m", averages=averages, temperature_k=stated, mass_kg=1.0
     )
     return NoiseSpectra(setup=SETUP, spectra=(record,))
 
@@ -262,6 +264,16 @@ def test_a_temperature_stated_too_high_is_no_description() -> None:
     assert withdrawn(wrong)
     [cause] = [f for f in wrong.findings if f.kind is Kind.noise_level]
     assert 1.0 + cause.numbers["size"] == pytest.approx(300.0 / 450.0, abs=0.1)
+
+
+def test_nine_times_too_many_averages_are_noise_stated_three_times_too_small() -> None:
+    right = of_spectrum(spectrum(300.0, 300.0))
+    found = of_spectrum(spectrum(300.0, 300.0, averages=900))
+    assert found.status is Status.CONVERGED
+    assert kinds(found).keys() == {Kind.noise_underestimated}
+    assert kinds(found)[Kind.noise_underestimated] == pytest.approx(3.0, rel=0.15)
+    for name, value in right.parameters.items():
+        assert found.parameters[name].std == pytest.approx(value.std, rel=0.15)
 
 
 def test_a_bin_of_a_spectrum_that_is_30_times_too_high_is_named() -> None:

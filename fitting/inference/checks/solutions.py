@@ -24,6 +24,7 @@ from fitting.fit.fit import Status
 from fitting.fit.linearisation import DETERMINED as HELD
 from fitting.fit.path import MINIMISED, named
 from fitting.inference.estimates import DETERMINED
+from fitting.inference.joint import contradictions
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
 from fitting.measurements.sweep import Sweep
@@ -187,7 +188,9 @@ def check_minima(solved: Solved) -> Iterator[Finding]:
             values = named(parameters, to_model(parameters, minimum.x))
             numbers = {"chi_square": minimum.chi_square} | {p.name: values[p.name] for p in shared}
             yield note(Kind.equal_objective, f"minimum {k + 1}", about, **numbers)
-    yield from search_findings(outcome)
+    described = solved.describes and solved.adequacy is not None
+    if not (described or solved.causes or contradictions(solved.joint)):
+        yield from search_findings(outcome)
 
 
 def check_levels(solved: Solved) -> Iterator[Finding]:
