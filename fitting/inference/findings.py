@@ -51,7 +51,8 @@ def check_causes(solved: Solved) -> Iterator[Finding]:
 def check_campaigns(solved: Solved) -> Iterator[Finding]:
     """Notes on how campaigns were joined, and campaigns that do not agree."""
     yield from solved.problem.notes if solved.problem.is_joint else ()
-    yield from pair_findings(solved.joint, is_best=solved.is_best)
+    searched = solved.is_best or solved.fit.outcome.search is not None
+    yield from pair_findings(solved.joint, searched=searched)
 
 
 #: All checks, in the order in which findings of one severity are printed.

@@ -30,6 +30,7 @@ from fitting.inference.estimates import Outputs
 from fitting.inference.likelihood.knowledge import CONTRADICT, WORTH_A_WARNING, PairTest
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
+from fitting.signal.misfit import excess_share
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.finding import Finding, Kind, warning
 from fitting.text.rendering import phrase
@@ -330,19 +331,35 @@ def contradicted(joint: JointResult | None, units: Mapping[str, str]) -> dict[st
     return reasons
 
 
-def pair_findings(joint: JointResult | None, *, is_best: bool) -> tuple[Finding, ...]:
+def share_apart(joint: JointResult | None) -> float:
+    """Share of the misfit that is left where each campaign has values of its own.
+
+    Args:
+        joint: the tests of their agreement; None: there is one.
+
+    Returns:
+        One where no campaigns contradict each other.
+    """
+    if joint is None or not contradictions(joint):
+        return 1.0
+    alone = sum(part.chi_square_alone for part in joint.series)
+    together = sum(part.chi_square_joint for part in joint.series)
+    return excess_share(alone, together, sum(part.rows for part in joint.series))
+
+
+def pair_findings(joint: JointResult | None, *, searched: bool) -> tuple[Finding, ...]:
     """Campaigns that contradict each other, or agree poorly.
 
     Args:
         joint: the tests of their agreement; None: there is one.
-        is_best: whether a better joint fit was searched for: else one may exist at which they
+        searched: whether a better joint fit was searched for: else one may exist at which they
             agree.
     """
     if joint is None:
         return ()
     against, odd = contradictions(joint), differs(joint)
     poor = () if against else tuple(t for t in joint.tensions if t.sigmas > WORTH_A_WARNING)
-    if (against or poor) and not is_best:
+    if (against or poor) and not searched:
         return (warning(Kind.disagreement_unsearched, "measurements"),)
     return tuple(
         warning(

@@ -25,13 +25,12 @@ from fitting.text.sentences import sentence
 #: Warnings on the first screen, at most.
 MOST_WARNINGS = 3
 #: Findings that the first screen expresses otherwise: by its status, its values, its next step.
-EXPRESSED = frozenset(
-    {Kind.not_converged, Kind.not_described, Kind.contradiction, Kind.profiles_missing}
-)
+EXPRESSED = frozenset({Kind.not_converged, Kind.not_described, Kind.profiles_missing})
 #: Kinds that say best what is wrong: they come first among the warnings.
 CAUSES = (
     Kind.bounds_off_line,
     Kind.frequencies_apart,
+    Kind.contradiction,
     Kind.outlier,
     Kind.gain,
     Kind.offset,
@@ -105,10 +104,12 @@ def summary_of(result: Result) -> Summary:
     summary = Summary(title=result.title, status=phrase("next", "status", result))
     withdrawn = result.status == "converged"
     summary, left = with_values(summary, every, result.line, same, withdrawn=withdrawn)
+    idle = () if result.knowledge is None else result.knowledge.without_effect
     urgent = _urgent(result.findings)
     advice, command = next_step(result, left)
     return replace(
         summary,
+        unconstrained=_unconstrained(left, idle),
         external=tuple(phrase("result", "external", test, result) for test in result.external),
         warnings=warnings_of(urgent, every),
         more=max(len(urgent) - MOST_WARNINGS, 0),
@@ -161,7 +162,7 @@ def with_values(
         summary,
         values=tuple(values),
         limits=tuple(limits),
-        unconstrained=_unconstrained(left),
+        unconstrained=_unconstrained(left, ()),
         unknown=_unknown(left, withdrawn=withdrawn),
         errors=errors,
     )
@@ -221,18 +222,22 @@ def by_line(name: str, found: FittedEstimate, line: SweepLine | None) -> tuple[f
     return (value, std) if std < found.std and near else None
 
 
-def _unconstrained(left: Mapping[str, FittedEstimate]) -> tuple[str, ...]:
-    """Names of unconstrained values by the range that the data allow, parameters first."""
+def _unconstrained(left: Mapping[str, FittedEstimate], idle: Sequence[str]) -> tuple[str, ...]:
+    """Names of unconstrained values by the range that the data allow, parameters first.
+
+    Those that are ``idle``, without effect on the data, come before them.
+    """
+    without = [sign(name) for name in left if name in idle]
     periodic, bounded, derived = [], dict[str, list[str]](), dict[str, list[str]]()
     for name, found in left.items():
-        if found.status is not Verdict.UNCONSTRAINED:
+        if found.status is not Verdict.UNCONSTRAINED or name in idle:
             continue
         if found.is_all_round:
             periodic.append(sign(name))
         else:
             groups = bounded if found.role == "parameter" else derived
             groups.setdefault(range_words(*found.ci95, found.unit), []).append(sign(name))
-    return phrases("next", "unconstrained", periodic, bounded, derived)
+    return phrases("next", "unconstrained", without, periodic, bounded, derived)
 
 
 def _unknown(left: Mapping[str, FittedEstimate], *, withdrawn: bool) -> tuple[str, ...]:
@@ -291,10 +296,10 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "remove_point"), ""
     if status == "not converged" and not kinds & {Kind.search_unexplained, *CAUSES}:
         return phrase("next", "more_starts"), ""
-    if status != "converged":
-        return phrase("next", "other_model", None if knowledge is None else knowledge.adequacy), ""
     if Kind.contradiction in kinds:
         return phrase("next", "separate_fits"), ""
+    if status != "converged":
+        return phrase("next", "other_model", None if knowledge is None else knowledge.adequacy), ""
     beyond = {n: p for n, p in result.parameters.items() if not math.isnan(p.bound_passed)}
     if beyond:
         return phrase("next", "wider_bounds", beyond), ""

@@ -387,7 +387,7 @@ def joint(**sigmas: float) -> JointResult:
 def test_the_campaign_that_differs_is_named_once(
     sigmas: dict[str, float], named: list[str]
 ) -> None:
-    found = pair_findings(joint(**sigmas), is_best=True)
+    found = pair_findings(joint(**sigmas), searched=True)
     assert [f.subject for f in found if f.kind is Kind.contradiction] == named
 
 

@@ -75,6 +75,13 @@ def test_values_and_what_is_unconstrained_are_told_apart(result: Result) -> None
     assert "λ 63.3–781 kHz (all that the model allows)" in text
 
 
+def test_values_without_effect_are_called_that_and_no_range_is_told(result: Result) -> None:
+    knowledge = replace(plot_records.determined().knowledge, without_effect=("theta",))
+    first, *others = summary_of(replace(result, knowledge=knowledge)).unconstrained
+    assert first == "θ (no effect on these data)"
+    assert not any("θ" in text for text in others)
+
+
 def test_a_screen_has_fifteen_lines_and_no_more_than_three_warnings(result: Result) -> None:
     many = tuple(warning(Kind.not_periodic, numbers={"error": 10.0**-k}) for k in range(1, 9))
     urgent = warning(Kind.drift_exchanged)

@@ -4,11 +4,11 @@
 
 r are the whitened rows of all measurements, the mistake corrected in one curve, or in every curve
 by a number of its own: curves share parameters, so that a mistake in one shows in others. A cause
-is named where it removes most of the chi square beyond its degrees of freedom, no other kind
-removes nearly as much, and what it leaves is noise by the rule of `fitting.signal.misfit`. A shift
-may be many line widths: its search starts at the best one of a scan. Shifts that differ between
-curves are tried only for curves with the same settings: a wrong law of the settings shifts curves,
-too.
+is named where it removes most of the chi square beyond its degrees of freedom, no other kind, nor
+values of its own for each campaign, removes nearly as much, and what it leaves is noise by the rule
+of `fitting.signal.misfit`. A shift may be many line widths: its search starts at the best one of a
+scan. Shifts that differ between curves are tried only for curves with the same settings: a wrong
+law of the settings shifts curves, too.
 """
 
 from __future__ import annotations
@@ -89,12 +89,13 @@ class Trial:
     slopes: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
-def curve_mistake(solution: Solution, *, tones: bool) -> Iterator[Finding]:
+def curve_mistake(solution: Solution, *, tones: bool, apart: float) -> Iterator[Finding]:
     """The mistake that mends curves, if it is of one kind alone.
 
     Args:
         solution: the end of a fit.
         tones: of peaks of experiments, else of all other curves.
+        apart: share of the misfit that campaigns with values of their own leave.
     """
     data, residuals = solution.objective.data, solution.final.residuals
     curves = [
@@ -117,7 +118,7 @@ def curve_mistake(solution: Solution, *, tones: bool) -> Iterator[Finding]:
         fits = [search.corrected_fit(by_kind[t.kind], before) for t in tried[:CANDIDATES]]
         tried = sorted([*fits, *tried[CANDIDATES:]], key=_left)
     shares = [excess_share(trial.chi_square, before, count) for trial in tried]
-    clear = shares[0] <= MOST_LEFT and min(shares[1:], default=1.0) >= CLEARLY * shares[0]
+    clear = shares[0] <= MOST_LEFT and min([*shares[1:], apart]) >= CLEARLY * shares[0]
     if clear and search.leaves_noise(tried[0]):
         yield _finding(tried[0], 1.0 - shares[0])
 

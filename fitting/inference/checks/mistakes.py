@@ -22,6 +22,7 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.objective import Objective
 from fitting.fit.solution import Solution
 from fitting.inference.checks.curve_mistakes import curve_mistake, solved_inside
+from fitting.inference.joint import share_apart
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
 from fitting.measurements.complex.tones import ComplexTones
@@ -355,13 +356,13 @@ def causes_of(solved: Solved) -> tuple[Finding, ...]:
     causes = [*single_rows(solved)]
     if adequacy.describes and not adequacy.is_correlated:
         return tuple(causes)
-    solution = solved.solution
+    solution, apart = solved.solution, share_apart(solved.joint)
     try:
-        causes += curve_mistake(solution, tones=False)
+        causes += curve_mistake(solution, tones=False, apart=apart)
         if not causes and not adequacy.describes and solved.problem.data.tones:
             causes += [*exchanged_drift(solved)] or [*outlying_experiment(solution)]
         if not causes and not adequacy.describes:
-            causes += curve_mistake(solution, tones=True)
+            causes += curve_mistake(solution, tones=True, apart=apart)
     except (FmuFailure, NoScale, np.linalg.LinAlgError):  # where the model fails nothing is known
         pass
     return tuple(causes)
