@@ -267,10 +267,25 @@ class _Sweep:
     source: str
     weights: FloatArray | None = None
 
-    def residual(self, fit: Fit, height: float) -> float:
-        """Root mean square of the residuals over the amplitude."""
-        left = np.abs(self.y - fit.curve)
-        return float(np.sqrt(np.mean(left**2))) / height if height > 0.0 else math.inf
+    def line(self, numbers: _Numbers, shapes: Shapes, amplitude: LineNumber, **own: Any) -> LineFit:
+        """The line of a fit with what every form has, and what this one has of its own."""
+        fit, place = numbers.fit, shapes.places(numbers.fit.x)[0]
+        rms = self.top * float(np.sqrt(np.mean(np.abs(self.y - fit.curve) ** 2)))
+        return LineFit(
+            **numbers.line(shapes.starts[0], place),
+            form=self.form,
+            amplitude=amplitude,
+            bend=numbers.bend(shapes, fit.x, place),
+            residual=rms / amplitude.value if amplitude.value > 0.0 else math.inf,
+            correlation=numbers.correlation,
+            curve=self.top * fit.curve,
+            message=fit.message,
+            structure=numbers.structure,
+            dof=numbers.dof,
+            unknowns=fit.unknowns,
+            squares=fit.squares,
+            **{"likely_squares": fit.squares, **own},
+        )
 
     def shapes(self, places: Sequence[Place]) -> Shapes:
         return Shapes(
@@ -372,26 +387,13 @@ class _Complex(_Sweep):
         at = [0, 1, *(first + 2 * k + part for k in chosen for part in (0, 1))]
         scales = np.ones(len(at))
         scales[:2] = shapes.starts[0].width_hz, places[0].width_hz
-        return LineFit(
-            **numbers.line(shapes.starts[0], places[0]),
-            form=self.form,
-            amplitude=numbers.number(
-                "amplitude",
-                self.top * size,
-                [(first, self.top * gain.real / size), (first + 1, self.top * gain.imag / size)],
-            ),
-            bend=numbers.bend(shapes, fit.x, places[0]),
+        along = [(first, self.top * gain.real / size), (first + 1, self.top * gain.imag / size)]
+        return self.line(
+            numbers,
+            shapes,
+            numbers.number("amplitude", self.top * size, along),
             delay=delay,
             second=second,
-            residual=self.residual(fit, size),
-            correlation=numbers.correlation,
-            curve=self.top * fit.curve,
-            message=fit.message,
-            structure=numbers.structure,
-            dof=numbers.dof,
-            unknowns=fit.unknowns,
-            squares=fit.squares,
-            likely_squares=fit.squares,
             coefficients=np.asarray(fit.coefficients[chosen], dtype=complex),
             covariance=np.outer(scales, scales) * numbers.covariance[np.ix_(at, at)],
         )
@@ -443,23 +445,10 @@ class _Amplitudes(_Sweep):
         numbers = _Numbers(fit, sigma)
         first = model.count
         amplitude = numbers.number("amplitude", self.top * height, [(first, self.top)])
-        made = LineFit(
-            **numbers.line(shapes.starts[0], places[0]),
-            form=self.form,
-            amplitude=amplitude,
-            bend=numbers.bend(shapes, fit.x, places[0]),
-            residual=self.residual(fit, height),
-            correlation=numbers.correlation,
-            curve=self.top * fit.curve,
-            message=fit.message,
-            structure=numbers.structure,
-            dof=numbers.dof,
-            unknowns=fit.unknowns,
-            squares=fit.squares,
-            likely_squares=fit.squares if likely is None else likely,
-            **self._background(fit, model, places[0]),
+        own = self._background(fit, model, places[0])
+        made = self._checked(
+            self.line(numbers, shapes, amplitude, likely_squares=likely or fit.squares, **own)
         )
-        made = self._checked(made)
         if self.form.phased:
             return self._mirrored(made, fit, model, numbers)
         if self.form.second:
