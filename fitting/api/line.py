@@ -8,8 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
+import numpy as np
 import numpy.typing as npt
 
 import fitting.resonance.line as sweeps
@@ -18,16 +19,18 @@ import fitting.resonance.ringdown as decays
 from fitting.api.printed import HtmlText
 from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import DipReading
-from fitting.report.resonance import text
+from fitting.report.resonance import report, text
 from fitting.resonance.decay_reading import decay_record_of, is_over_time, read_decay_of
 from fitting.resonance.line import WIRINGS, line_of
 from fitting.resonance.noise_line import noise_line_of, noise_record_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns, read_trace_of
+from fitting.resonance.record import MeasuredLine
 from fitting.resonance.ringdown import ringdown_of
 from fitting.resonance.trace import trace_of
-from fitting.signal.line_record import fields_of
+from fitting.signal.line_record import LineNumber, fields_of
 from fitting.text.arguments import checked
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
 
@@ -52,15 +55,65 @@ LINE_FILES = ("line.json", "line.csv", "line.png", "line.svg")
 Record = TypeVar("Record")
 
 
-class PrintedLine(HtmlText):
-    """A line that is printed as the command ``line`` prints it."""
+class FittedLine(MeasuredLine, HtmlText):
+    """A line that is printed as the command ``line`` prints it, with lmfit's names.
+
+    Arrays over the parameters are in the order of ``params``.
+    """
+
+    @property
+    def params(self) -> dict[str, LineNumber]:
+        """The fitted numbers by name; others, as ``q``, follow from them."""
+        return {name: getattr(self, name) for name in self.var_names}
+
+    @property
+    def covar(self) -> FloatArray:
+        """Covariance of ``params``, shape (n, n), in their units: ``correl`` with each ``std``."""
+        std = np.array([number.std for number in self.params.values()])
+        return np.asarray(np.array(self.correl) * np.outer(std, std))
+
+    @property
+    def redchi(self) -> float:
+        """``chisqr`` over the number of residuals less that of all that was fitted."""
+        return self.chisqr / max(1, self.rows - self.unknowns)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion, of n residuals n ln(chisqr/n) + 2 unknowns; smaller is better."""
+        return self.minus_twice_likely + 2.0 * self.unknowns
+
+    @property
+    def best_fit(self) -> FloatArray | ComplexArray:
+        """Fitted values at the points, shape (k,), in the unit of the data."""
+        return self.points.arrays()[1]
+
+    @property
+    def residual(self) -> FloatArray | ComplexArray:
+        """Data minus ``best_fit``, shape (k,), in the unit of both."""
+        measured, fitted = self.points.arrays()
+        return measured - fitted
+
+    def fit_report(self) -> str:
+        """What ``fmu-fit line --verbose`` prints: numbers, what they rest on, forms compared."""
+        return report(self)
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draw what was measured and the fit to it.
+
+        Args:
+            ax: Where to draw; None: pyplot's current axes.
+
+        Returns:
+            The axes. `fitting.plot.line` has the other panels.
+        """
+        return importlib.import_module("fitting.api.plot").line(self, ax=ax)
 
     def __repr__(self) -> str:
-        return text(self)  # type: ignore[arg-type]
+        return text(self)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Line(PrintedLine, sweeps.Line):
+class Line(FittedLine, sweeps.Line):
     """One resonance of a measured response; printed, it says what the command ``line`` says.
 
     Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
@@ -75,7 +128,7 @@ class Line(PrintedLine, sweeps.Line):
         forms: every form that was tried, the one that was taken first.
         readings: where the line is a dip, what it means in each wiring.
         structure: what the residuals show of the noise, ``dof`` its degrees of freedom.
-        residual: root mean square of the residuals, over ``amplitude``.
+        rms_residual: root mean square of the residuals, over ``amplitude``.
         points: what was measured and fitted.
 
     `fitting.resonance.line.Line` has the rest.
@@ -83,7 +136,7 @@ class Line(PrintedLine, sweeps.Line):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Ringdown(PrintedLine, decays.Ringdown):
+class Ringdown(FittedLine, decays.Ringdown):
     """One resonance of a ringdown; printed, it says what the command ``line`` says.
 
     Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
@@ -97,7 +150,7 @@ class Ringdown(PrintedLine, decays.Ringdown):
         decay_time: in which the amplitude falls to 1/e, s.
         amplitude: at the first sample that is used, in ``unit``.
         is_noise: whether the residuals are noise, by all tests.
-        residual: root mean square of the residuals, over ``amplitude``.
+        rms_residual: root mean square of the residuals, over ``amplitude``.
         points: what was recorded and fitted.
 
     `fitting.resonance.ringdown.Ringdown` has the rest.
@@ -105,7 +158,7 @@ class Ringdown(PrintedLine, decays.Ringdown):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class NoiseLine(PrintedLine, spectra.NoiseLine):
+class NoiseLine(FittedLine, spectra.NoiseLine):
     """One resonance of a noise spectrum; printed, it says what the command ``line`` says.
 
     Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in

@@ -39,7 +39,7 @@ from fitting.report.figures.simulate import (
 from fitting.report.figures.style import Axes
 from fitting.report.shown import figures_of
 from fitting.resonance.figure import figure_of
-from fitting.resonance.line import Line
+from fitting.resonance.record import MeasuredLine
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 
@@ -206,19 +206,19 @@ def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axe
     return measurements.frequency_response(curves, ax=ax)
 
 
-def line(found: Line, *, number: int = 0, ax: Axes | None = None) -> Axes:
+def line(found: MeasuredLine, *, number: int = 0, ax: Axes | None = None) -> Axes:
     """Draw one resonance: measured points and the line that was fitted to them.
 
     Args:
-        found: What `fitting.line` returns.
-        number: Which panel: 0 amplitudes, the last what the fit leaves in % of the line's height,
-            between them the phase of complex values.
+        found: What `fitting.line`, `fitting.ringdown` or `fitting.noise_line` returns.
+        number: Which panel: 0 the measured values, the last what the fit leaves in % of the line's
+            height, between them the phase of complex values of a sweep.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
         BadInput: it is no such result, or there is no such panel.
     """
-    if not isinstance(found, Line):
+    if not isinstance(found, MeasuredLine):
         raise BadInput(f"plot: found a {type(found).__name__}, wanted what fitting.line returns")
     panels = figure_of(found).panels
     if not -len(panels) <= number < len(panels):

@@ -122,13 +122,7 @@ def run(args: argparse.Namespace) -> int:
             wiring = args.wiring or ""
             found = ff.line(args.file, within_hz=ends, wiring=wiring, columns=columns)
     hand_over(args, found)
-    print(found)
-    if args.verbose:
-        from fitting.report.resonance import forms_table
-        from fitting.report.table import text_lines
-
-        forms = forms_table(found)
-        print(*([] if forms is None else text_lines(forms)), sep="\n")
+    print(found.fit_report() if args.verbose else found)
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")
     return 0

@@ -105,7 +105,7 @@ class SweepFile:
         elif look.two is None:  # its single line, without errors, and its scatter
             f, width = lines.lines[0].frequency.value, lines.lines[0].width.value
             numbers = line_numbers((f, math.nan), (width, math.nan), (f / width, math.nan))
-            line = LineResult(**numbers, unit="1", residual=look.residual)
+            line = LineResult(**numbers, unit="1", rms_residual=look.residual)
         return replace(
             self,
             is_noise=True,

@@ -144,7 +144,7 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
         placed = {b.name: convert(b.start, b.unit, offer.unit(b.name), where=b.name) for b in boxes}
         level = linear_level(response, placed)
     width = min((each.width_hz for each in lines), default=0.0)
-    residual = 0.0 if line is None else line.residual
+    residual = 0.0 if line is None else line.rms_residual
     titles = ", ".join(sweep.path.stem for sweep in files.sweeps)
     tables: dict[str, Any] = {
         "title": titles or (table.path.stem if table else offer.description.model_name),

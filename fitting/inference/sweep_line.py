@@ -129,7 +129,7 @@ def line_of_sweep(
             else TriedForm(
                 **fields_of(each, LineValues),
                 name=background,
-                residual=each.residual,
+                rms_residual=each.rms_residual,
                 structure=each.structure,
                 message=each.message,
             )
@@ -143,7 +143,7 @@ def line_of_sweep(
         **fields_of(fit, LineValues),
         **shared,
         amplitude=replace(fit.amplitude, unit=sweep.unit),
-        residual=fit.residual,
+        rms_residual=fit.rms_residual,
         message=fit.message,
         dof=fit.dof,
         structure=fit.structure,
@@ -154,7 +154,7 @@ def line_of_sweep(
 
 def _left(fit: LineFit) -> float:
     """Root mean square of the residuals, in the sweep's unit."""
-    return fit.residual * fit.amplitude.value
+    return fit.rms_residual * fit.amplitude.value
 
 
 def _is_less(fit: LineFit | str, other: LineFit | str) -> bool:
@@ -184,7 +184,7 @@ def background_p(
         full: line with it.
         of: name of the simpler background.
     """
-    if isinstance(plain, str) or isinstance(full, str) or plain.residual < SMALLEST_RESIDUAL:
+    if isinstance(plain, str) or isinstance(full, str) or plain.rms_residual < SMALLEST_RESIDUAL:
         return math.nan
     largest = float(np.max(amplitude))  # shares of it: squares of any unit stay numbers
     without, left = (
@@ -223,7 +223,7 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
             f"{part}width_std_hz": form.width.std,
             f"{part}q": form.q.value,
             f"{part}q_std": form.q.std,
-            f"{part}residual": form.residual,
+            f"{part}residual": form.rms_residual,
         }
     yield warning(
         Kind.line_background,

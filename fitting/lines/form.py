@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from fitting.lines.names import FORM_OF, MIN_SWEEP_POINTS
-from fitting.lines.numbers import Numbers
+from fitting.lines.numbers import Numbers, Slopes
 from fitting.lines.rice import fit_readings
 from fitting.lines.solve import Array, Fit, fit_model, folded
 from fitting.lines.starts import Start, amplitude_starts, point_noise
@@ -41,6 +41,7 @@ from fitting.lines.sweep_model import (
 from fitting.signal.line_record import (
     LineNumber,
     LineValues,
+    Matrix,
     SecondLine,
     line_numbers,
     number_of_line,
@@ -151,8 +152,8 @@ class LineFit(LineValues):
         bend: shift of the top from the frequency of small amplitudes, Hz; None of a Lorentzian.
         delay: of the cable, s; None where it was not fitted.
         second: a second line that was fitted with it.
-        residual: root mean square of the residuals over the amplitude.
-        correlation: between frequency and width.
+        rms_residual: root mean square of the residuals over the amplitude.
+        correl: correlations of frequency, width and amplitude, (3, 3).
         curve: fitted values, (n,).
         message: how the fit ended.
         structure: what the order of the residuals shows.
@@ -172,8 +173,8 @@ class LineFit(LineValues):
     bend: LineNumber | None = None
     delay: LineNumber | None = None
     second: SecondLine | None = None
-    residual: float
-    correlation: float = 0.0
+    rms_residual: float
+    correl: Matrix = ()
     curve: FloatArray | ComplexArray = field(repr=False)
     message: str
     structure: Structure
@@ -267,17 +268,19 @@ class _Sweep:
     source: str
     weights: FloatArray | None = None
 
-    def line(self, numbers: _Numbers, shapes: Shapes, amplitude: LineNumber, **own: Any) -> LineFit:
+    def line(
+        self, numbers: _Numbers, shapes: Shapes, amplitude: float, slopes: Slopes, **own: Any
+    ) -> LineFit:
         """The line of a fit with what every form has, and what this one has of its own."""
         fit, place = numbers.fit, shapes.places(numbers.fit.x)[0]
         rms = self.top * float(np.sqrt(np.mean(np.abs(self.y - fit.curve) ** 2)))
         return LineFit(
             **numbers.line(shapes.starts[0], place),
             form=self.form,
-            amplitude=amplitude,
+            amplitude=numbers.number("amplitude", amplitude, slopes),
             bend=numbers.bend(shapes, fit.x, place),
-            residual=rms / amplitude.value if amplitude.value > 0.0 else math.inf,
-            correlation=numbers.correlation,
+            rms_residual=rms / amplitude if amplitude > 0.0 else math.inf,
+            correl=numbers.with_amplitude(slopes),
             curve=self.top * fit.curve,
             message=fit.message,
             structure=numbers.structure,
@@ -345,12 +348,10 @@ class _Numbers(Numbers):
         numbers = self.line(shapes.starts[1], shapes.places(self.fit.x)[1], 1)
         return SecondLine(**numbers, share=share, phase_rad=phase, mirrored=mirrored)
 
-    @property
-    def correlation(self) -> float:
-        """Between frequency and width."""
-        spread = self.covariance[:2, :2]
-        size = math.sqrt(spread[0, 0] * spread[1, 1])
-        return float(spread[0, 1]) / size if size > 0.0 else 0.0
+    def with_amplitude(self, slopes: Slopes) -> Matrix:
+        """Correlations of frequency and width with each other and an amplitude of such slopes."""
+        place = np.eye(2, self.fit.unknowns)  # their units do not matter
+        return self.correl([*place, self.gradient(slopes)])
 
     def bend(self, shapes: Shapes, x: FloatArray, place: Place) -> LineNumber | None:
         """Shift of the top of a Duffing line, Hz: half a width times the bend."""
@@ -391,7 +392,8 @@ class _Complex(_Sweep):
         return self.line(
             numbers,
             shapes,
-            numbers.number("amplitude", self.top * size, along),
+            self.top * size,
+            along,
             delay=delay,
             second=second,
             coefficients=np.asarray(fit.coefficients[chosen], dtype=complex),
@@ -444,10 +446,16 @@ class _Amplitudes(_Sweep):
             fit = folded(model, self.y, fit, self.weights)
         numbers = _Numbers(fit, sigma)
         first = model.count
-        amplitude = numbers.number("amplitude", self.top * height, [(first, self.top)])
         own = self._background(fit, model, places[0])
         made = self._checked(
-            self.line(numbers, shapes, amplitude, likely_squares=likely or fit.squares, **own)
+            self.line(
+                numbers,
+                shapes,
+                self.top * height,
+                [(first, self.top)],
+                likely_squares=likely or fit.squares,
+                **own,
+            )
         )
         if self.form.phased:
             return self._mirrored(made, fit, model, numbers)
@@ -565,8 +573,9 @@ class _Amplitudes(_Sweep):
         return replace(
             own,
             amplitude=mirrored,
+            correl=numbers.with_amplitude(slopes),
             background=self.top * height * size * there,
-            residual=line.residual / size,
+            rms_residual=line.rms_residual / size,
             mirrored=line.amplitude,
         )
 

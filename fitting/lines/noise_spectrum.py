@@ -30,7 +30,7 @@ from fitting.lines.noise_model import COUPLED, OWN, TOGETHER, NoiseSpectrum
 from fitting.lines.numbers import Numbers
 from fitting.lines.solve import Fit, fit_model
 from fitting.lines.sweep_model import Place
-from fitting.signal.line_record import LineNumber, SecondLine, line_numbers
+from fitting.signal.line_record import LineNumber, Matrix, SecondLine, line_numbers
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray
 
@@ -63,6 +63,8 @@ class NoiseFit:
         power: of each over all frequencies, pi/2 times height times FWHM; NaN of lines that are
             moved in another way than each by itself.
         floor: white density under them.
+        correl: correlations of frequency, FWHM and power of the first line; without the power where
+            it is NaN.
         first: number of the highest line among the points.
         averages: M.
         modes: frequency and FWHM, Hz, of the seen mode and of the other one by themselves, then
@@ -81,6 +83,7 @@ class NoiseFit:
     power: tuple[LineNumber, ...]
     floor: LineNumber
     first: int
+    correl: Matrix
     averages: float
     modes: tuple[float, ...] = ()
     is_kind_determined: bool = True
@@ -293,13 +296,18 @@ def _result(model: NoiseSpectrum, fit: Fit, y: FloatArray, top: float) -> NoiseF
     f = model.frequency_hz
     among = [j for j in order if f[0] <= places[j][0].frequency_hz <= f[-1]]
     first = max(among, key=lambda j: abs(heights[j]))
+    correl: Matrix = ()
     made, powers = [], []
     for j in order:
-        made.append(_line(numbers, *places[j], abs(heights[j] / heights[first])))
+        whole = np.zeros((2, fit.unknowns))
+        whole[:, : model.count] = places[j][1]
+        made.append(_line(numbers, places[j][0], whole, abs(heights[j] / heights[first])))
         power = top * 0.5 * math.pi * heights[j] * places[j][0].width_hz
         slopes = [(2 * j + 1, power), (model.count + j, power / heights[j])]
         own = model.kind == OWN
         powers.append(numbers.number("power", power if own else math.nan, slopes if own else []))
+        if j == first:
+            correl = numbers.correl([*whole, *([numbers.gradient(slopes)] if own else [])])
     modes: tuple[float, ...] = ()
     if model.kind == COUPLED:
         seen, unseen = model.shapes.places(fit.x[:4])
@@ -310,6 +318,7 @@ def _result(model: NoiseSpectrum, fit: Fit, y: FloatArray, top: float) -> NoiseF
         power=tuple(powers),
         floor=numbers.number("floor", top * floor, [(fit.unknowns - 1, top)]),
         first=order.index(first),
+        correl=correl,
         averages=averages,
         modes=modes,
         model=model,
@@ -321,15 +330,13 @@ def _result(model: NoiseSpectrum, fit: Fit, y: FloatArray, top: float) -> NoiseF
 
 
 def _line(numbers: Numbers, place: Place, slopes: FloatArray, share: float) -> SecondLine:
-    """A line with its errors, from the derivatives of its frequency and FWHM by x."""
-    whole = np.zeros((2, numbers.fit.unknowns))
-    whole[:, : slopes.shape[1]] = slopes
+    """A line with its errors, from gradients of its frequency and FWHM."""
     f, w = place.frequency_hz, place.width_hz
     q = f / w
     made = line_numbers(
-        (f, numbers.std(whole[0])),
-        (w, numbers.std(whole[1])),
-        (q, numbers.std(q * (whole[0] / f - whole[1] / w))),
+        (f, numbers.std(slopes[0])),
+        (w, numbers.std(slopes[1])),
+        (q, numbers.std(q * (slopes[0] / f - slopes[1] / w))),
         numbers.dof,
     )
     slow, fast = (max(end, 1e-300) for end in made["width"].ci95)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from fitting.lines.solve import Fit
-from fitting.signal.line_record import LineNumber, number_of_line
+from fitting.signal.line_record import LineNumber, Matrix, number_of_line
 from fitting.signal.residual_tests import Structure
 from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import FloatArray
+
+#: Slopes of a number by single unknowns: the number of each, and the slope.
+Slopes: TypeAlias = Sequence[tuple[int, float]]
 
 
 class Numbers:
@@ -56,15 +60,26 @@ class Numbers:
         unit = gradient[at] / size if size else gradient[at]
         return size * math.sqrt(max(0.0, float(unit @ part @ unit)))
 
-    def std_of(self, slopes: Sequence[tuple[int, float]]) -> float:
-        """The same of a number with slopes by single unknowns."""
+    def gradient(self, slopes: Slopes) -> FloatArray:
+        """Derivatives (unknowns,) of a number with slopes by single unknowns."""
         gradient = np.zeros(self.fit.unknowns)
         for k, slope in slopes:
             gradient[k] += slope
-        return self.std(gradient)
+        return gradient
 
-    def number(
-        self, name: str, value: float, slopes: Sequence[tuple[int, float]], unit: str = ""
-    ) -> LineNumber:
+    def std_of(self, slopes: Slopes) -> float:
+        """Half of the 68 % interval of such a number."""
+        return self.std(self.gradient(slopes))
+
+    def correl(self, numbers: Sequence[FloatArray]) -> Matrix:
+        """Correlations of numbers with gradients (unknowns,) each."""
+        each = np.array(numbers)
+        stds = np.array([self.std(gradient) for gradient in each])
+        with np.errstate(all="ignore"):
+            unit = each / stds[:, None]
+            made = np.clip(unit @ self.covariance @ unit.T, -1.0, 1.0)
+        return tuple(tuple(float(v) for v in row) for row in made)
+
+    def number(self, name: str, value: float, slopes: Slopes, unit: str = "") -> LineNumber:
         """A number with its error; slopes by single unknowns."""
         return number_of_line(name, value, self.std_of(slopes), unit, half=ratio95(self.dof))

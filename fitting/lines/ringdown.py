@@ -30,6 +30,7 @@ from fitting.lines.rice import fit_readings
 from fitting.lines.solve import Array, Fit
 from fitting.signal.line_record import (
     LineNumber,
+    Matrix,
     SecondLine,
     line_numbers,
     number_of_line,
@@ -90,6 +91,8 @@ class DecayFit:
         name: of the form.
         lines: those that decay first, each time the highest at the first sample first.
         amplitude: of the first line at the first sample.
+        correl: correlations of its frequency (not of amplitudes), its FWHM, the amplitude, then
+            shift and extra width where they are fitted.
         shift: how far the frequency of the first line is moved at the first sample, Hz.
         extra: how much wider it is there than at small amplitudes, Hz.
         background: the constant, complex of phasors; of `noise` that of X and Y each.
@@ -107,6 +110,7 @@ class DecayFit:
     name: str
     lines: tuple[SecondLine, ...]
     amplitude: LineNumber
+    correl: Matrix
     shift: LineNumber
     extra: LineNumber
     background: complex
@@ -141,7 +145,7 @@ class DecayFit:
         return min(self.structure.p_value, self.structure.sizes_p) >= STRUCTURED
 
     @property
-    def residual(self) -> float:
+    def rms_residual(self) -> float:
         """Root mean square of the residuals over the amplitude of the first line."""
         height = abs(self.heights[0])
         return math.sqrt(self.fit.squares / self.curve.size) / height if height else math.inf
@@ -350,18 +354,18 @@ def _numbers(record: DecayRecord, name: str, model: Decays, fit: Fit, likely: fl
     lines = [_line(record, model, numbers, k) for k in range(model.lines)]
     order = sorted(range(model.lines), key=lambda k: (not lines[k].decays, -abs(heights[k])))
     size, at = float(abs(heights[order[0]])), first + parts * order[0]
-    along = [heights[order[0]].real, heights[order[0]].imag][:parts]
-    amplitude = numbers.number(
-        "amplitude",
-        record.top * size,
-        [(at + k, record.top * float(part) / size) for k, part in enumerate(along)] if size else [],
-        record.unit,
-    )
+    along = np.array([heights[order[0]].real, heights[order[0]].imag][:parts]) / (size or 1.0)
+    slopes = [(at + k, record.top * float(part)) for k, part in enumerate(along)]
+    amplitude = numbers.number("amplitude", record.top * size, slopes, record.unit)
+    # frequency and width, and the law, in units that do not matter
+    place = np.eye(model.each, fit.unknowns, model.each * order[0])
+    law_of = np.eye(model.moves + model.damps, fit.unknowns, model.each * model.lines)
+    correl = numbers.correl([*place, numbers.gradient(slopes), *law_of])
     law = {"shift": model.moves, "extra": model.damps}
     made, k = [], model.each * model.lines
     for what, there in law.items():
-        slopes = [(k, 1.0 / span)] if there else []
-        made.append(numbers.number(what, float(fit.x[k]) / span if there else 0.0, slopes, "Hz"))
+        value = float(fit.x[k]) / span if there else 0.0
+        made.append(numbers.number(what, value, [(k, 1.0 / span)] if there else [], "Hz"))
         k += there
     shift, extra = made
     # of amplitudes without a constant the last one is the noise of X and Y
@@ -375,6 +379,7 @@ def _numbers(record: DecayRecord, name: str, model: Decays, fit: Fit, likely: fl
         name=name,
         lines=tuple(shares),
         amplitude=amplitude,
+        correl=correl,
         shift=shift,
         extra=extra,
         background=background,

@@ -427,7 +427,7 @@ class _Search:
             **fields_of(fit, LineValues),
             name=fit.name,
             delayed=fit.delay is not None,
-            residual=fit.residual,
+            rms_residual=fit.rms_residual,
             criterion=criterion,
             structure=fit.structure,
             second=fit.second is not None,

@@ -465,7 +465,7 @@ class Sweep(Measurement):
             line = (
                 "The fit of one damped mode to the laboratory points gives "
                 f"{', '.join(resonance_words(resonance))}; its residual is "
-                f"{100 * resonance.residual:.2g} % of its amplitude."
+                f"{100 * resonance.rms_residual:.2g} % of its amplitude."
             )
         said = "." if resonance is None else f"; {', '.join(resonance_words(resonance))}."
         figure = Figure(

@@ -22,6 +22,7 @@ from fitting.report.table import (
     environment,
     table,
     terminal_text,
+    text_lines,
     wrapped,
 )
 from fitting.resonance.line import Line
@@ -90,6 +91,16 @@ def text(result: MeasuredLine) -> str:
     for entry in sentences(result):
         lines += wrapped(entry)
     return "\n".join(lines)
+
+
+def report(result: MeasuredLine) -> str:
+    """What the command prints with ``--verbose``: the text, and the forms compared.
+
+    Args:
+        result: as it was fitted.
+    """
+    forms = forms_table(result)
+    return "\n".join([text(result), *([] if forms is None else text_lines(forms))])
 
 
 def _rendered(result: MeasuredLine, part: str) -> list[str]:

@@ -142,7 +142,7 @@ def _kept(trace: Trace, below: BoolArray, limit: float) -> BoolArray | None:
         if form is None or not (_no_chance(a, form) or _is_below(limit, form)):
             return None
         close = np.zeros(f.size, dtype=np.bool_)
-        close[kept] = form.curve > limit - CLOSE * form.residual * form.amplitude.value
+        close[kept] = form.curve > limit - CLOSE * form.rms_residual * form.amplitude.value
         if not np.any(close) or np.sum(kept & ~close) < MIN_SWEEP_POINTS:
             break
         kept = kept & ~close
@@ -152,7 +152,7 @@ def _kept(trace: Trace, below: BoolArray, limit: float) -> BoolArray | None:
 def _no_chance(a: FloatArray, form: LineFit) -> bool:
     """Whether noise is so much larger than steps of the scale that it makes no points equal."""
     steps = np.diff(np.unique(a))
-    return bool(np.min(steps) < FINE * form.residual * form.amplitude.value)
+    return bool(np.min(steps) < FINE * form.rms_residual * form.amplitude.value)
 
 
 def _is_below(limit: float, form: LineFit) -> bool:
@@ -168,6 +168,6 @@ def _line(f: FloatArray, a: FloatArray, source: str) -> LineFit | None:
             forms.append(fit_form(f, a, AMPLITUDE_FORMS[name], source=source))
     return min(
         forms,
-        key=lambda form: f.size * np.log(form.residual * form.amplitude.value) + form.unknowns,
+        key=lambda form: f.size * np.log(form.rms_residual * form.amplitude.value) + form.unknowns,
         default=None,
     )

@@ -55,7 +55,7 @@ def _line_figure(line: Line) -> Figure:
         title=f"One resonance: {words}",
         caption=(
             f"{f.size} points with the fitted line ({line.wiring}) and what the fit leaves of "
-            f"them, {number(100.0 * line.residual, 2)} % of the line (rms). {words}."
+            f"them, {number(100.0 * line.rms_residual, 2)} % of the line (rms). {words}."
         ),
         alt=f"Resonance near {hertz(line.frequency.value)} with its fit. {words}.",
         rows=tuple((panel,) for panel in panels),
@@ -86,8 +86,8 @@ def _ringdown_figure(result: Ringdown) -> Figure:
         title=f"Ringdown: {short}",
         caption=(
             f"{len(result.points.time_s)} samples{some} with the fitted decay ({result.form}) and "
-            f"what the fit leaves of them, {number(100.0 * result.residual, 2)} % of the amplitude "
-            f"at the first sample (rms). {words}."
+            f"what the fit leaves of them, {number(100.0 * result.rms_residual, 2)} % of the "
+            f"amplitude at the first sample (rms). {words}."
         ),
         alt=f"Ringdown with its fit. {words}.",
         rows=(

@@ -142,7 +142,7 @@ def _line(
         wiring=wiring or best.name,
         is_requested=bool(wiring),
         delay=best.delay,
-        residual=best.residual,
+        rms_residual=best.rms_residual,
         dof=best.dof,
         structure=structure,
         rivals=fit.rivals,
@@ -156,6 +156,9 @@ def _line(
         spikes=tuple(spikes),
         phases_reversed=trace.phases_reversed,
         clipped=clipped,
+        chisqr=best.squares * float(np.max(trace.amplitude)) ** 2,
+        unknowns=best.unknowns,
+        correl=best.correl,
         reading=trace.reading,
         points=Points.of(trace.values, best.curve, frequency_hz=trace.frequency_hz),
     )

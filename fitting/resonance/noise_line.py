@@ -137,6 +137,16 @@ class NoiseLine(MeasuredLine):
     kind: str
     spacing_hz: float
 
+    @property
+    def var_names(self) -> tuple[str, ...]:
+        """Names of the numbers that were fitted and are printed."""
+        return ("frequency", "width", "power")[: len(self.correl)]
+
+    @property
+    def minus_twice_likely(self) -> float:
+        """Minus twice the logarithm of Whittle's likelihood, but for a constant."""
+        return self.chisqr
+
 
 def noise_line_of(record: NoiseRecord) -> NoiseLine:
     """The resonance of a noise spectrum, by the likelihood of averages of periodograms.
@@ -176,6 +186,9 @@ def noise_line_of(record: NoiseRecord) -> NoiseLine:
         spacing_hz=float(np.median(np.diff(record.frequency_hz))),
         dof=fit.dof,
         structure=fit.structure,
+        chisqr=fit.averages * fit.fit.squares,
+        unknowns=fit.fit.unknowns,
+        correl=fit.correl,
         reading=record.reading,
         points=Points.of(record.density, fit.curve, frequency_hz=record.frequency_hz),
     )

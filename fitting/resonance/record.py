@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting.signal.line_record import LineResult
+from fitting.signal.line_record import LineResult, Matrix
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.finding import Finding
 from fitting.text.sentences import sentence_lines
@@ -81,12 +82,34 @@ class MeasuredLine(LineResult):
     """One resonance of a file or of arrays.
 
     Attributes:
+        chisqr: sum of the squared residuals as they were weighted, in the squared unit; of a noise
+            spectrum the deviance over what it is expected to be for each point.
+        unknowns: real numbers that were fitted.
+        correl: correlations of the numbers of ``var_names``, (k, k).
         reading: how the file was read: findings that ask nothing of the reader.
         points: what was measured and what was fitted.
     """
 
+    chisqr: float
+    unknowns: int
+    correl: Matrix
     reading: tuple[Finding, ...]
     points: Points = field(repr=False)
+
+    @property
+    def var_names(self) -> tuple[str, ...]:
+        """Names of the numbers that were fitted and are printed."""
+        return ("frequency", "width", "amplitude")
+
+    @property
+    def rows(self) -> int:
+        """Number of residuals: of complex values two at every point."""
+        return len(self.points.place) * (2 if self.is_complex else 1)
+
+    @property
+    def minus_twice_likely(self) -> float:
+        """Minus twice the logarithm of the likelihood of normal noise, but for a constant."""
+        return self.rows * math.log(self.chisqr / self.rows) if self.chisqr > 0.0 else -math.inf
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ class Ringdown(MeasuredLine):
 
     The frequency is NaN where the record does not determine it: of amplitudes alone, and of phasors
     without a demodulation frequency. The quality factor of amplitudes is that of the demodulation
-    frequency. ``residual`` is over the amplitude at the first sample.
+    frequency. ``rms_residual`` is over the amplitude at the first sample.
 
     Attributes:
         kind: "samples" of the motion, "phasors" of a demodulator, or "amplitudes".
@@ -65,6 +65,13 @@ class Ringdown(MeasuredLine):
     begin_s: float
     left_out: int
     spacing_s: float
+
+    @property
+    def var_names(self) -> tuple[str, ...]:
+        """Names of the numbers that were fitted and are printed."""
+        place = {PHASORS: ("offset",), SAMPLES: ("frequency",)}.get(self.kind, ())
+        law = [name for name in ("shift", "extra") if getattr(self, name).value != 0.0]
+        return (*place, "width", "amplitude", *law)
 
     @property
     def alike(self) -> tuple[LineNumber, ...]:
@@ -131,9 +138,12 @@ def _result(fit: RingdownFit) -> Ringdown:
         begin_s=float(record.time_s[0]),
         left_out=fit.first,
         spacing_s=record.spacing_s,
-        residual=best.residual,
+        rms_residual=best.rms_residual,
         dof=best.dof,
         structure=structure,
+        chisqr=best.squares * record.top**2,
+        unknowns=best.unknowns,
+        correl=best.correl,
         reading=record.reading,
         points=Points.of(record.values, best.curve, time_s=record.time_s),
     )
@@ -144,7 +154,7 @@ def _tried(form: DecayFit, criterion: float) -> TriedForm:
     return TriedForm(
         **fields_of(line, LineValues),
         name=form.name,
-        residual=form.residual,
+        rms_residual=form.rms_residual,
         criterion=criterion,
         structure=form.structure,
         offset=line.offset,

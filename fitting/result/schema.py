@@ -158,8 +158,9 @@ def _scan(profile: Mapping[str, Any]) -> dict[str, Any]:
 
 def _line(old: Mapping[str, Any]) -> dict[str, Any]:
     """The sweep's line of schema 1; intervals of 95 % were not stored, and are unknown."""
-    kept = ("unit", "residual", "background", "message", "instrument", "notes", "background_p")
+    kept = ("unit", "background", "message", "instrument", "notes", "background_p")
     made = {key: old[key] for key in (*kept, "values") if key in old}
+    made["rms_residual"] = old["residual"]
     amplitude = ("amplitude", "amplitude_std", old["unit"])
     for name, (value, std, unit) in {**OF_A_LINE, "amplitude": amplitude}.items():
         made[name] = _number(name, old.get(value), old.get(std), unit)
@@ -185,7 +186,7 @@ def _form(old: Mapping[str, Any]) -> dict[str, Any]:
         "widening": old["widening"],
         "together": None,
     }
-    rest = {"name": old["background"], "residual": old["residual"], "message": old["message"]}
+    rest = {"name": old["background"], "message": old["message"], "rms_residual": old["residual"]}
     return {**numbers, **rest, "structure": structure}
 
 

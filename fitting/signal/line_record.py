@@ -15,6 +15,8 @@ from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.as_number import AsNumber
 from fitting.text.estimate import NOWHERE, Estimate, Interval, Verdict
 
+#: Rows of a matrix.
+Matrix = tuple[tuple[float, ...], ...]
 #: Of what was not fitted.
 NO_STRUCTURE = Structure(
     p_value=math.nan,
@@ -171,7 +173,7 @@ class TriedForm(LineValues):
 
     Attributes:
         name: of the form.
-        residual: root mean square of the residuals, over the line's amplitude.
+        rms_residual: root mean square of the residuals, over the line's amplitude.
         criterion: Akaike's, over the least of all forms; 10 is plainly worse. NaN: not compared.
         structure: what the residuals show of the noise.
         message: why it could not be fitted, or how the fit ended.
@@ -181,7 +183,7 @@ class TriedForm(LineValues):
     """
 
     name: str
-    residual: float = math.nan
+    rms_residual: float = math.nan
     criterion: float = math.nan
     structure: Structure = NO_STRUCTURE
     message: str = ""
@@ -240,7 +242,7 @@ class LineResult(LineValues):
     Attributes:
         source: the file, or "arrays".
         unit: of amplitudes; "1": none.
-        residual: root mean square of the residuals over the amplitude; NaN of a noise spectrum.
+        rms_residual: root mean square of the residuals over the amplitude; NaN of a noise spectrum.
         dof: degrees of freedom of the noise.
         structure: what the residuals show of the noise: probabilities of tests, effective sample
             size, factor on the errors.
@@ -252,7 +254,7 @@ class LineResult(LineValues):
 
     source: str = ""
     unit: str
-    residual: float = math.nan
+    rms_residual: float = math.nan
     dof: float = math.inf
     structure: Structure = NO_STRUCTURE
     forms: tuple[TriedForm, ...] = ()

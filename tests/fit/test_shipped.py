@@ -83,7 +83,7 @@ def test_a_measured_line_comes_out_as_another_program_has_it(sensor: Result) -> 
     assert np.sqrt(np.mean(left**2)) / crest == pytest.approx(0.0043, abs=5e-5)
     line = sensor.line
     assert (line.frequency.value, line.width.value) == pytest.approx((eta, width), abs=1e-3)
-    assert (line.q.value, line.residual) == pytest.approx((eta / width, 0.0043), rel=0.01)
+    assert (line.q.value, line.rms_residual) == pytest.approx((eta / width, 0.0043), rel=0.01)
     assert line.unit == "m"
 
 
@@ -122,7 +122,7 @@ def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
     # of the lower of the two amplitudes whose lines have this curve, as for the constant b
     lower = min(abs(crest), abs(crest + 2j * complex(re, im)))
     left = float(np.sqrt(np.mean((fano(f, *found) - a) ** 2))) / lower
-    assert full.residual == pytest.approx(left, rel=1e-3)
+    assert full.rms_residual == pytest.approx(left, rel=1e-3)
     # structured too, in fours, but that says nothing of a smooth line
     assert full.structure.p_value < 1e-12
     assert full.structure.widening < 1.1

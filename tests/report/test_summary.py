@@ -47,7 +47,9 @@ def fit(background: str) -> TriedForm:
     eta, width = records.ETA_HZ, records.WIDTH_HZ
     structure = replace(NO_STRUCTURE, p_value=0.5, points=41.0, widening=1.0)
     numbers = line_numbers((eta, 0.11), (width, 0.24), (eta / width, 190.0))
-    return TriedForm(**numbers, name=background, residual=4e-3, structure=structure, message="done")
+    return TriedForm(
+        **numbers, name=background, rms_residual=4e-3, structure=structure, message="done"
+    )
 
 
 def names(summary: Summary) -> list[str]:

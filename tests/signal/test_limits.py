@@ -286,13 +286,13 @@ def test_the_standard_deviations_of_a_resonance_are_those_of_curve_fit() -> None
     assert (found.frequency.std, found.width.std, found.amplitude.std) == pytest.approx(
         std, rel=1e-3
     )
-    assert found.correlation == pytest.approx(
+    assert found.correl[0][1] == pytest.approx(
         spread[0, 1] / np.sqrt(spread[0, 0] * spread[1, 1]), abs=1e-3
     )
     slope = np.array([1.0 / x[1], -x[0] / x[1] ** 2])
     q_std = np.sqrt(slope @ spread[:2, :2] @ slope) * found.structure.widening * student
     assert found.q.std == pytest.approx(q_std, rel=1e-3)
-    assert found.residual == pytest.approx(np.std(law(f, *x) - a) / x[2], rel=0.01)
+    assert found.rms_residual == pytest.approx(np.std(law(f, *x) - a) / x[2], rel=0.01)
     assert found.curve == pytest.approx(law(f, *x), rel=1e-5)
     known = fit_resonance(f, a, sigma=0.5)
     free = found.frequency.std / np.sqrt(np.sum((law(f, *x) - a) ** 2) / 58.0) / student

@@ -270,7 +270,7 @@ def test_measured_cantilever_gives_what_another_program_found() -> None:
     assert fit.frequency.value == pytest.approx(30280.96, abs=0.05)
     assert fit.width.value == pytest.approx(24.90, abs=0.05)
     assert fit.q.value == pytest.approx(1216, abs=3)
-    assert fit.residual == pytest.approx(0.0043, abs=0.00005)
+    assert fit.rms_residual == pytest.approx(0.0043, abs=0.00005)
     full = fit_resonance(raw.frequency, raw.amplitude, background="complex")
     assert full.frequency.value == pytest.approx(30281.26, abs=0.02)
     assert full.width.value == pytest.approx(24.84, abs=0.02)

@@ -51,7 +51,7 @@ def distances(found: list[LineFit]) -> FloatArray:
     for fit in found:
         a = (fit.frequency.value - ETA) / fit.frequency.std
         b = (fit.width.value - WIDTH) / fit.width.std
-        r = fit.correlation
+        r = fit.correl[0][1]
         values.append((a * a + b * b - 2.0 * r * a * b) / (1.0 - r * r))
     return np.array(values)
 

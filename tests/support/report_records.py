@@ -187,7 +187,7 @@ def result_for(
             **line_numbers((ETA_HZ, 0.11), (WIDTH_HZ, 0.24), (73832.6, 190.0)),
             amplitude=number_of_line("amplitude", TOP_V, 5e-8, "V"),
             unit="V",
-            residual=4.3e-3,
+            rms_residual=4.3e-3,
             background="none",
             message="done",
             instrument={"frequency_hz": 6940261.5, "q": 70000.0},
