@@ -74,11 +74,6 @@ class {name}(Fmi2Slave):
 '''
 
 
-class _Entry(NamedTuple):
-    name: str
-    content: bytes
-
-
 class _Identity(NamedTuple):
     tag: str
     guid: str
@@ -197,10 +192,10 @@ def fmu_bytes(
 
 def _packaged(
     stage: Path, job: _Job, model_class: type[ModelSlave]
-) -> Callable[[_Identity], list[_Entry]]:
+) -> Callable[[_Identity], dict[str, bytes]]:
     """Return what assembles the Python FMU under an identity."""
 
-    def entries(identity: _Identity) -> list[_Entry]:
+    def entries(identity: _Identity) -> dict[str, bytes]:
         folder = stage / identity.tag
         _write_documentation(folder / "documentation", _page(job, model_class, identity))
         return _assemble(folder, job, identity)
@@ -210,7 +205,7 @@ def _packaged(
 
 def _compiled(
     stage: Path, job: _Job, model_class: type[ModelSlave]
-) -> Callable[[_Identity], list[_Entry]]:
+) -> Callable[[_Identity], dict[str, bytes]]:
     """Compile the native twin, and return what assembles it under an identity."""
     folder = job.source / native_binary.FOLDER
     if not native_binary.has_twin(job.source, job.module):
@@ -225,23 +220,20 @@ def _compiled(
         for tool in native_binary.toolchains(platforms)
     ]
 
-    def entries(identity: _Identity) -> list[_Entry]:
+    def entries(identity: _Identity) -> dict[str, bytes]:
         licence = (ROOT / "LICENSE").read_bytes()
         model = (model_class, job.name, job.overrides, identity.guid)
         told = native_binary.description(*model, interface)
         page = _page(job, model_class, identity, interface.derivatives).encode()
-        made = [
-            _Entry("modelDescription.xml", told),
-            _Entry(
-                native_binary.RECORD,
-                native_binary.record(job.model, job.overrides, platforms, fmi),
-            ),
-            _Entry("documentation/index.html", page),
-            _Entry("documentation/licenses/license.txt", licence),
-            _Entry("documentation/licenses/fmi.txt", native_binary.headers_licence()),
-        ]
-        made += [_Entry(*e) for e in native_binary.binaries(objects, job.name, identity.guid, fmi)]
-        return sorted(made)
+        made = {
+            "modelDescription.xml": told,
+            native_binary.RECORD: native_binary.record(job.model, job.overrides, platforms, fmi),
+            "documentation/index.html": page,
+            "documentation/licenses/license.txt": licence,
+            "documentation/licenses/fmi.txt": native_binary.headers_licence(),
+            **dict(native_binary.binaries(objects, job.name, identity.guid, fmi)),
+        }
+        return dict(sorted(made.items()))
 
     return entries
 
@@ -379,16 +371,16 @@ def needed_modules(source: Path, *modules: str) -> list[str]:
 # --- one FMU ------------------------------------------------------------------------------------
 
 
-def _identity(entries: Sequence[_Entry]) -> _Identity:
+def _identity(entries: Mapping[str, bytes]) -> _Identity:
     """Return the name that follows from the content: SHA-256 over all names, lengths and bytes."""
     digest = hashlib.sha256()
-    for name, content in entries:
+    for name, content in entries.items():
         digest.update(f"{name}\0{len(content)}\0".encode())
         digest.update(content)
     return _Identity(digest.hexdigest()[:12], f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
 
 
-def _assemble(stage: Path, job: _Job, identity: _Identity) -> list[_Entry]:
+def _assemble(stage: Path, job: _Job, identity: _Identity) -> dict[str, bytes]:
     """Let pythonfmu build the FMU in ``stage`` and return its content, sorted by name."""
     package = stage / f"fmu_{job.name.lower()}_{identity.tag}"
     package.mkdir()
@@ -413,13 +405,13 @@ def _assemble(stage: Path, job: _Job, identity: _Identity) -> list[_Entry]:
             **OPTIONS,
         )
     with zipfile.ZipFile(built) as archive:
-        return sorted(_Entry(name, archive.read(name)) for name in archive.namelist())
+        return {name: archive.read(name) for name in sorted(archive.namelist())}
 
 
-def _archive(entries: Sequence[_Entry]) -> bytes:
+def _archive(entries: Mapping[str, bytes]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for name, content in entries:
+        for name, content in entries.items():
             info = zipfile.ZipInfo(name, ZIP_DATE)
             info.create_system = 3  # Unix, wherever it is built
             info.external_attr = 0o100644 << 16

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -112,7 +112,6 @@ class FittedLine(MeasuredLine, HtmlText):
         return text(self)
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
 class Line(FittedLine, sweeps.Line):
     """One resonance of a measured response; printed, it says what the command ``line`` says.
 
@@ -135,7 +134,6 @@ class Line(FittedLine, sweeps.Line):
     """
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
 class Ringdown(FittedLine, decays.Ringdown):
     """One resonance of a ringdown; printed, it says what the command ``line`` says.
 
@@ -157,7 +155,6 @@ class Ringdown(FittedLine, decays.Ringdown):
     """
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
 class NoiseLine(FittedLine, spectra.NoiseLine):
     """One resonance of a noise spectrum; printed, it says what the command ``line`` says.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from fitting import Fmu
@@ -81,17 +81,8 @@ def init(
             holds another campaign.
         FmuFailure: the FMU failed with its own start values.
     """
-    made = drafted(files, fmu, out=out, columns=columns, told=told, ask=ask)
-    return made.path, (*made.said, *((made.undescribed,) if made.undescribed else ()))
-
-
-@dataclass(frozen=True)
-class Drafted:
-    """A campaign that was written; what was found, and what its FMU does not describe, or empty."""
-
-    path: Path
-    said: tuple[str, ...]
-    undescribed: str
+    path, made = drafted(files, fmu, out=out, columns=columns, told=told, ask=ask)
+    return path, (*made.said, *((made.undescribed,) if made.undescribed else ()))
 
 
 def drafted(
@@ -102,8 +93,8 @@ def drafted(
     columns: Columns | None = None,
     told: Mapping[str, str | Sequence[str]] | None = None,
     ask: Ask | None = None,
-) -> Drafted:
-    """The same as `init`, with what the campaign does not describe by itself.
+) -> tuple[Path, Draft]:
+    """The same as `init`: the path of the campaign and the draft, with what that cannot describe.
 
     Args:
         files: see `init`.
@@ -153,7 +144,7 @@ def drafted(
             draft = _of_sweeps(paths, columns, answers, fmu, folder)
         path = folder / CAMPAIGN
         write_whole(path, draft.text)
-    return Drafted(path, draft.said, draft.undescribed)
+    return path, draft
 
 
 def told_apart(

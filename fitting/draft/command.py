@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     ask = None if args.yes or not sys.stdin.isatty() else _ask
     # questions and a line that lives on the terminal do not go together
     with reading(NAME, args.files) if ask is None and args.files else nullcontext():
-        made = drafted(
+        path, made = drafted(
             args.files,
             args.fmu,
             out=args.out,
@@ -109,7 +109,6 @@ def run(args: argparse.Namespace) -> int:
             told={name: value for name, value in told.items() if value is not None},
             ask=ask,
         )
-    path = made.path
     measured, fmu = told_apart(args.files, args.fmu)
     command = f"fmu-fit reconstruct {shlex.quote(str(path))}"
     if not measured:

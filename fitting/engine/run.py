@@ -16,7 +16,7 @@ from concurrent.futures import (
 )
 from dataclasses import dataclass
 from itertools import islice
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -40,24 +40,12 @@ class Place:
     ahead: int = AHEAD
 
 
-@dataclass(frozen=True)
-class Ended(Generic[Item, Result]):
-    """How an item ended: with its result, or with the words on why its worker was lost."""
-
-    item: Item
-    result: Result | None
-    lost: str = ""
-
-    @property
-    def how_lost(self) -> str:
-        """The message of an item whose worker was lost."""
-        return f"its worker was lost, again when it was repeated: {self.lost}"
-
-
 def run(
     work: Callable[[Item], Result], items: Iterable[Item], place: Place
-) -> Iterator[Ended[Item, Result]]:
+) -> Iterator[tuple[Item, Result | None, str]]:
     """Results of independent items, as they end; what has not started is left at the end.
+
+    Each item comes with its result, or None and the words on why its worker was lost.
 
     Args:
         work: a function of a module, called in the executor with each item.
@@ -89,11 +77,11 @@ def run(
                     if lost < place.repeats:
                         submit(item, lost + 1)
                     else:
-                        yield Ended(item, None, str(loss) or type(loss).__name__)
+                        yield item, None, str(loss) or type(loss).__name__
                     continue
                 except CancelledError:  # nothing here has cancelled what is waited for
                     raise BrokenExecutor("it has given up what it had been handed") from None
-                yield Ended(item, result)
+                yield item, result, ""
     finally:
         for future in running:
             future.cancel()

@@ -272,16 +272,16 @@ class _Job:
         total, resumed, failed, seconds = len(self.items), len(self.rows), 0, 0.0
         try:
             progress(Progress(resumed, total, failed, resumed, seconds))
-            for ended in results:
-                label = ended.item.label
-                kept = ended.result or Kept(
+            for item, result, lost in results:
+                message = f"its worker was lost, again when it was repeated: {lost}"
+                kept = result or Kept(
                     row=EnsembleRow(
-                        index=ended.item.index, label=label, status=FAILED, message=ended.how_lost
+                        index=item.index, label=item.label, status=FAILED, message=message
                     )
                 )
                 if self._journal is not None:
                     self._journal.record(kept)
-                self.rows[label] = kept.row
+                self.rows[item.label] = kept.row
                 seconds += kept.seconds
                 failed += kept.row.failed
                 progress(Progress(len(self.rows), total, failed, resumed, seconds))

@@ -20,7 +20,7 @@ from fitting.extension.records import WrittenFmu, read_campaign
 from fitting.lab.names import CURVES, TRUTH_NAME
 from fitting.lab.synthesis import (
     AnyBench,
-    SyntheticFiles,
+    Synthetic,
     bench_of,
     synthesize,
     synthesize_curves,
@@ -70,7 +70,7 @@ class Laboratories:
         truth = str(self.truth) if str(self.truth) in CURVES else bench_of(self.truth)
         return replace(self, truth=truth)
 
-    def first(self) -> SyntheticFiles:
+    def first(self) -> Synthetic:
         """The campaign of the first laboratory, with the truth behind it.
 
         Raises:

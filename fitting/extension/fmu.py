@@ -6,14 +6,13 @@ from fitting.api.fmu import held_fmu
 from fitting.api.problem import named_fmu, one_fmu
 from fitting.engine.files import NeededFile, place_of
 from fitting.engine.place import Where, opened
-from fitting.engine.run import Ended, run
+from fitting.engine.run import run
 from fitting.fmu import FmuDescription, FmuVariable, read_description, validation_problems
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Handling, HeldSignal, Run, Segment
 
 __all__ = [
-    "Ended",
     "FmuDescription",
     "FmuVariable",
     "FmuWorkers",

@@ -14,7 +14,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -164,6 +164,10 @@ class AvoidedCrossing:
         BadInput: numbers that no laboratory has.
     """
 
+    #: Controls of its sweeps, with their units, and what the FMU calls what is swept.
+    UNITS: ClassVar[Mapping[str, str]] = {"V": "V"}
+    OUTPUT: ClassVar[str] = "q1"
+
     f1_hz: float = 1001.0
     tuning_hz_v: float = 4.0
     f2_hz: float = 1000.0
@@ -214,6 +218,28 @@ class AvoidedCrossing:
                 for k, volt in enumerate(self.voltages())
             ]
         )
+
+    def swept_at(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """One more spectrum, (n,), after the modes have drifted through its own; V, without noise.
+
+        Args:
+            at: values of the controls, in their units.
+            u_hz: frequencies, (n,), Hz.
+        """
+        return self.spectrum(at["V"], 0.5 * self.drift_hz, u_hz)
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """A spectrum behind the cable, with a phase of its own.
+
+        Args:
+            values: of the spectrum in V, (n,).
+            u_hz: frequencies, (n,), Hz.
+            rng: of the phase.
+        """
+        turns = rng.uniform() - (u_hz - self.f2_hz) * self.delay_s
+        return np.asarray(values * np.exp(2j * np.pi * turns))
 
     def spectrum(self, volt: float, moved_hz: float, u_hz: FloatArray) -> ComplexArray:
         """q1 in V at one voltage, without noise and cable, (n,).

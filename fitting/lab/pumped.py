@@ -20,6 +20,7 @@ from fitting.lab.names import PUMPED
 from fitting.lab.string import TwoModes
 from fitting.lab.writer import written_mhz
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
 
 STRING = TwoModes(
     theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
@@ -55,6 +56,8 @@ class PumpedString(ABC):
     ELSEWHERE: ClassVar[tuple[str, ...]] = ("string",)
     #: Controls of its sweeps, with their units.
     UNITS: ClassVar[Mapping[str, str]]
+    #: What the FMU calls what is swept.
+    OUTPUT: ClassVar[str] = "readout_at_u1"
 
     string: TwoModes = STRING
     points: int
@@ -92,6 +95,24 @@ class PumpedString(ABC):
         Raises:
             ValueError: the pump makes the motion grow, which has no steady state.
         """
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """The bench records no phases.
+
+        Args:
+            values: S in V, (n,).
+            u_hz: frequencies, (n,), Hz.
+            rng: of a phase.
+
+        Raises:
+            BadInput: always.
+        """
+        raise BadInput(
+            f"plan: asks for both quadratures, but the bench {self.NAME!r} records amplitudes; "
+            "wanted [control_sweep]"
+        )
 
     @abstractmethod
     def outcome(self) -> dict[str, float]:

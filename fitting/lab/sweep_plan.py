@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -43,132 +43,45 @@ from fitting.text.written import Written, in_unit, positive_in
 #: Of the noise of planned sweeps, apart from that of the campaign which they continue.
 STREAM = 4
 SweptTable = ControlSweepTable | ComplexControlSweepTable
+#: Values of the controls, the rows (n,) of the plan's table there, and their frequencies (n,), Hz.
+Place = tuple[Mapping[str, float], Sequence[int], FloatArray]
 
 
-class SweptLaboratory(Protocol):
-    """A laboratory that sweeps one line at places of its controls."""
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Units of its controls, by name."""
-        ...
-
-    @property
-    def output(self) -> str:
-        """What the FMU calls what it sees."""
-        ...
-
-    def changed(self, values: Mapping[str, Any]) -> SweptLaboratory:
-        """The same with other numbers of its bench.
-
-        Args:
-            values: by the names of its fields.
-        """
-        ...
-
-    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
-        """S in V, (n,), without noise and cable.
-
-        Args:
-            at: values of the controls, in their units.
-            u_hz: frequencies, (n,), Hz.
-        """
-        ...
-
-    def turned(
-        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
-    ) -> ComplexArray:
-        """S behind the cable, with a phase of its own.
-
-        Args:
-            values: S in V, (n,).
-            u_hz: frequencies, (n,), Hz.
-            rng: of the phase.
-        """
-        ...
-
-    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
-        """Tables of truth.toml.
-
-        Args:
-            seed: of the noise.
-            phases: quadratures are recorded.
-        """
-        ...
+#: A bench that sweeps one line at places of its controls.
+SweptBench = AvoidedCrossing | PumpedString
 
 
-@dataclass(frozen=True)
-class CrossingLaboratory:
-    """The modes of a crossing as they are after its own spectra, drifted."""
+def changed_bench(bench: SweptBench, values: Mapping[str, Any]) -> SweptBench:
+    """The same with other numbers of its own.
 
-    bench: AvoidedCrossing
-    units: ClassVar[Mapping[str, str]] = {"V": "V"}
-    output: ClassVar[str] = "q1"
+    Args:
+        bench: that is swept.
+        values: by the names of its fields.
 
-    def changed(self, values: Mapping[str, Any]) -> CrossingLaboratory:
-        """As `SweptLaboratory` says."""
-        return CrossingLaboratory(changed_curve(self.bench, CROSSING, values))
-
-    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
-        """As `SweptLaboratory` says."""
-        return self.bench.spectrum(at["V"], 0.5 * self.bench.drift_hz, u_hz)
-
-    def turned(
-        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
-    ) -> ComplexArray:
-        """As `SweptLaboratory` says."""
-        turns = rng.uniform() - (u_hz - self.bench.f2_hz) * self.bench.delay_s
-        return np.asarray(values * np.exp(2j * np.pi * turns))
-
-    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
-        """As `SweptLaboratory` says."""
-        return replace(self.bench, phases=phases).truth(seed)
+    Raises:
+        ValueError: values that are impossible.
+        BadInput: a name that this bench does not have.
+    """
+    if isinstance(bench, AvoidedCrossing):
+        return changed_curve(bench, CROSSING, values)
+    return changed_pumped(bench, **values)
 
 
-@dataclass(frozen=True)
-class PumpedLaboratory:
-    """The string under a pump, of which amplitudes are recorded."""
+def bench_truth(bench: SweptBench, seed: int, *, phases: bool) -> dict[str, Any]:
+    """Tables of truth.toml.
 
-    bench: PumpedString
-    output: ClassVar[str] = "readout_at_u1"
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """As `SweptLaboratory` says."""
-        return self.bench.UNITS
-
-    def changed(self, values: Mapping[str, Any]) -> PumpedLaboratory:
-        """As `SweptLaboratory` says."""
-        return PumpedLaboratory(changed_pumped(self.bench, **values))
-
-    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
-        """As `SweptLaboratory` says.
-
-        Raises:
-            ValueError: the pump makes the motion grow.
-        """
-        return self.bench.swept_at(at, u_hz)
-
-    def turned(
-        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
-    ) -> ComplexArray:
-        """It records no phases.
-
-        Raises:
-            BadInput: always.
-        """
-        raise BadInput(
-            f"plan: asks for both quadratures, but the bench {self.bench.NAME!r} records "
-            "amplitudes; wanted [control_sweep]"
-        )
-
-    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
-        """As `SweptLaboratory` says."""
-        return pumped_truth(self.bench, seed)
+    Args:
+        bench: that is swept.
+        seed: of the noise.
+        phases: quadratures are recorded.
+    """
+    if isinstance(bench, AvoidedCrossing):
+        return replace(bench, phases=phases).truth(seed)
+    return pumped_truth(bench, seed)
 
 
-def swept_laboratory(truth: object) -> SweptLaboratory:
-    """The laboratory of a truth: its bench, its name, or its truth file or a campaign beside that.
+def swept_bench(truth: object) -> SweptBench:
+    """The bench of a truth: itself, its name, or its truth file or a campaign beside that.
 
     Args:
         truth: of which sweeps are asked.
@@ -176,23 +89,21 @@ def swept_laboratory(truth: object) -> SweptLaboratory:
     Raises:
         BadInput: no such laboratory, or one that makes no sweeps over a control.
     """
-    if isinstance(truth, AvoidedCrossing):
-        return CrossingLaboratory(truth)
-    if isinstance(truth, PumpedString):
-        return PumpedLaboratory(truth)
-    named: Mapping[str, Callable[[], object]] = {CROSSING: AvoidedCrossing, **PUMPED_BENCHES}
+    if isinstance(truth, SweptBench):
+        return truth
+    named: Mapping[str, Callable[[], SweptBench]] = {CROSSING: AvoidedCrossing, **PUMPED_BENCHES}
     if isinstance(truth, str) and truth in named:
-        return swept_laboratory(named[truth]())
+        return named[truth]()
     if isinstance(truth, str | Path) and Path(truth).suffix == ".toml":
         path = Path(truth)
         file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
         tables = read_toml(file)
         bench = pumped_bench_of(tables, file)
         if bench is not None:
-            return PumpedLaboratory(bench)
+            return bench
         curve = curve_of(tables, file)
         if isinstance(curve, AvoidedCrossing):
-            return CrossingLaboratory(curve)
+            return curve
         truth = file
     raise BadInput(
         f"{truth}: is no laboratory of sweeps over a control; wanted one of "
@@ -204,7 +115,7 @@ def is_crossing(truth: object) -> bool:
     """Whether a truth is that of an avoided crossing: its bench, its name, or its file.
 
     Args:
-        truth: as `swept_laboratory` takes it.
+        truth: as `swept_bench` takes it.
     """
     if isinstance(truth, str | Path) and Path(truth).suffix == ".toml":
         path = Path(truth)
@@ -243,19 +154,16 @@ def _table_of(file: WrittenCampaign) -> SweptTable | None:
 
 
 @dataclass(frozen=True)
-class SweptPlace:
-    """Rows (n,) of the plan's table at one place of its controls, `at`, and their frequencies."""
+class PlannedSweep:
+    """Rows (n,) of the plan's table at one place of its controls, `at`, and what was read there.
+
+    `u_hz` (n,) are their frequencies, `columns` (n,) the values in the plan's units, `true_v` (n,)
+    is behind them.
+    """
 
     at: Mapping[str, float]
     rows: Sequence[int]
     u_hz: FloatArray
-
-
-@dataclass(frozen=True)
-class PlannedSweep:
-    """What was read at a place, columns (n,) in the plan's units, and `true_v` (n,) behind it."""
-
-    place: SweptPlace
     columns: tuple[FloatArray, ...]
     true_v: ComplexArray
 
@@ -269,12 +177,12 @@ class SweepPlan:
         BadInput: no plan of this kind, or one that asks of the laboratory what it cannot do.
     """
 
-    def __init__(self, path: Path, laboratory: SweptLaboratory) -> None:
+    def __init__(self, path: Path, bench: SweptBench) -> None:
         file = read_campaign_file(path, KINDS)
         table = _table_of(file)
         if table is None:
             raise BadInput(f"{path}: [design] sweeps: is missing, wanted a plan of sweeps")
-        self.path, self._laboratory, self._swept = path, laboratory, table
+        self.path, self._bench, self._swept = path, bench, table
         self._table: Table = read_table(table.file)
         self.phases = isinstance(table, ComplexControlSweepTable)
         self._amplitude = Amplitude("peak", "V")
@@ -288,17 +196,17 @@ class SweepPlan:
 
     def _refuse_unknown(self, output: str) -> None:
         """Complain of what the laboratory does not set, see or record."""
-        swept, laboratory = self._swept, self._laboratory
+        swept, bench = self._swept, self._bench
         for name in swept.controls:
-            if name not in laboratory.units:
+            if name not in bench.UNITS:
                 raise BadInput(
                     f"{self.path}: controls: the virtual laboratory cannot set '{name}', wanted "
-                    f"{listed(laboratory.units)}"
+                    f"{listed(bench.UNITS)}"
                 )
-        if output != laboratory.output:
+        if output != bench.OUTPUT:
             raise BadInput(
                 f"{self.path}: the virtual laboratory does not observe '{output}', wanted "
-                f"'{laboratory.output}'"
+                f"'{bench.OUTPUT}'"
             )
         if isinstance(swept, ComplexControlSweepTable):
             if swept.scale == "shared" and not swept.restarted:
@@ -318,11 +226,11 @@ class SweepPlan:
                 'volts, wanted "V peak" or "V rms"'
             )
 
-    def _places(self, constants: Mapping[str, Written]) -> tuple[SweptPlace, ...]:
+    def _places(self, constants: Mapping[str, Written]) -> tuple[Place, ...]:
         """Places in the order of the file."""
         table, count = self._table, len(self._table.cells)
         values = []
-        for name, unit in self._laboratory.units.items():
+        for name, unit in self._bench.UNITS.items():
             column = table.find(name) if name in self._swept.controls else None
             if column is not None:
                 values.append(numbers_in(table, column, unit))
@@ -337,10 +245,9 @@ class SweepPlan:
         found: dict[tuple[float, ...], list[int]] = {}
         for row, at in enumerate(zip(*values, strict=True)):
             found.setdefault(tuple(map(float, at)), []).append(row)
-        names = tuple(self._laboratory.units)
+        names = tuple(self._bench.UNITS)
         return tuple(
-            SweptPlace(dict(zip(names, at, strict=True)), rows, frequency[rows])
-            for at, rows in found.items()
+            (dict(zip(names, at, strict=True)), rows, frequency[rows]) for at, rows in found.items()
         )
 
     def measure(self, seed: int) -> tuple[PlannedSweep, ...]:
@@ -353,18 +260,24 @@ class SweepPlan:
             ValueError: a place at which the sample has no steady state.
         """
         rng = np.random.default_rng([seed, STREAM])
-        return tuple(self._measured(place, rng) for place in self.places)
+        return tuple(self._measured(*place, rng) for place in self.places)
 
-    def _measured(self, place: SweptPlace, rng: np.random.Generator) -> PlannedSweep:
-        true_v = self._laboratory.response(place.at, place.u_hz)
+    def _measured(
+        self,
+        at: Mapping[str, float],
+        rows: Sequence[int],
+        u_hz: FloatArray,
+        rng: np.random.Generator,
+    ) -> PlannedSweep:
+        true_v = self._bench.swept_at(at, u_hz)
         floor_v, relative = self._noise
         one, other = rng.standard_normal((2, true_v.size))
         noise = np.hypot(floor_v, relative * np.abs(true_v)) * (one + 1j * other)
         if self.phases:
-            seen = self._laboratory.turned(true_v, place.u_hz, rng) + noise
-            return PlannedSweep(place, (seen.real, seen.imag), true_v)
+            seen = self._bench.turned(true_v, u_hz, rng) + noise
+            return PlannedSweep(at, rows, u_hz, (seen.real, seen.imag), true_v)
         rms = math.sqrt(0.5) if self._amplitude.kind == "rms" else 1.0
-        return PlannedSweep(place, (rms * np.abs(true_v + noise),), true_v)
+        return PlannedSweep(at, rows, u_hz, (rms * np.abs(true_v + noise),), true_v)
 
     def files(
         self, measured: Sequence[PlannedSweep], seed: int, command: str
@@ -377,7 +290,7 @@ class SweepPlan:
             command: command line that made it, for the record.
         """
         head = head_lines(seed, command)
-        truth = self._laboratory.truth(seed, phases=self.phases)
+        truth = bench_truth(self._bench, seed, phases=self.phases)
         return truth, {
             CAMPAIGN_NAME: self._campaign(head),
             self._table.path.name: self._sweeps(measured, head),
@@ -389,7 +302,7 @@ class SweepPlan:
         for k, column in enumerate(self._filled):
             factor = of_volts(self._table, column)
             for sweep in measured:
-                for row, value in zip(sweep.place.rows, sweep.columns[k], strict=True):
+                for row, value in zip(sweep.rows, sweep.columns[k], strict=True):
                     filled.put(column, row, float(value) * factor)
         return filled.text(head)
 

@@ -26,10 +26,11 @@ from fitting.lab.pumped_files import (
 )
 from fitting.lab.sweep_plan import (
     SweepPlan,
-    SweptLaboratory,
+    SweptBench,
+    changed_bench,
     is_crossing,
     is_of_sweeps,
-    swept_laboratory,
+    swept_bench,
 )
 from fitting.lab.tone_plan import TonePlan
 from fitting.lab.truth import read_bench, truth_tables
@@ -44,16 +45,20 @@ AnyBench = Bench | PumpedString | Curve
 
 
 @dataclass(frozen=True, kw_only=True)
-class SyntheticFiles:
+class Synthetic:
     """A synthetic campaign: content of truth.toml as ``truth``, ``files`` by relative name.
 
     ``source`` is the folder that paths in the campaign are seen from until it is written, None
-    where it names no file but those.
+    where it names no file but those. ``measured`` is a record of the bench's own: ``readings`` hold
+    the arrays of the campaign, ``sweep`` (of a series) its sweep, ``answers`` the truth at every
+    drive; of sweeps under a pump `PumpedSweeps`, of a curve that curve, of planned sweeps a
+    `PlannedSweep` each, of tones at values of a control the values of each row.
     """
 
     truth: Mapping[str, Any]
     files: Mapping[str, str | bytes]
     source: Path | None = None
+    measured: Any = None
 
     def write(self, folder: Path) -> Path:
         """Write the files below a folder; returns the path of the campaign.
@@ -74,19 +79,6 @@ class SyntheticFiles:
         return folder / CAMPAIGN_NAME
 
 
-@dataclass(frozen=True, kw_only=True)
-class Synthetic(SyntheticFiles):
-    """A synthetic series beside what was ``measured``.
-
-    It is a record of the bench's own: ``readings`` hold the arrays of the campaign, ``sweep`` (of a
-    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`,
-    of a curve that curve, of planned sweeps a `PlannedSweep` each, of tones at values of a control
-    `PlannedTones`.
-    """
-
-    measured: Any
-
-
 def synthesize_curves(
     kind: str,
     *,
@@ -94,7 +86,7 @@ def synthesize_curves(
     out: Path | None = None,
     command: str = "fitting.synthesize_curves",
     **changes: Any,
-) -> SyntheticFiles:
+) -> Synthetic:
     """A campaign of one complex sweep, of spectra over a voltage, or of a trace, with known truth.
 
     S = a e (1 + s x + c H) behind a wiring, |q1| of coupled modes, or q1 over time, by closed
@@ -123,7 +115,7 @@ def synthesize_curves(
     if seed < 0:
         raise BadInput(f"seed: found {seed}, wanted a whole number of at least 0")
     files = curve_named(kind, changes).files(seed, head_lines(seed, command))
-    made = SyntheticFiles(truth=tomllib.loads(files[TRUTH_NAME]), files=files)
+    made = Synthetic(truth=tomllib.loads(files[TRUTH_NAME]), files=files)
     if out is not None:
         made.write(out)
     return made
@@ -171,12 +163,12 @@ def synthesize(
     try:
         if plan is not None and is_of_sweeps(plan):
             _refuse_instrument_of(plan, instrument)
-            laboratory = swept_laboratory(truth).changed(changes)
-            return _written(_planned_sweeps(laboratory, plan, seed, command), out)
+            swept = changed_bench(swept_bench(truth), changes)
+            return _written(_planned_sweeps(swept, plan, seed, command), out)
         if plan is not None and is_crossing(truth):
             _refuse_instrument_of(plan, instrument)
-            laboratory = swept_laboratory(truth).changed(changes)
-            return _written(_planned_tones(laboratory, plan, seed, command), out)
+            swept = changed_bench(swept_bench(truth), changes)
+            return _written(_planned_tones(swept, plan, seed, command), out)
         found = bench_of(truth)
         if isinstance(found, Curve):
             _refuse_of_curve(found, instrument, plan)
@@ -271,15 +263,15 @@ def _planned(bench: Bench, path: Path, seed: int, command: str) -> Synthetic:
     return Synthetic(measured=measured, truth=truth, files=files, source=path.parent)
 
 
-def _planned_sweeps(laboratory: SweptLaboratory, path: Path, seed: int, command: str) -> Synthetic:
-    plan = SweepPlan(path, laboratory)
+def _planned_sweeps(bench: SweptBench, path: Path, seed: int, command: str) -> Synthetic:
+    plan = SweepPlan(path, bench)
     measured = plan.measure(seed)
     truth, files = plan.files(measured, seed, command)
     return Synthetic(measured=measured, truth=truth, files=files, source=path.parent)
 
 
-def _planned_tones(laboratory: SweptLaboratory, path: Path, seed: int, command: str) -> Synthetic:
-    plan = TonePlan(path, laboratory)
+def _planned_tones(bench: SweptBench, path: Path, seed: int, command: str) -> Synthetic:
+    plan = TonePlan(path, bench)
     measured = plan.measure(seed)
     truth, files = plan.files(measured, seed, command)
     return Synthetic(measured=measured, truth=truth, files=files, source=path.parent)

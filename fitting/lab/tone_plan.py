@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 from fitting.extension.records import KINDS, read_campaign_file
 from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts, sweep_beside
 from fitting.lab.names import TRUTH_NAME
-from fitting.lab.sweep_plan import SweptLaboratory
+from fitting.lab.sweep_plan import SweptBench, bench_truth
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -33,14 +32,6 @@ from fitting.text.written import positive_in
 STREAM = 5
 
 
-@dataclass(frozen=True)
-class PlannedTones:
-    """What was read in a row: measured values in the order of its columns, V, and the truth."""
-
-    values_v: FloatArray
-    true_v: ComplexArray
-
-
 class TonePlan:
     """A campaign whose peaks at values of a control wait, as the virtual laboratory understands it.
 
@@ -50,14 +41,14 @@ class TonePlan:
         BadInput: no plan of this kind, or one that asks of the laboratory what it cannot do.
     """
 
-    def __init__(self, path: Path, laboratory: SweptLaboratory) -> None:
+    def __init__(self, path: Path, bench: SweptBench) -> None:
         file = read_campaign_file(path, KINDS)
         design, experiments = file.design, file.experiments
         if design.averaged is None or experiments is None:
             raise BadInput(
                 f"{path}: [design] averaged: is missing, wanted a campaign that fmu-fit design made"
             )
-        self.path, self._laboratory, self._sweep = path, laboratory, file.sweep
+        self.path, self._bench, self._sweep = path, bench, file.sweep
         self._table: Table = read_table(experiments.file)
         self._frequencies = file.driven.frequencies
         self._amplitudes = file.driven.amplitudes or ()
@@ -69,7 +60,7 @@ class TonePlan:
 
     def _refuse_unknown(self) -> None:
         """Complain of what the laboratory does not set or see."""
-        settable = (*self._frequencies, *self._amplitudes, *self._laboratory.units)
+        settable = (*self._frequencies, *self._amplitudes, *self._bench.UNITS)
         for column in self._table.columns:
             if column.name not in {"experiment", "output", *settable, *self._filled}:
                 raise BadInput(
@@ -77,10 +68,10 @@ class TonePlan:
                     f"set it, wanted {listed(settable)}"
                 )
         for name in self._table.texts(self._table.column("output")):
-            if name != self._laboratory.output:
+            if name != self._bench.OUTPUT:
                 raise BadInput(
                     f"{self._table.path}: column 'output': the virtual laboratory does not observe "
-                    f"'{name}', wanted '{self._laboratory.output}'"
+                    f"'{name}', wanted '{self._bench.OUTPUT}'"
                 )
         if len(self._averaged) != len(self._table.cells):
             raise BadInput(
@@ -95,8 +86,8 @@ class TonePlan:
             return np.ones(len(self._table.cells))
         return numbers_in(self._table, column or self._table.column(name), unit)
 
-    def measure(self, seed: int) -> tuple[PlannedTones, ...]:
-        """Measure every row; the same seed gives the same numbers.
+    def measure(self, seed: int) -> tuple[FloatArray, ...]:
+        """Values in V of every row, in the order of its columns; the same seed gives the same ones.
 
         Args:
             seed: of the noise and of the reference phase.
@@ -106,19 +97,19 @@ class TonePlan:
         tones = np.stack([self._numbers(name, "Hz") for name in self._frequencies], axis=1)
         ones = [np.ones(len(tones))] * len(self._frequencies)
         levels = [self._numbers(name, "1") for name in self._amplitudes] or ones
-        units = self._laboratory.units
+        units = self._bench.UNITS
         controls = {name: self._numbers(name, unit) for name, unit in units.items()}
         found = []
         for row, u_hz in enumerate(tones):
             at = {name: float(values[row]) for name, values in controls.items()}
             level = np.array([each[row] for each in levels])
-            true_v = level * self._laboratory.response(at, u_hz)
+            true_v = level * self._bench.swept_at(at, u_hz)
             seen = self._noisy(true_v, self._averaged[row], rng)
             turned = seen * reference
             parts = [turned.real, turned.imag] if self._phases else [np.abs(seen)]
             floor_v = self._floor_v / math.sqrt(self._averaged[row])
             sigmas = np.hypot(floor_v, self._relative * np.abs(seen))
-            found.append(PlannedTones(np.concatenate([*parts, sigmas]), true_v))
+            found.append(np.concatenate([*parts, sigmas]))
         return tuple(found)
 
     def _noisy(self, true_v: ComplexArray, averaged: int, rng: np.random.Generator) -> ComplexArray:
@@ -128,7 +119,7 @@ class TonePlan:
         return np.asarray((true_v + floor_v * (one + 1j * other)) * factor)
 
     def files(
-        self, measured: Sequence[PlannedTones], seed: int, command: str
+        self, measured: Sequence[FloatArray], seed: int, command: str
     ) -> tuple[dict[str, Any], dict[str, str | bytes]]:
         """The truth, and contents by relative file name.
 
@@ -138,7 +129,7 @@ class TonePlan:
             command: command line that made it, for the record.
         """
         head = head_lines(seed, command)
-        truth = self._laboratory.truth(seed, phases=self._phases)
+        truth = bench_truth(self._bench, seed, phases=self._phases)
         return truth, {
             CAMPAIGN_NAME: self._campaign(head),
             self._table.path.name: self._experiments(measured, head),
@@ -146,13 +137,13 @@ class TonePlan:
             **sweep_beside(self.path, self._sweep),
         }
 
-    def _experiments(self, measured: Sequence[PlannedTones], head: Sequence[str]) -> str:
+    def _experiments(self, measured: Sequence[FloatArray], head: Sequence[str]) -> str:
         filled = FilledTable(self._table)
         for k, name in enumerate(self._filled):
             column = self._table.column(name)
             factor = of_volts(self._table, column)
             for row, reading in enumerate(measured):
-                filled.put(column, row, float(reading.values_v[k]) * factor)
+                filled.put(column, row, float(reading[k]) * factor)
         return filled.text(head)
 
     def _campaign(self, head: Sequence[str]) -> str:

@@ -118,8 +118,8 @@ class CurvePlan:
 
     def drafted(
         self, points_hz: FloatArray, values: ComplexArray, half: ComplexArray
-    ) -> DraftedCurves:
-        """Interpolations at several parameter vectors of what was simulated there.
+    ) -> tuple[ComplexArray, BoolArray]:
+        """Interpolations at several parameter vectors (k, m), and which of them are known (k,).
 
         Args:
             points_hz: frequencies that are wanted (m,), Hz.
@@ -139,7 +139,7 @@ class CurvePlan:
         with np.errstate(all="ignore"):
             known = SAFETY * np.max(found.uncertainty, axis=1) <= self.tolerance
             known &= grown_change(here, half, largest) <= self.tolerance
-        return DraftedCurves(values=found.values, known=known)
+        return found.values, known
 
     def interpolation(self, values: ComplexArray) -> Interpolation:
         """The interpolation of what was simulated at its nodes.
@@ -196,14 +196,6 @@ def grown_change(whole: ComplexArray, half: ComplexArray, largest: FloatArray) -
         change = np.abs(2.0 * half / whole - 1.0)
         grown = change * np.maximum(1.0, largest / np.abs(whole)) ** 3
     return np.where(np.isfinite(grown), grown, np.inf)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DraftedCurves:
-    """Phasors `values` (k, m) as they are interpolated, and whether each curve is `known` (k,)."""
-
-    values: ComplexArray
-    known: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,70 +13,16 @@ Source: S. Probst, F. Song, P. Bushev, A. Ustinov, M. Weides, Rev. Sci. Instrum.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.gain import Solved
-from fitting.measurements.complex.wiring import Wiring
 from fitting.measurements.measurement import Estimated
 from fitting.signal.complex_line import complex_line
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray
 
 #: What one mode may leave of a response that counts as that of a single one.
 SINGLE = 1e-2
-
-
-@dataclass(frozen=True, kw_only=True)
-class Dip:
-    """A mode beside a line: loaded quality `loaded_q`, its dip D = -c H(eta) at resonance."""
-
-    kind: str
-    loaded_q: float
-    depth: complex
-
-    @property
-    def coupling_loss(self) -> float:
-        """1/Qc, diameter corrected: Re D/(k Q), k = 1 for a notch and 2 in reflection."""
-        return self.depth.real / self.divisor / self.loaded_q
-
-    @property
-    def divisor(self) -> float:
-        """k of 1/Qc = Re D/(k Q)."""
-        return 2.0 if self.kind == "reflection" else 1.0
-
-    @property
-    def internal_loss(self) -> float:
-        """1/Qi = 1/Q - 1/Qc; negative where the coupling takes more than all."""
-        return 1.0 / self.loaded_q - self.coupling_loss
-
-
-def dip_of(
-    wiring: Wiring, frequency_hz: FloatArray, response: ComplexArray, coefficients: ComplexArray
-) -> Dip | None:
-    """The dip of a single mode, None where the response is no single mode or nothing passes it by.
-
-    Args:
-        wiring: what stands beside the response.
-        frequency_hz: u (n,), Hz.
-        response: H (n,), in the FMU's unit.
-        coefficients: of the columns H, 1, x, (k,).
-    """
-    line = complex_line(frequency_hz, response)
-    alone = line.misfit < SINGLE and line.width_hz > 0.0
-    inside = frequency_hz[0] < line.eta_hz < frequency_hz[-1]
-    if not (wiring.has_baseline and alone and inside):
-        return None
-    baseline = coefficients[1]
-    if coefficients.size > 2:
-        half = 0.5 * float(np.ptp(frequency_hz))
-        baseline = baseline + coefficients[2] * (line.eta_hz - frequency_hz[0] - half) / half
-    return Dip(
-        kind=wiring.kind,
-        loaded_q=line.eta_hz / line.width_hz,
-        depth=complex(-coefficients[0] / baseline * line.top),
-    )
 
 
 def dip_qualities(
@@ -110,11 +56,27 @@ def dip_qualities(
 def _values(
     curve: ComplexCurve, response: ComplexArray, coefficients: ComplexArray
 ) -> dict[str, float]:
-    """Losses of coupling and of the mode itself by name; nothing without a single mode's dip."""
-    dip = dip_of(curve.wiring, curve.u_hz, response, coefficients)
-    if dip is None:
+    """Losses of coupling and of the mode itself by name; nothing without a single mode's dip.
+
+    Args:
+        curve: as measured.
+        response: H (n,), in the FMU's unit.
+        coefficients: of the columns H, 1, x, (k,).
+    """
+    u_hz, wiring = curve.u_hz, curve.wiring
+    line = complex_line(u_hz, response)
+    alone = line.misfit < SINGLE and line.width_hz > 0.0
+    if not (wiring.has_baseline and alone and u_hz[0] < line.eta_hz < u_hz[-1]):
         return {}
-    return {"Q_coupling": dip.coupling_loss, "Q_internal": dip.internal_loss}
+    baseline = coefficients[1]
+    if coefficients.size > 2:
+        half = 0.5 * float(np.ptp(u_hz))
+        baseline = baseline + coefficients[2] * (line.eta_hz - u_hz[0] - half) / half
+    depth, loaded_q = complex(-coefficients[0] / baseline * line.top), line.eta_hz / line.width_hz
+    divisor = 2.0 if wiring.kind == "reflection" else 1.0
+    coupling = depth.real / divisor / loaded_q  # the diameter correction: not the modulus of D
+    # what is left for the mode itself is negative where the coupling takes more than all
+    return {"Q_coupling": coupling, "Q_internal": 1.0 / loaded_q - coupling}
 
 
 def _root(design: ComplexArray) -> ComplexArray:

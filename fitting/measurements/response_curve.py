@@ -225,8 +225,8 @@ class ResponseCurve:
         yield
         values = planned.in_order(np.array([self.read(batch, runs) for runs in asked]))
         half_values = planned.at_half(np.array([self.read(batch, run) for run in halves]))
-        drafted = planned.drafted(points, values, half_values)
-        found, rest = drafted.values, np.flatnonzero(~drafted.known)
+        found, known = planned.drafted(points, values, half_values)
+        rest = np.flatnonzero(~known)
         if rest.size and count > 1:  # once more as if nothing were known of several tones
             alone = planned.of_single_tones
             found[rest] = yield from self._interpolated(table, first[rest], points, batch, alone)

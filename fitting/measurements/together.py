@@ -214,7 +214,6 @@ def _relabelled(record: R, label: str) -> R:
     return cast(R, changed)
 
 
-@dataclass(frozen=True)
 class CurvesTogether(Together[C]):
     """Records over the frequency of single tones: what the FMU answers to these."""
 

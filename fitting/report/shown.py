@@ -9,24 +9,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from fitting.campaign import BoundCampaign, Drive, Experiment
+from fitting.campaign import BoundCampaign, Drive, Experiment, Spectrum
 from fitting.fit.fit import Fit
 from fitting.fit.problem import Problem
 from fitting.measurements.figure import Figure
 from fitting.report.screen import phrases
 from fitting.result.result import DeviationSet, Result
-from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.sentences import sentence
 from fitting.text.units import convert
-
-
-@dataclass(frozen=True)
-class Trace:
-    """A measured spectrum: ``frequency_hz`` (n,), ``amplitude`` (n,) peak, in the data's unit."""
-
-    frequency_hz: FloatArray
-    amplitude: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +37,7 @@ class ShownTones:
     peaks: tuple[float, ...]
     sigmas: tuple[float, ...]
     floor: float = math.nan
-    trace: Trace | None = None
+    trace: Spectrum | None = None
     unit: str = "V"
 
 
@@ -148,7 +139,7 @@ def _shown_tones(experiment: Experiment, drive: Drive, unit: str) -> ShownTones:
         peaks=tuple(map(float, experiment.peaks_v)),
         sigmas=tuple(map(float, experiment.sigmas_v)),
         floor=experiment.floor_v,
-        trace=None if spectrum is None else Trace(spectrum.frequency_hz, spectrum.amplitude_v),
+        trace=spectrum,
         unit=unit,
     )
 

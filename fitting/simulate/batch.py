@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, TypeVar
+from itertools import islice
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -69,20 +70,13 @@ class Variation:
         return (*self.values.items(), *times, self.signal, self.moved, self.segments)
 
 
-class _Asked(NamedTuple):
-    """A run that was asked for: start values that others share, what is its own, its outputs."""
-
-    shared: Mapping[str, Scalar]
-    own: Variation
-    outputs: tuple[str, ...]
-
-
 class Batch:
     """Collects runs, simulates the different ones together, and reads amplitudes of them."""
 
     def __init__(self) -> None:
         self._index: dict[frozenset[tuple[str, Scalar]], dict[tuple[object, ...], int]] = {}
-        self._runs: list[_Asked] = []
+        self._runs: list[tuple[Mapping[str, Scalar], Variation]] = []
+        self._outputs: list[tuple[str, ...]] = []
         self.owners: list[int] = []
         self._answers: list[FloatArray] = []
         self._phasors: dict[tuple[int, str, tuple[float, ...]], ComplexArray] = {}
@@ -129,14 +123,14 @@ class Batch:
         found = []
         for own in variations:
             k = index.setdefault(own.key, len(self._runs))
-            if k < len(self._answers) and output not in self._runs[k].outputs:
+            if k < len(self._answers) and output not in self._outputs[k]:
                 k = index[own.key] = len(self._runs)  # simulated already, without this output
             if k == len(self._runs):
-                self._runs.append(_Asked(values, own, (output,)))
+                self._runs.append((values, own))
+                self._outputs.append((output,))
                 self.owners.append(owner)
-            elif output not in self._runs[k].outputs:
-                asked = self._runs[k]
-                self._runs[k] = asked._replace(outputs=(*asked.outputs, output))
+            elif output not in self._outputs[k]:
+                self._outputs[k] = (*self._outputs[k], output)
             found.append(k)
         return found
 
@@ -158,14 +152,16 @@ class Batch:
                 moved=own.moved,
                 segments=own.segments,
             )
-            for shared, own, outputs in self._runs[len(self._answers) :]
+            for (shared, own), outputs in islice(
+                zip(self._runs, self._outputs, strict=True), len(self._answers), None
+            )
         ]
         self._answers += workers.run(runs) if runs else []
 
     def forget(self) -> None:
         """Ask no more for what has no answer, as after a failure; what was simulated stays."""
         known = len(self._answers)
-        del self._runs[known:], self.owners[known:]
+        del self._runs[known:], self._outputs[known:], self.owners[known:]
         for index in self._index.values():
             for key in [key for key, k in index.items() if k >= known]:
                 del index[key]
@@ -177,7 +173,7 @@ class Batch:
             k: number of the run that `ask` gave.
             output: name of the output.
         """
-        return np.asarray(self._answers[k][:, self._runs[k].outputs.index(output)])
+        return np.asarray(self._answers[k][:, self._outputs[k].index(output)])
 
     def amplitudes(self, k: int, window: Window, output: str) -> FloatArray:
         """Amplitudes at the window's tones of one output of a simulated run, shape (tones,).

@@ -42,7 +42,6 @@ from fitting.simulate.reductions import (
 from fitting.simulate.settling import (
     QUIET,
     SAFETY,
-    Limits,
     Settled,
     settle,
     settle_as_prescribed,
@@ -153,7 +152,7 @@ class _Planner:
         )
         self.budget = Budget(accuracy)
         self.known = known
-        self.limits = Limits(options.work, options.longest_settle_s)
+        self.longest_settle_s = options.longest_settle_s
         self._settled: dict[object, Settled] = {}
         self._substeps: dict[object, float | None] = {}
 
@@ -202,14 +201,20 @@ class _Planner:
         key = tuple(sorted(settings.items()))
         if key not in self._settled:
             work = self.probe.work(settings, 0.0)
-            if work > HOPELESS * self.limits.work:
+            if work > HOPELESS * self.options.work:
                 raise BadInput(
                     f"tones {hertz(*self.probe.drives[0].tones_hz)}: a run over one window takes "
-                    f"{work:.1e} steps of the FMU, wanted at most {self.limits.work:.1e}; wanted a "
-                    "longer substep or tones with a shorter common period"
+                    f"{work:.1e} steps of the FMU, wanted at most {self.options.work:.1e}; "
+                    "wanted a longer substep or tones with a shorter common period"
                 )
             fine = {**settings, **self._fine(settings)}
-            found = settle(self.probe, fine, self._share(Kind.SETTLING), self.limits)
+            found = settle(
+                self.probe,
+                fine,
+                self._share(Kind.SETTLING),
+                self.options.work,
+                self.longest_settle_s,
+            )
             if self.options.settle_s is not None:
                 found = settle_as_prescribed(self.probe, fine, self.options.settle_s, found)
             self._settled[key] = found
@@ -278,7 +283,7 @@ class _Planner:
             return
         if rests_on_steps(self.probe, settings, QUIET * self._share(Kind.SOLVER)):
             first_s = FIRST_PERIODS / self.probe.fastest_hz
-            first = first_steps(self.probe, settings, first_s, self.limits.work)
+            first = first_steps(self.probe, settings, first_s, self.options.work)
             if first is not None:
                 self.probe = self.probe.on(first)
 
@@ -291,10 +296,10 @@ class _Planner:
         """What settles, asked at steps of the FMU's own where amplitudes repeat only at these."""
         if not settled.repeats or self.probe.drives[0].grid != ANY_TIME:
             return settled
-        free, step_s, limits = self.probe, self.known.step_s, self.limits
+        free, step_s, most_s = self.probe, self.known.step_s, self.longest_settle_s
         # where samples are at the right times, amplitudes stand still soon
-        longest_s = SOON * max(settled.settle_s, FIRST_PERIODS / free.fastest_hz)
-        self.limits = replace(limits, longest_s=min(limits.longest_s, longest_s))
+        soon_s = SOON * max(settled.settle_s, FIRST_PERIODS / free.fastest_hz)
+        self.longest_settle_s = min(most_s, soon_s)
         for grid in grids(step_s, free, settings):
             self.probe = free.on(grid)
             self._settled.clear()
@@ -306,9 +311,9 @@ class _Planner:
                 is_declared = grid.step_s == step_s
                 numbers = {"repeats": settled.repeats, "is_declared": is_declared}
                 self._add(grid_decision(grid, Basis.OWN_STEP, numbers))
-                self.limits = limits
+                self.longest_settle_s = most_s
                 return found
-        self.probe, self.limits = free, limits
+        self.probe, self.longest_settle_s = free, most_s
         self._settled.clear()
         return settled
 
@@ -316,7 +321,7 @@ class _Planner:
         """How long the communication steps may be of an FMU that integrates by them."""
         if not self.probe.drives[0].grid.longest_s:
             return
-        work = self.limits.work * (BEARABLE if self.options.usual else 1.0)
+        work = self.options.work * (BEARABLE if self.options.usual else 1.0)
         limits = self._share(Kind.SOLVER), work
         steps = refined_steps(self.probe, settings, settle_s, limits)
         self.probe = self.probe.on(steps.grid)
@@ -373,7 +378,7 @@ class _Planner:
             part=0.01 if tolerance else 0.5,
             order=1.0 if tolerance else 4.0,
             probe=self.probe,
-            work=self.limits.work,
+            work=self.options.work,
         )
 
     def _refined(
@@ -563,7 +568,7 @@ class _Planner:
 
     def _too_long(self, settings: Mapping[str, Scalar]) -> bool:
         """Whether a settled run costs more than allowed."""
-        return self._work(settings) > self.limits.work
+        return self._work(settings) > self.options.work
 
     def _bound_outputs(self, reduction: Reduction) -> list[str]:
         """Outputs that bound a reduction, for what is read; none where the FMU has not all."""

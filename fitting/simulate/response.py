@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +21,7 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan, constants_of
 from fitting.simulate.knowledge import FmuLike, knowledge_of
 from fitting.simulate.planner import MOST_WORK, PlanOptions, plan_drives
-from fitting.simulate.unsteady import OtherLine, strongest_other_line
+from fitting.simulate.unsteady import Remainder, RemainderKind, strongest_other_line
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
 
@@ -75,33 +74,6 @@ class Spectrum:
     rounding: float
 
 
-class RemainderKind(StrEnum):
-    """What there is beside the tones."""
-
-    UNEXPLAINED = "unexplained"  # a line at no combination of the tones
-    UNKNOWN = "unknown"  # what a fit leaves, of which no frequency is known
-    COMBINATION = "combination"
-    SMALL = "small"  # within the plan's promise: rounding, or the rest of a transient
-    ROUNDING = "rounding"
-
-
-@dataclass(frozen=True)
-class Remainder:
-    """The most that a response holds beside the tones, as a share of the largest peak.
-
-    `at_hz`: where that is (NaN: not known).
-    """
-
-    kind: RemainderKind
-    share: float
-    at_hz: float
-
-    @property
-    def explained(self) -> bool:
-        """Whether a steady response to the tones has that."""
-        return self.kind not in (RemainderKind.UNEXPLAINED, RemainderKind.UNKNOWN)
-
-
 @dataclass(frozen=True)
 class MixedLine:
     """A line at sum_i factors[i] f_i of the tones, with its amplitudes (outputs,)."""
@@ -129,7 +101,7 @@ class DriveResponse:
     spectrum: Spectrum
     lines: tuple[MixedLine, ...]
     remainder: Remainder
-    other_line: OtherLine | None
+    other_line: Remainder | None
     beating: Trace | None
     carrier: Trace
     constants: Mapping[str, float]
@@ -248,7 +220,7 @@ def respond(workers: Workers, plan: DrivePlan, shown: Shown | None = None) -> Dr
     other = None if plan.settles else strongest_other_line(workers, plan)
     remainder = _remainder(lines, np.array(constant), rounding, plan.promised)
     if other is not None and (remainder.explained or other.share > remainder.share):
-        remainder = Remainder(RemainderKind.UNEXPLAINED, other.share, other.at_hz)
+        remainder = other
     return DriveResponse(
         drive=replace(drive, start_values={**drive.start_values, **plan.settings}),
         plan=plan,
@@ -374,7 +346,7 @@ def _remainder(lines: _Lines, constant: BoolArray, rounding: float, promised: fl
         return Remainder(RemainderKind.COMBINATION, mixed, at_hz)
     most = max(share, mixed)
     kind = RemainderKind.ROUNDING if most <= max(SMALL, rounding) else RemainderKind.SMALL
-    return Remainder(kind, most, math.nan)
+    return Remainder(kind, most)
 
 
 def _oscillating(peaks: FloatArray, constant: tuple[bool, ...]) -> FloatArray:

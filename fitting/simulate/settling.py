@@ -49,17 +49,6 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
     return math.log(1.0 / accuracy) / (math.pi * 0.5 * line_width_hz)
 
 
-@dataclass(frozen=True)
-class Limits:
-    """How much may be spent: `work` of the longest run, and the longest time to settle, s.
-
-    Looks that only confirm that a time within the limit does may lie beyond it.
-    """
-
-    work: float
-    longest_s: float = math.inf
-
-
 @dataclass(frozen=True, kw_only=True)
 class Settled:
     """Time to settle, the error that is left, and what was seen at the end.
@@ -81,7 +70,13 @@ class Settled:
     change: float = 0.0
 
 
-def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: Limits) -> Settled:
+def settle(
+    probe: Probe,
+    settings: Mapping[str, Scalar],
+    wanted: float,
+    work: float,
+    longest_s: float = math.inf,
+) -> Settled:
     """Double the time until amplitudes stand still: twice in a row, and dying away.
 
     That ends where they repeat no better, however long the FMU runs. Errors are relative as the
@@ -91,23 +86,23 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
         probe: trial runs of the FMU, remembered.
         settings: values of FMU variables, by name.
         wanted: error that is wanted, and the one that is left.
-        limits: work of the longest run, and longest time to settle.
+        work: of the longest run, in steps.
+        longest_s: longest time to settle, s. Looks that only confirm that a time within it does
+            may lie beyond it.
     """
     times, seen, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
     first_s, looked_s = _first_s(probe), 0.0
-    most_s = min(limits.longest_s, max(MOST_PERIODS / probe.fastest_hz, first_s))
+    most_s = min(longest_s, max(MOST_PERIODS / probe.fastest_hz, first_s))
     for k in itertools.count():
         time_s = first_s * 2.0**k
         # once a change is small enough, one doubling more shows whether the next one is so too
-        longest_s = most_s * (2.0 if changes[-1] <= QUIET * wanted else 1.0)
-        if time_s > longest_s * (1.0 + ROUNDED) or probe.work(settings, time_s) > limits.work:
+        last_s = most_s * (2.0 if changes[-1] <= QUIET * wanted else 1.0)
+        if time_s > last_s * (1.0 + ROUNDED) or probe.work(settings, time_s) > work:
             break
         seen.append(probe.read(settings, time_s))
         changes.append(probe.changes(seen[-1], seen[-2]))
         times.append(time_s)
-        if _stands(changes[1:], wanted) and _stands_far(
-            probe, settings, time_s, wanted, limits.work
-        ):
+        if _stands(changes[1:], wanted) and _stands_far(probe, settings, time_s, wanted, work):
             return _earliest(probe, settings, times, seen, wanted)
         if probe.foreign and _lingers(changes[1:], wanted) and time_s >= LOOK_AGAIN * looked_s:
             looked_s, repeats = time_s, probe.repetition(settings, time_s)
@@ -115,11 +110,11 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
             if changes[-1] <= NOISY * repeats:
                 found = _as_it_repeats(probe, times, seen, repeats)
                 return found if repeats > QUIET * wanted else replace(found, repeats=0.0)
-    ended_by_work = probe.work(settings, time_s) > limits.work
+    ended_by_work = probe.work(settings, time_s) > work
     return replace(
         _unsteady(times, seen, changes),
         ended_by="work" if ended_by_work else "periods",
-        limit=limits.work if ended_by_work else most_s * probe.fastest_hz,
+        limit=work if ended_by_work else most_s * probe.fastest_hz,
         change=changes[-1],
     )
 

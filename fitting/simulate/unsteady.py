@@ -6,8 +6,10 @@ a sideband of a pump for ever, a free oscillation until it has died away.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -33,16 +35,32 @@ MOST_TRIED, TRIED, TRIED_HZ, DECAYED = 12, 1e-3, 1e-4, 0.5
 SAME = 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
-class OtherLine:
-    """A line at `at_hz` beside the tones: its `share` of the largest peak of its output.
+class RemainderKind(StrEnum):
+    """What there is beside the tones."""
 
-    `bin_hz`: what the look tells apart, Hz.
+    UNEXPLAINED = "unexplained"  # a line at no combination of the tones
+    UNKNOWN = "unknown"  # what a fit leaves, of which no frequency is known
+    COMBINATION = "combination"
+    SMALL = "small"  # within the plan's promise: rounding, or the rest of a transient
+    ROUNDING = "rounding"
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """The most that a response holds beside the tones, as a share of the largest peak.
+
+    `at_hz`: where that is, `bin_hz`: to how much that is known, Hz (NaN: not known).
     """
 
-    at_hz: float
+    kind: RemainderKind
     share: float
-    bin_hz: float
+    at_hz: float = math.nan
+    bin_hz: float = math.nan
+
+    @property
+    def explained(self) -> bool:
+        """Whether a steady response to the tones has that."""
+        return self.kind not in (RemainderKind.UNEXPLAINED, RemainderKind.UNKNOWN)
 
 
 @dataclass(frozen=True)
@@ -54,7 +72,7 @@ class Sideband:
     parameter: str
 
 
-def strongest_other_line(workers: Workers, plan: DrivePlan) -> OtherLine | None:
+def strongest_other_line(workers: Workers, plan: DrivePlan) -> Remainder | None:
     """The strongest line beside the tones, None where none explains what does not stand still.
 
     Args:
@@ -68,15 +86,12 @@ def strongest_other_line(workers: Workers, plan: DrivePlan) -> OtherLine | None:
     moved = float(settling.numbers.get("change", plan.promised))
     if not (TAPERED <= k < len(share) - 1 and top > EXPLAINS * moved):
         return None
-    return OtherLine(
-        at_hz=(k + _beyond(share[k - 1 : k + 2, output])) / rate_hz,
-        share=top,
-        bin_hz=1.0 / rate_hz,
-    )
+    at_hz = (k + _beyond(share[k - 1 : k + 2, output])) / rate_hz
+    return Remainder(RemainderKind.UNEXPLAINED, top, at_hz, 1.0 / rate_hz)
 
 
 def missing_damping(
-    workers: Workers, plan: DrivePlan, line: OtherLine, variables: Mapping[str, FmuVariable]
+    workers: Workers, plan: DrivePlan, line: Remainder, variables: Mapping[str, FmuVariable]
 ) -> tuple[str, ...]:
     """Parameters that are 0 and, where they are not, let a line beside the tones decay.
 
@@ -147,7 +162,7 @@ def _beyond(three: FloatArray) -> float:
 
 
 def sideband_of(
-    line: OtherLine,
+    line: Remainder,
     tones: Mapping[str, float],
     values: Mapping[str, Scalar],
     variables: Mapping[str, FmuVariable],

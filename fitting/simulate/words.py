@@ -6,7 +6,8 @@ from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
-from fitting.simulate.response import Remainder, Spectrum
+from fitting.simulate.response import Spectrum
+from fitting.simulate.unsteady import Remainder
 from fitting.text.rendering import blocks
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
@@ -141,44 +142,22 @@ class Finding:
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def note(
+def _finding(
+    severity: Severity,
     kind: Kind,
     subject: str = "",
     names: Mapping[str, tuple[str, ...]] | None = None,
     /,
     **numbers: float,
 ) -> Finding:
-    """A finding that asks nothing of the reader.
-
-    Args:
-        kind: what was found.
-        subject: the column, point or file that it is about.
-        names: that its sentence needs.
-        **numbers: that its sentence needs, in SI units.
-    """
+    """A finding of its kind, subject, names and numbers, as the record explains them."""
     return Finding(
-        kind=kind, severity="note", subject=subject, numbers=numbers, names=dict(names or {})
+        kind=kind, severity=severity, subject=subject, numbers=numbers, names=dict(names or {})
     )
 
 
-def warning(
-    kind: Kind,
-    subject: str = "",
-    names: Mapping[str, tuple[str, ...]] | None = None,
-    /,
-    **numbers: float,
-) -> Finding:
-    """A finding that the reader must act on.
-
-    Args:
-        kind: what was found.
-        subject: the measurement, parameter or file that it is about.
-        names: that its sentence needs.
-        **numbers: that its sentence needs, in SI units.
-    """
-    return Finding(
-        kind=kind, severity="warning", subject=subject, numbers=numbers, names=dict(names or {})
-    )
+#: A finding that asks nothing of the reader, and one that the reader must act on.
+note, warning = partial(_finding, "note"), partial(_finding, "warning")
 
 
 def left_out(file: str, count: int, *places: str, **numbers: float) -> Finding:

@@ -64,17 +64,13 @@ def refusing(*key: str) -> Iterator[None]:
         raise Refused(f"{error}".removeprefix(":").strip(), *key) from error
 
 
-@dataclass(frozen=True)
-class Usually:
-    """The value that is meant where nothing is written, for a record that has None there."""
+def Usually(value: Any) -> Any:  # noqa: N802 - an annotation like those below
+    """The value that is meant where nothing is written, for a record that has None there.
 
-    value: Any
-
-    def __get_pydantic_json_schema__(
-        self, core: CoreSchema, handler: Callable[[CoreSchema], JsonSchemaValue]
-    ) -> JsonSchemaValue:
-        """The value's schema with this default."""
-        return handler(core) | {"default": self.value}
+    Args:
+        value: for the schema alone.
+    """
+    return Field(json_schema_extra={"default": value})
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from fitting.text.errors import BadInput, shown
@@ -73,15 +73,6 @@ _NO_UNIT = ("", "-", "1", "a.u.", "arb")
 _SUFFIX = re.compile(r"(?P<name>.*[^\s/,_])(?P<mark>\s*/\s*|\s*,\s*|_|\s+)(?P<unit>[^\s/,_]+)")
 
 
-@dataclass(frozen=True)
-class LooseTable:
-    """A table that was found, in ``words``, and whether the file names its columns."""
-
-    table: Table
-    words: str
-    headed: bool
-
-
 def suffixed_unit(name: str) -> tuple[str, str | None]:
     """Name and unit of a column that writes it without brackets: "freq_hz", "R/uV", "time, s".
 
@@ -109,8 +100,12 @@ def named_unit(name: str) -> str | None:
     return UNITS.get(name.strip(" .").lower()) if len(name) > 1 else None
 
 
-def find_table(path: Path, text: str, header_row: int | None = None) -> LooseTable | None:
-    """The table of numbers that a text holds, or None if there is none of two columns.
+def find_table(
+    path: Path, text: str, header_row: int | None = None
+) -> tuple[Table, str, bool] | None:
+    """The table of numbers that a text holds, what it is in words, whether its columns are named.
+
+    None if there is none of two columns.
 
     It is the longest run of rows of numbers; the last row of names above it heads it, whatever
     stands between and above.
@@ -147,7 +142,7 @@ def find_table(path: Path, text: str, header_row: int | None = None) -> LooseTab
         lines=tuple(lines),
         decimal_comma=delimiter != ",",
     )
-    return LooseTable(table, words_of(delimiter, head), bool(head))
+    return table, words_of(delimiter, head), bool(head)
 
 
 def words_of(delimiter: str, head: int) -> str:

@@ -54,12 +54,18 @@ _BASES: dict[str, tuple[str, Dimension]] = {
     "m/s2": ("", {"[length]": 1.0, "[time]": -2.0}),
     "1": ("", {}),
 }
-for _name in ("V", "A", "m"):
-    _BASES[f"{_name}**2"] = "", {key: 2.0 * power for key, power in _BASES[_name][1].items()}
-for _name in ("W", "V**2", "A**2", "m**2"):
-    _powers = {"[time]": 0.0, **_BASES[_name][1]}
-    _powers["[time]"] += 1.0
-    _BASES[f"{_name}/Hz"] = "", {key: power for key, power in _powers.items() if power}
+_BASES |= {
+    f"{base}**2": ("", {key: 2.0 * power for key, power in _BASES[base][1].items()})
+    for base in ("V", "A", "m")
+}
+_BASES |= {
+    f"{base}/Hz": (
+        "",
+        # a density over Hz: one power of time more, and none where that makes zero
+        {k: p for k, p in {**d, "[time]": d.get("[time]", 0.0) + 1.0}.items() if p},
+    )
+    for base, d in ((base, _BASES[base][1]) for base in ("W", "V**2", "A**2", "m**2"))
+}
 COMMON = {
     f"{prefix}{base}": (base, Decimal(1).scaleb(exponent))
     for base, (prefixes, _) in _BASES.items()

@@ -42,8 +42,8 @@ F_LOW = np.linspace(214.0, 430.0, 9)
 
 def told_of(file: Path, folder: Path) -> dict[str, Any]:
     """The campaign, of whose FMU is said what it does not describe, in the file as well."""
-    made = drafted(file, out=folder)
-    text = made.path.read_text("utf-8")
+    path, made = drafted(file, out=folder)
+    text = path.read_text("utf-8")
     assert made.undescribed
     assert made.undescribed in " ".join(re.sub("(?m)^# ?", "", text).split())
     return tomllib.loads(text)

@@ -29,15 +29,15 @@ def two() -> Iterator[LocalProcesses]:
 
 def test_every_item_is_done_once(two: LocalProcesses) -> None:
     ended = list(run(work.squared, (Piece(k) for k in range(40)), Place(two)))
-    assert sorted(e.result for e in ended if e.result) == [(k, k * k) for k in range(40)]
-    assert all(e.item.number == e.result[0] for e in ended if e.result)
+    assert sorted(result for _, result, _ in ended if result) == [(k, k * k) for k in range(40)]
+    assert all(item.number == result[0] for item, result, _ in ended if result)
 
 
 def test_a_lost_process_costs_its_item_a_repetition(two: LocalProcesses, tmp_path: Path) -> None:
     pieces = [Piece(k, str(tmp_path)) for k in range(8)]
     ended = list(run(work.squared_after_a_loss, pieces, Place(two)))
     assert (tmp_path / "lost").exists()
-    assert sorted(e.result for e in ended if e.result) == [(k, k * k) for k in range(8)]
+    assert sorted(result for _, result, _ in ended if result) == [(k, k * k) for k in range(8)]
 
 
 def test_one_that_is_lost_twice_is_told_and_costs_no_other(
@@ -46,10 +46,12 @@ def test_one_that_is_lost_twice_is_told_and_costs_no_other(
     pieces = [Piece(k, str(tmp_path)) for k in range(8)]
     ended = list(run(work.always_lost, pieces, Place(two)))
     assert len(list(tmp_path.glob("lost*"))) == 2
-    [lost] = [e for e in ended if e.lost]
-    assert (lost.item.number, lost.result) == (3, None)
-    assert "signal 9" in lost.lost
-    assert sorted(e.result for e in ended if e.result) == [(k, k * k) for k in range(8) if k != 3]
+    [(item, result, lost)] = [e for e in ended if e[2]]
+    assert (item.number, result) == (3, None)
+    assert "signal 9" in lost
+    assert sorted(result for _, result, _ in ended if result) == [
+        (k, k * k) for k in range(8) if k != 3
+    ]
 
 
 def test_what_no_pickle_can_carry_is_told(two: LocalProcesses) -> None:

@@ -80,7 +80,7 @@ def test_peaks_are_those_of_the_closed_form_and_the_campaign_is_read(tmp_path: P
 def test_quadratures_have_one_reference_phase(tmp_path: Path) -> None:
     plan = planned(tmp_path / "plan", phases=True)
     made = ff.synthesize("crossing", plan=plan, seed=4)
-    x, y = np.split(np.stack([m.values_v[:4] for m in made.measured]), 2, axis=1)
+    x, y = np.split(np.stack([m[:4] for m in made.measured]), 2, axis=1)
     turns = (x + 1j * y) / exact()
     assert turns == pytest.approx(np.full((2, 2), turns[0, 0]), abs=1e-8)
     assert abs(turns[0, 0]) == pytest.approx(1.0, abs=1e-9)
@@ -108,7 +108,7 @@ def test_noise_falls_with_the_spectra_that_are_averaged(
     table.write_text("\n".join([*heads, *rows]) + "\n")
     for seed in range(10):
         made = ff.synthesize("crossing", plan=plan, seed=seed)
-        seen = np.stack([m.values_v for m in made.measured]).reshape(times, 2, -1)
+        seen = np.stack(list(made.measured)).reshape(times, 2, -1)
         left.append(np.hypot(seen[..., :2], seen[..., 2:4]) - np.abs(exact()))
         told = seen[0, :, 4:]
     found = np.std(np.concatenate(left), axis=0)

@@ -13,7 +13,6 @@ from fitting.simulate.budget import Basis
 from fitting.simulate.drive import Drive
 from fitting.simulate.probe import Probe
 from fitting.simulate.settling import (
-    Limits,
     Settled,
     settle,
     settle_as_prescribed,
@@ -35,9 +34,11 @@ def dying(width_hz: float, share: float = 1.0) -> Output:
     )
 
 
-def settled(output: Output, wanted: float, limits: Limits | None = None) -> Settled:
+def settled(
+    output: Output, wanted: float, work: float = 1e9, longest_s: float = math.inf
+) -> Settled:
     probe = Probe((DRIVE,), LineWorkers({"x": output}))
-    return settle(probe, {}, wanted, limits or Limits(1e9))
+    return settle(probe, {}, wanted, work, longest_s)
 
 
 @pytest.mark.parametrize("width_hz", [0.3, 4.0])
@@ -73,7 +74,7 @@ def test_a_response_that_is_steady_from_the_start_needs_no_time() -> None:
 
 def test_limits_end_the_search_and_say_so() -> None:
     """With 0.05 Hz of width 1e-6 takes 88 s."""
-    found = settled(dying(0.05), 1e-6, Limits(1e9, longest_s=20.0))
+    found = settled(dying(0.05), 1e-6, longest_s=20.0)
     assert not found.steady
     assert 10.0 <= found.settle_s <= 20.0
     assert math.exp(-math.pi * 0.05 * found.settle_s) < found.bound
@@ -86,7 +87,7 @@ def test_limits_end_the_search_and_say_so() -> None:
         "change": found.change,
     }
     # work: one tenth of a substep in a period, so ten a second, beside the few samples
-    worked = settled(dying(0.05), 1e-6, Limits(100.0))
+    worked = settled(dying(0.05), 1e-6, 100.0)
     assert not worked.steady
     assert (worked.ended_by, worked.limit) == ("work", 100.0)
     assert worked.settle_s * 10.0 <= 100.0 < 2.0 * worked.settle_s * 10.0 + 20.0
@@ -98,14 +99,14 @@ def test_an_oscillation_that_stays_is_never_steady() -> None:
         np.cos(2.0 * np.pi * np.mod(F_HZ * t, 1.0))
         + 0.01 * np.cos(2.0 * np.pi * np.mod(100.03 * t, 1.0))
     )
-    found = settled(output, 1e-4, Limits(1e9, longest_s=1e3))
+    found = settled(output, 1e-4, longest_s=1e3)
     assert not found.steady
     assert found.bound > 1e-4
 
 
 def test_a_time_of_the_users_own_leaves_what_is_seen() -> None:
     probe = Probe((DRIVE,), LineWorkers({"x": dying(1.0)}))
-    reference = settle(probe, {}, 1e-8, Limits(1e9))
+    reference = settle(probe, {}, 1e-8, 1e9)
     found = settle_as_prescribed(probe, {}, 2.0, reference)
     left = math.exp(-2.0 * math.pi)
     assert found.settle_s == 2.0

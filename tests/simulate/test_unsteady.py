@@ -16,7 +16,13 @@ from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import plan_drives
-from fitting.simulate.unsteady import OtherLine, Sideband, sideband_of, strongest_other_line
+from fitting.simulate.unsteady import (
+    Remainder,
+    RemainderKind,
+    Sideband,
+    sideband_of,
+    strongest_other_line,
+)
 from tests.support.line_workers import LineWorkers, line, together
 
 TONE_HZ, PUMP_HZ = 6.92e6, 87340.0
@@ -135,13 +141,13 @@ def test_a_distance_from_a_tone_is_that_of_one_parameter(
     at_hz: float, variables: list[Any], found: Sideband | None
 ) -> None:
     """Within half of a bin of 1 Hz."""
-    other = OtherLine(at_hz=at_hz, share=0.1, bin_hz=1.0)
+    other = Remainder(RemainderKind.UNEXPLAINED, at_hz=at_hz, share=0.1, bin_hz=1.0)
     known = {"u": variable("u", 1000.0), **{each.name: each for each in variables}}
     assert sideband_of(other, {"u": 1000.0}, {"told": 40.0}, known) == found
 
 
 @pytest.mark.parametrize(("distance_hz", "sign"), [(0.4, "+"), (-0.4, "−")])
 def test_a_pump_of_less_than_a_hertz_has_its_side(distance_hz: float, sign: str) -> None:
-    other = OtherLine(at_hz=1000.0 + distance_hz, share=0.1, bin_hz=0.01)
+    other = Remainder(RemainderKind.UNEXPLAINED, at_hz=1000.0 + distance_hz, share=0.1, bin_hz=0.01)
     known = {"u": variable("u", 1000.0), "pump": variable("pump", 0.4)}
     assert sideband_of(other, {"u": 1000.0}, {}, known) == Sideband("u", sign, "pump")

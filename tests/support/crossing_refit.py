@@ -55,8 +55,7 @@ def planned_rows(plan: Path, seed: int) -> list[tuple[float, FloatArray, FloatAr
         lines = [line for line in plan.read_text().splitlines() if "noise_floor" in line]
         sigma = float(lines[0].split('"')[1].split()[0])
         return [
-            (m.place.at["V"], m.place.u_hz, m.columns[0], np.full(m.place.u_hz.size, sigma))
-            for m in made.measured
+            (m.at["V"], m.u_hz, m.columns[0], np.full(m.u_hz.size, sigma)) for m in made.measured
         ]
     text = str(made.files["experiments.csv"])
     head = next(line for line in text.splitlines() if line.startswith("experiment")).split(",")

@@ -17,7 +17,7 @@ from fitting.lines.form import fit_resonance
 from fitting.measurements.figure import Figure
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import ShownSpectrum, spectra_figure
-from fitting.report.shown import ShownCampaign, ShownTones, Trace
+from fitting.report.shown import ShownCampaign, ShownTones
 from fitting.result.result import (
     Cost,
     Deviations,
@@ -65,7 +65,7 @@ def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) 
         a = 0.25e-6 * (1.0 + 0.5 * np.sin(0.7 * np.arange(f.size)))
         for tone, peak in zip(tones_hz, peaks, strict=True):
             a[int(np.argmin(np.abs(f - tone)))] = peak
-        trace = Trace(f, a)
+        trace = Spectrum(f, a)
     return ShownTones(
         label=label,
         tones_hz=tuple(tones_hz),
@@ -201,9 +201,7 @@ def spectra(data: ShownCampaign, result: Result) -> Figure:
     shown = []
     for e in data.tones:
         peaks = [p for p in result.peaks if p.experiment == e.label]
-        spectrum = None
-        if e.trace is not None:
-            spectrum = Spectrum(e.trace.frequency_hz, e.trace.amplitude, unit=e.unit)
+        spectrum = None if e.trace is None else replace(e.trace, unit=e.unit)
         shown.append(
             ShownSpectrum(
                 label=e.label,

@@ -13,7 +13,7 @@ from threading import Thread
 import pytest
 
 from fitting.ensembles import ITEMS_FILE
-from fitting.lab.synthesis import SyntheticFiles
+from fitting.lab.synthesis import Synthetic
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.journal import Journal
@@ -36,7 +36,7 @@ def crafted(folder: Path, names: dict[str, str], command: str = "synthesize") ->
 def synthesized(folder: Path) -> bool:
     """Whether a synthetic campaign was written there."""
     try:
-        SyntheticFiles(truth={}, files={"campaign.toml": "new"}).write(folder)
+        Synthetic(truth={}, files={"campaign.toml": "new"}).write(folder)
     except BadInput:
         return False
     return True

@@ -42,7 +42,8 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
     as_written = row is None and (not kept or _has_head(text, kept[:3], delimiter))
     found = None if as_written else find_table(path, text, row)
     if found is not None:
-        return replace(of_table(_with_suffixes(found.table), found.words), headed=found.headed)
+        table, words, headed = found
+        return replace(of_table(_with_suffixes(table), words), headed=headed)
     if not as_written and row is not None:
         raise BadInput(
             f"{path}: holds no table of numbers below row {row}, which is declared to hold the "

@@ -48,14 +48,6 @@ class StudyOptions:
         return self.accuracies or (QUICK_ACCURACIES if self.quick else ACCURACIES)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """A row with the simulated residuals that it is compared by, (rows,)."""
-
-    row: Row
-    residuals: FloatArray
-
-
 def run_study(
     campaign: Campaign,
     fmu: ff.Fmu,
@@ -144,13 +136,12 @@ class _Measurements:
         for setting in settings:
             try:
                 problem = self.problem_of(setting)
-                found = self._evaluated(setting, problem)
+                row, self._truth = self._evaluated(setting, problem)
             except (BadInput, FmuFailure) as error:
                 failure = error
                 continue
-            self._truth = found.residuals
             self._sigma = noise_of(problem)
-            return found.row
+            return row
         if failure is None:
             raise BadInput("tradeoff: no setting for a reference")
         raise failure
@@ -163,8 +154,7 @@ class _Measurements:
         """A setting, measured; one that fails is a row with the reason."""
         try:
             problem = self.problem_of(setting)
-            found = self._evaluated(setting, problem)
-            row = self._compared(found)
+            row = self._compared(*self._evaluated(setting, problem))
             return self.fitted(row, problem) if self.options.fit else row
         except (BadInput, FmuFailure) as error:
             return Row(setting=setting, failed=str(error))
@@ -194,8 +184,8 @@ class _Measurements:
         found = processor_s(self.fmu.workers)
         return math.nan if found is None else found
 
-    def _evaluated(self, setting: Setting, problem: ff.Problem) -> Measured:
-        """One evaluation of the whole campaign at its start values, timed some times."""
+    def _evaluated(self, setting: Setting, problem: ff.Problem) -> tuple[Row, FloatArray]:
+        """A row and its simulated residuals (rows,): one evaluation at the start values, timed."""
         p, workers = problem.start, self.fmu.workers
         residuals = problem.residuals(p)  # plans at the first call
         counts = workers.counts
@@ -206,23 +196,21 @@ class _Measurements:
             times.append(self._processor_s() - before)
         done = workers.counts
         promised = [plan.promised for plan in problem.planned.plans.values()]
-        return Measured(
-            Row(
-                setting=setting,
-                evaluation_s=statistics.median(times),
-                runs=round((done.runs - counts.runs) / len(times)),
-                steps=round((done.steps - counts.steps) / len(times)),
-                promised=max(promised),
-            ),
-            residuals,
+        row = Row(
+            setting=setting,
+            evaluation_s=statistics.median(times),
+            runs=round((done.runs - counts.runs) / len(times)),
+            steps=round((done.steps - counts.steps) / len(times)),
+            promised=max(promised),
         )
+        return row, residuals
 
-    def _compared(self, found: Measured) -> Row:
+    def _compared(self, row: Row, residuals: FloatArray) -> Row:
         """The row with the errors of its simulated data against the reference's."""
         truth, sigma = self._truth, self._sigma
-        if truth is None or sigma is None or truth.shape != found.residuals.shape:
-            return found.row
-        off = np.abs(found.residuals - truth)
+        if truth is None or sigma is None or truth.shape != residuals.shape:
+            return row
+        off = np.abs(residuals - truth)
         known = sigma > 0.0
         in_sigma = float(np.max(off[known] / sigma[known])) if np.any(known) else math.nan
-        return replace(found.row, error=float(np.max(off, initial=0.0)), error_sigma=in_sigma)
+        return replace(row, error=float(np.max(off, initial=0.0)), error_sigma=in_sigma)

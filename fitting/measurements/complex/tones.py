@@ -14,7 +14,7 @@ which else is that of the series (`fitting.measurements.complex.gain`, with h = 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +31,6 @@ from fitting.text.errors import BadInput
 from fitting.text.notation import number
 
 
-@dataclass(frozen=True)
 class ComplexTones(Tones):
     """Complex values of several experiments, two residual rows per line that is read.
 

@@ -76,7 +76,6 @@ class DemodulatedTrace(DemodulatedRecord, OfSetup):
         return DemodulatedTraces(setup=setup, traces=(self,)).within(setup, series)
 
 
-@dataclass(frozen=True, kw_only=True)
 class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
     """One or several demodulated traces that are fitted together."""
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -105,17 +104,11 @@ def looked_finely(samples: int) -> int:
     return 2 * (max(FEWEST, min(MOST, LOOKED // samples)) // 2)
 
 
-class Left(NamedTuple):
-    """What Euler's method leaves, over the largest value; ``shifted``: an oscillation, in time."""
+def euler_leaves(values: FloatArray, pushed: BoolArray, *, late: bool) -> tuple[float, bool]:
+    """What Euler's method over steps of the FMU's own leaves, and whether it shifts an oscillation.
 
-    share: float
-    shifted: bool
-
-
-def euler_leaves(values: FloatArray, pushed: BoolArray, *, late: bool) -> Left:
-    """What Euler's method over steps of the FMU's own leaves, as a whole.
-
-    It may be more than the largest value: so are then the derivatives by a frequency that meet it.
+    It is relative to the largest value, and may be more than that: so are then the
+    derivatives by a frequency that meet it.
 
     Args:
         values: of an output that stands still between its steps (n,).
@@ -124,7 +117,7 @@ def euler_leaves(values: FloatArray, pushed: BoolArray, *, late: bool) -> Left:
     """
     largest = float(np.max(np.abs(values)))
     if largest == 0.0:
-        return Left(0.0, shifted=False)
+        return 0.0, False
     moves = np.diff(values)
     at = np.append(0, np.flatnonzero(moves) + 1)
     left = 0.5 * float(np.sum(np.abs(np.diff(values[at], 2))))
@@ -132,7 +125,7 @@ def euler_leaves(values: FloatArray, pushed: BoolArray, *, late: bool) -> Left:
         left += float(np.max(np.abs(moves)))
     times = np.append(0, np.cumsum(pushed))[at]
     shifted = _shifted(values[at] / largest, times[3:] == times[:-3])
-    return Left(left / largest + SHIFTED * shifted, shifted=shifted > 0.0)
+    return left / largest + SHIFTED * shifted, shifted > 0.0
 
 
 def _shifted(ends: FloatArray, still: BoolArray) -> float:

@@ -240,12 +240,12 @@ class Survey(Generic[T]):
         self.batch.simulate(self.workers)
         count = steps.step_s / steps.stands_s
         late = abs(count - round(count)) > UNEVEN * count
-        left = euler_leaves(self.batch.samples(run, output), look.pushed, late=late)
+        left, shifts = euler_leaves(self.batch.samples(run, output), look.pushed, late=late)
         return replace(
             steps,
             runs=steps.runs + 1,
-            bound=steps.bound + left.share,
-            shifted=steps.shifted or left.shifted,
+            bound=steps.bound + left,
+            shifted=steps.shifted or shifts,
         )
 
     def _of_few_samples(

@@ -77,7 +77,6 @@ class Trace(TraceRecord, OfSetup):
         return Traces(setup=setup, traces=(self,)).within(setup, series)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Traces(TracesTogether[TraceRecord]):
     """One or several traces that are fitted together, a row for each sample."""
 
