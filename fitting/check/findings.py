@@ -78,7 +78,7 @@ def trial_findings(description: FmuDescription, examination: Examination) -> tup
     """
     failure = examination.failure
     fatal = () if failure is None else (Finding(Severity.FATAL, str(failure)),)
-    own_step_s = description.own_steps.step_s
+    own_step_s = description.step_s
     text = blocks("check/text").cautions(examination, own_step_s, LIMITS)
     lines = (line.strip() for line in str(text).splitlines())
     return (*fatal, *(Finding(Severity.CAREFUL, line) for line in lines if line))

@@ -25,10 +25,9 @@ def trial_step_s(description: FmuDescription) -> float:
     Args:
         description: of the FMU.
     """
-    own = description.own_steps
-    if own.internal_s is not None:
-        return OWN_STEPS * own.internal_s
-    return USUAL_STEP_S if own.usual_s is None else own.usual_s
+    if description.internal_step_s is not None:
+        return OWN_STEPS * description.internal_step_s
+    return USUAL_STEP_S if description.usual_step_s is None else description.usual_step_s
 
 
 def trial_run(

@@ -104,7 +104,7 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
             problem.planned_together(name),
             own_step_s=told.step_s,
             fixed_step=told.fixed_step,
-            any_steps=told.own_steps.of_any_length,
+            any_steps=told.any_steps,
             exchange=told.exchange is not None,
         )
         for name in problem.data.series

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 from fitting.text.arrays import Scalar
 from fitting.text.choices import INTERFACES
@@ -41,24 +41,6 @@ READERS: Mapping[str, Callable[[str], Scalar]] = {
 
 #: Elements of an array (FMI 3.0) up to which each is a variable here.
 MOST_ELEMENTS = 1000
-
-
-class OwnSteps(NamedTuple):
-    """Steps that an FMU was made for, by its description, in s.
-
-    ``internal_s`` is the fixed step of its own solver (``fixedInternalStepSize`` of FMI 3.0), of
-    which communication steps have to be whole multiples; ``usual_s`` that of its default
-    experiment; None where it has none. ``of_any_length``: communication steps may differ in length.
-    """
-
-    internal_s: float | None = None
-    usual_s: float | None = None
-    of_any_length: bool = True
-
-    @property
-    def step_s(self) -> float | None:
-        """The step that it was made for: of its own solver, else of its default experiment."""
-        return self.usual_s if self.internal_s is None else self.internal_s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,9 +104,12 @@ INTEGRATOR_TOLERANCE = FmuVariable(
 class FmuDescription:
     """What an FMU file declares; ``variables`` by name in the order of the file.
 
-    ``own_steps`` are the steps that it was made for, ``offers`` the interfaces that it has, of
-    INTERFACES. ``exchange``: numbers of states and event indicators where it is run by model
-    exchange: its equations are then integrated here; None: co-simulation.
+    ``internal_step_s`` is the fixed step of its own solver (``fixedInternalStepSize`` of FMI 3.0),
+    of which communication steps have to be whole multiples; ``usual_step_s`` that of its default
+    experiment; None where it has none. ``any_steps``: communication steps may differ in length.
+    ``offers`` are the interfaces that it has, of INTERFACES. ``exchange``: numbers of states and
+    event indicators where it is run by model exchange: its equations are then integrated here;
+    None: co-simulation.
     """
 
     path: Path
@@ -139,7 +124,9 @@ class FmuDescription:
     platforms: tuple[str, ...]
     needs_execution_tool: bool
     variables: Mapping[str, FmuVariable] = field(repr=False)
-    own_steps: OwnSteps = field(default_factory=OwnSteps)
+    internal_step_s: float | None = None
+    usual_step_s: float | None = None
+    any_steps: bool = True
     exchange: tuple[int, int] | None = None
     offers: tuple[str, ...] = INTERFACES[:1]
     #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
@@ -163,12 +150,12 @@ class FmuDescription:
     @property
     def step_s(self) -> float | None:
         """The step that it was made for, s: of its own solver, else of its default experiment."""
-        return self.own_steps.step_s
+        return self.usual_step_s if self.internal_step_s is None else self.internal_step_s
 
     @property
     def fixed_step(self) -> bool:
         """Whether it declares the fixed step of its own solver."""
-        return self.own_steps.internal_s is not None
+        return self.internal_step_s is not None
 
     @property
     def seen(self) -> tuple[FmuVariable, ...]:
@@ -258,19 +245,19 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         )
 
     # of model exchange any step is as good as another
-    own_steps, exchange = OwnSteps(), None
+    steps: list[float | None] = [None, None]
+    any_steps, exchange = True, None
     if chosen == INTERFACES[1]:
         exchange = int(model.numberOfContinuousStates), int(model.numberOfEventIndicators)
     else:
-        steps: list[float | None] = []
+        steps.clear()
         for element, key, name in (
             (declared, "fixedInternalStepSize", "fixedInternalStepSize"),
             (model.defaultExperiment, "stepSize", "DefaultExperiment stepSize"),
         ):
             step_s = _number(getattr(element, key, None), f"{path}: {name}")
             steps.append(step_s if step_s is not None and 0.0 < step_s < math.inf else None)
-        of_any_length = bool(declared.canHandleVariableCommunicationStepSize)
-        own_steps = OwnSteps(steps[0], steps[1], of_any_length)
+        any_steps = bool(declared.canHandleVariableCommunicationStepSize)
     sizes = {id(d.variable) for v in model.modelVariables for d in v.dimensions}
     return FmuDescription(
         path=path,
@@ -289,7 +276,9 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
             for v in model.modelVariables
             for each in _variables(path, version, v, id(v) in sizes)
         },
-        own_steps=own_steps,
+        internal_step_s=steps[0],
+        usual_step_s=steps[1],
+        any_steps=any_steps,
         exchange=exchange,
         offers=tuple(offered),
     )

@@ -34,7 +34,7 @@ def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -
     assert "rk4_substep" in resets["idle"]  # the exact solver takes none
     assert "eta_plus" not in resets["idle"]
     description = read_description(oscillator_fmu)
-    assert description.own_steps.usual_s == 1e-8
+    assert description.usual_step_s == 1e-8
     further = phrases("check/text", "further", description)
     [needs] = [s for s in further if s.startswith("needsExecutionTool: ")]
     assert re.findall(r"\d+\.\d+", needs) == ["3.8", "3.13"]  # of libpython

@@ -12,8 +12,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -44,17 +44,13 @@ _CORNER = re.compile(r"\s*[\\|]\s*")
 _EMPTY = ("", "0", "0.0", "nan")
 
 
-class _Axis(NamedTuple):
-    """Values of the head or of the first column, as they are written, and what they are."""
+#: The quantity of a head or of the first column, and its values as they are written.
+_Axis = tuple[Column, tuple[str, ...]]
 
-    name: str
-    unit: str | None
-    values: tuple[str, ...]
 
-    @property
-    def is_frequency(self) -> bool:
-        named = self.name.lower() in FREQUENCY or "freq" in self.name.lower()
-        return named or (self.unit is not None and is_frequency(self.unit))
+def _is_frequency(axis: Column) -> bool:
+    named = axis.name.lower() in FREQUENCY or "freq" in axis.name.lower()
+    return named or (axis.unit is not None and is_frequency(axis.unit))
 
 
 def read_spectra_table(path: Path) -> Table:
@@ -120,31 +116,31 @@ def _long(
         rows.append(row)
         lines.append(n)
     beside, above = [*_CORNER.split(cells[0]), ""][:2]
-    side = _axis_of(beside, tuple(row[0] for row in rows))
-    if above and not head.name:
-        head = _axis_of(above, head.values)
-    if side.is_frequency == head.is_frequency:
-        if side.is_frequency or not side.name or above:
+    side, top = _column(beside), _column(above) if above and not head[0].name else head[0]
+    left, across = tuple(row[0] for row in rows), head[1]
+    if _is_frequency(side) == _is_frequency(top):
+        if _is_frequency(side) or not side.name or above:
             raise BadInput(
                 f"{path}: is a matrix of amplitudes, {len(rows)} rows below a head of "
-                f"{len(head.values)} values, and does not state which are frequencies; wanted its "
+                f"{len(across)} values, and does not state which are frequencies; wanted its "
                 "first cell to name the first column: 'frequency (Hz)', or the control, as "
                 "'V (V)', where the head has the frequencies"
             )
-        head = _Axis(name=FREQUENCY[0], unit=head.unit, values=head.values)
-    by_column = side.is_frequency
-    frequency, control = (side, head) if by_column else (head, side)
-    if len(frequency.values) < LEAST_FREQUENCIES or len(control.values) < 2:
+        top = replace(top, name=FREQUENCY[0])
+    by_column = _is_frequency(side)
+    frequency, control = (side, top) if by_column else (top, side)
+    points, values = (left, across) if by_column else (across, left)
+    if len(points) < LEAST_FREQUENCIES or len(values) < 2:
         return None
-    comma, order = delimiter != ",", list(range(len(frequency.values)))
+    comma, order = delimiter != ",", list(range(len(points)))
     with suppress(BadInput):  # its reader refuses a cell that is no number, with the row
-        numbers = [parse_number(value, "", decimal_comma=comma) for value in frequency.values]
+        numbers = [parse_number(value, "", decimal_comma=comma) for value in points]
         order = np.argsort(numbers, kind="stable").tolist()
     found, places = [], []
-    for k, value in enumerate(control.values):
+    for k, value in enumerate(values):
         for i in order:
             at, column = (i, k) if by_column else (k, i)
-            found.append((value, frequency.values[i], rows[at][column + 1]))
+            found.append((value, points[i], rows[at][column + 1]))
             places.append(lines[at])
     name = control.name or CONTROL
     table = Table(
@@ -160,14 +156,14 @@ def _long(
     )
     place = "column" if by_column else "row"
     silent = "" if control.unit else ", whose unit is not stated"
-    words = f"a table with a {place} of amplitudes for each of {len(control.values)} values of "
+    words = f"a table with a {place} of amplitudes for each of {len(values)} values of "
     return table, f"{words}'{name}'{silent}", tuple(cells[1:])
 
 
-def _axis_of(text: str, values: tuple[str, ...]) -> _Axis:
+def _column(text: str) -> Column:
     column = named_column(text, 0)
     name, unit = (column.name, column.unit) if column.unit else suffixed_unit(column.name)
-    return _Axis(name="" if name.lower() in _EMPTY else name, unit=unit, values=values)
+    return Column("" if name.lower() in _EMPTY else name, unit, 0)
 
 
 def _head(cells: Sequence[str]) -> _Axis | None:
@@ -195,4 +191,4 @@ def _head(cells: Sequence[str]) -> _Axis | None:
     [(name, unit)] = kinds
     if unit is not None and (unit in NO_UNITS or not same_kind(unit, unit)):
         return None
-    return _Axis(name=name, unit=unit, values=values)
+    return Column(name, unit, 0), values

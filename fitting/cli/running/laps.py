@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 
-@dataclass
 class Laps:
     """A clock that runs from its making on; each lap is the time since the one before it.
 
-    ``clock`` measures seconds.
+    Args:
+        clock: measures seconds.
     """
 
-    clock: Callable[[], float] = time.perf_counter
-    _times: list[float] = field(init=False)
-    _names: list[str] = field(init=False, default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._times = [self.clock()]
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.clock = clock
+        self._times = [clock()]
+        self._names: list[str] = []
 
     def end(self, name: str) -> None:
         """A part has ended.
