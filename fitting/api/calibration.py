@@ -14,6 +14,7 @@ from fitting.fmu.models import rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
 from fitting.result.calibration import Calibration, calibration, calibration_csv
 from fitting.result.result import Result, read_result
+from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -36,8 +37,9 @@ class Calibrated(HtmlText):
     table: Path
 
 
+@renamed
 def calibrate(
-    found: Valued | Result | str | Path,
+    result: Valued | Result | str | Path,
     out: str | Path,
     *,
     fmu: str | Path | None = None,
@@ -49,7 +51,7 @@ def calibrate(
     of the FMU. Errors and intervals go along as annotations.
 
     Args:
-        found: An inference, its result, or the path of a result.json.
+        result: An inference, its result, or the path of a result.json.
         out: Folder for the files, made where there is none.
         fmu: The FMU that was fitted; None: the one in ``fmu/`` beside result.json, or that of the
             problem.
@@ -59,12 +61,12 @@ def calibrate(
         BadInput: no result, another FMU than the one that was fitted, or a folder that cannot be
             written.
     """
-    source = Path(found) if isinstance(found, str | Path) else None
-    if isinstance(found, Valued):
-        result = found.result
+    source = Path(result) if isinstance(result, str | Path) else None
+    if isinstance(result, Valued):
+        fitted = result.result
     else:
-        result = found if isinstance(found, Result) else read_result(Path(found))
-    provenance = result.provenance
+        fitted = result if isinstance(result, Result) else read_result(Path(result))
+    provenance = fitted.provenance
     if fmu is None:  # the one that the fit was made with lies in the folder of its results
         fmu = None if source is None else source.parent / "fmu" / provenance.fmu_file
         if fmu is None or not fmu.is_file():
@@ -79,14 +81,14 @@ def calibrate(
             f"{fmu}: is not the FMU that was fitted: found sha256 {description.sha256[:12]}, "
             f"wanted {provenance.fmu_sha256[:12]}"
         )
-    handed = calibration(result, description, also)
+    handed = calibration(fitted, description, also)
     name, out = f"{description.model_name}_calibrated", Path(out)
     ssv, ssp, parameters = out / f"{name}.ssv", out / f"{name}.ssp", out / "parameters.csv"
     names = ", ".join(handed.start_values) or "no parameter"
-    synthetic = " to synthetic data" if result.synthetic else ""
+    synthetic = " to synthetic data" if fitted.synthetic else ""
     history = (
-        f"Start values of {names} come from a fit{synthetic}: {result.title}, finished "
-        f"{provenance.finished}, {result.status}. The FMU that was fitted has the GUID "
+        f"Start values of {names} come from a fit{synthetic}: {fitted.title}, finished "
+        f"{provenance.finished}, {fitted.status}. The FMU that was fitted has the GUID "
         f"{description.guid}."
     )
     with results_folder(out, "calibrate", CALIBRATED_FILES):

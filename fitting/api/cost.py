@@ -73,14 +73,14 @@ def cost(
     options = search_options(problem, method, starts, None)
     record, workers = problem.record, problem.fmu.workers
     whole = expected(record, options, profiles=profiles, refits=bootstrap)
-    runs_before, begun = workers.counts.runs, time.perf_counter()
+    runs_before, started = workers.counts.runs, time.perf_counter()
     objective = problem.objective
-    planning_runs, planning_s = workers.counts.runs - runs_before, time.perf_counter() - begun
+    planning_runs, planning_s = workers.counts.runs - runs_before, time.perf_counter() - started
     x = to_search(record.parameters, starts_of(record.parameters))
     points = [x, *stencil(objective, x).nodes]
-    runs_before, begun = workers.counts.runs, time.perf_counter()
+    runs_before, started = workers.counts.runs, time.perf_counter()
     evaluate_many(objective, points)
-    seconds_each = (time.perf_counter() - begun) / len(points)
+    seconds_each = (time.perf_counter() - started) / len(points)
     runs_each = (workers.counts.runs - runs_before) / len(points)
     # what an output needs is part of a run at least, and a run of its own at most
     evaluated = added(

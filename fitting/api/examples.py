@@ -45,5 +45,5 @@ def example_titles() -> dict[str, str]:
 
 
 def _folders() -> dict[str, Path]:
-    found = sorted(shipped("data").glob(f"*/{CAMPAIGN}"))
-    return {path.parent.name: path.parent for path in found}
+    result = sorted(shipped("data").glob(f"*/{CAMPAIGN}"))
+    return {path.parent.name: path.parent for path in result}

@@ -666,14 +666,14 @@ def fit(
     """
     if not isinstance(problem, Problem):
         raise BadInput(f"fit: found a {type(problem).__name__}, wanted a Problem")
-    begun = time.perf_counter()
+    started = time.perf_counter()
     options = search_options(problem, method, starts, seed)
     hooks = Hooks(progress=progress or (lambda state: None), memory=memory)
     record = solve_problem(problem.record, problem.respond, options, hooks)
     if problem.has_fmu and record.status is not Status.INTERRUPTED:
         problem, record = _reviewed(problem, record, hooks)
     record = with_path(record, hooks)
-    return Fit(problem, record, time.perf_counter() - begun)
+    return Fit(problem, record, time.perf_counter() - started)
 
 
 def _reviewed(problem: Problem, record: FitRecord, hooks: Hooks) -> tuple[Problem, FitRecord]:
@@ -773,23 +773,25 @@ def profile(
     """
     if not isinstance(fit, Fit):
         raise BadInput(f"profile: found a {type(fit).__name__}, wanted a Fit")
-    begun = time.perf_counter()
-    asked = (names,) if isinstance(names, str) else tuple(names or ())
+    started = time.perf_counter()
+    requested = (names,) if isinstance(names, str) else tuple(names or ())
     record = fit.problem.record
-    require_values(asked, known_values(record) if record.campaigns else list(fit.values), "profile")
+    require_values(
+        requested, known_values(record) if record.campaigns else list(fit.values), "profile"
+    )
     request = InferenceRequest(
         units=fit.identity.units,
         budget=budget,
         bootstrap=bootstrap,
-        only=asked,
+        only=requested,
         sweeps=fit.inferred.sweeps,
         progress=progress or (lambda spent: None),
     )
-    found = infer(fit.record, request)
-    if found.fit is not fit.record:  # profiles came by a lower minimum
-        again = Fit(fit.problem, found.fit, fit.seconds)
+    result = infer(fit.record, request)
+    if result.fit is not fit.record:  # profiles came by a lower minimum
+        again = Fit(fit.problem, result.fit, fit.seconds)
         again.command, fit = fit.command, again
-    return Inference(fit, found, time.perf_counter() - begun)
+    return Inference(fit, result, time.perf_counter() - started)
 
 
 def known_values(record: Record) -> list[str]:
@@ -818,12 +820,12 @@ def require_values(names: Sequence[str], known: Sequence[str], where: str) -> No
             raise BadInput(f"{where}: no value '{name}'{did_you_mean(name, sorted(known))}")
 
 
-def _value(found: FittedEstimate, scan: Scan | None) -> Value:
-    is_open = not found.status.has_value
-    if found.role == "offset":  # its prior gives it a value, where the model is right
-        is_open = found.status is Verdict.WITHDRAWN
-    shared = {each.name: getattr(found, each.name) for each in fields(FittedEstimate)}
-    shared["most_likely"] = found.likely
+def _value(result: FittedEstimate, scan: Scan | None) -> Value:
+    is_open = not result.status.has_value
+    if result.role == "offset":  # its prior gives it a value, where the model is right
+        is_open = result.status is Verdict.WITHDRAWN
+    shared = {each.name: getattr(result, each.name) for each in fields(FittedEstimate)}
+    shared["most_likely"] = result.likely
     if is_open:
         shared |= {"value": math.nan, "std": math.nan}
     return Value(**shared, scan=scan)

@@ -32,14 +32,14 @@ from fitting.simulate.frf import sweep as sweep_through
 from fitting.simulate.request import USUAL_TONES, RequestBinder
 from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.unsteady import Sideband, missing_damping, sideband_of
-from fitting.text.arguments import checked
+from fitting.text.arguments import checked, renamed
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.scratch import Scratch
 from fitting.text.units import checked_accuracy
 
-__all__ = ["MOST_WORKERS", "Accuracy", "Fmu", "OtherTone", "held_fmu", "simulate", "sweep"]
+__all__ = ["MOST_WORKERS", "Accuracy", "Fmu", "OtherTone", "opened_fmu", "simulate", "sweep"]
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -210,9 +210,9 @@ class Fmu:
             BadInput: names, values or units that do not fit the FMU.
             FmuFailure: the FMU failed.
         """
-        asked = Accuracy.of(accuracy)
-        plan = self._plan(start_values, tones, drive, outputs, asked)
-        return respond(self.workers, plan, Shown(asked.window_s, asked.samples))
+        requested = Accuracy.of(accuracy)
+        plan = self._plan(start_values, tones, drive, outputs, requested)
+        return respond(self.workers, plan, Shown(requested.window_s, requested.samples))
 
     def plan(
         self,
@@ -273,16 +273,16 @@ class Fmu:
             BadInput: names, values or units that do not fit the FMU, frequencies that do not rise.
             FmuFailure: the FMU failed.
         """
-        asked = Accuracy.of(accuracy)
-        if asked.for_drives_alone:
+        requested = Accuracy.of(accuracy)
+        if requested.for_drives_alone:
             raise BadInput(
-                f"{asked.for_drives_alone[0]}: has no meaning in a sweep, only in a drive"
+                f"{requested.for_drives_alone[0]}: has no meaning in a sweep, only in a drive"
             )
         wanted = RequestBinder(self.description).sweep(
             frequency_hz, start_values, tone, output, directions
         )
-        settle_s, work = asked.settle_s, asked.work
-        return sweep_through(self.workers, wanted, asked.relative, settle_s=settle_s, work=work)
+        settle_s, work = requested.settle_s, requested.work
+        return sweep_through(self.workers, wanted, requested.relative, settle_s=settle_s, work=work)
 
     def other_tones(
         self, tones: Sequence[str], start_values: Mapping[str, Scalar] | None = None
@@ -330,11 +330,12 @@ class Fmu:
             return ()
         return missing_damping(self.workers, response.plan, response.other_line, self.variables)
 
-    def write(self, found: DriveResponse | SweepResponse, out: str | Path) -> tuple[Path, ...]:
+    @renamed
+    def write(self, result: DriveResponse | SweepResponse, out: str | Path) -> tuple[Path, ...]:
         """Write what the command line writes of a response: CSV tables and figures.
 
         Args:
-            found: What `simulate` or `sweep` returned.
+            result: What `simulate` or `sweep` returned.
             out: Folder, made where there is none.
 
         Returns:
@@ -346,13 +347,13 @@ class Fmu:
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.simulation")
         files: tuple[Path, ...]
-        if isinstance(found, DriveResponse):
+        if isinstance(result, DriveResponse):
             with results_folder(Path(out), "simulate", DRIVE_FILES):
-                files = report.write_drive(found, self.description, Path(out))
+                files = report.write_drive(result, self.description, Path(out))
                 remove_earlier(Path(out), DRIVE_FILES)
         else:
             with results_folder(Path(out), "sweep", SWEEP_FILES):
-                files = report.write_sweep(found, self.description, Path(out))
+                files = report.write_sweep(result, self.description, Path(out))
                 remove_earlier(Path(out), SWEEP_FILES)
         return files
 
@@ -381,14 +382,14 @@ class Fmu:
 
     def _table(self) -> Table:
         d = self.description
-        said = {
+        stated = {
             f"{v.causality} {v.name}": " ".join(
                 str(part) for part in (v.start, v.unit) if part is not None
             )
             for v in d.variables.values()
         }
         caption = f"{d.model_name} (FMI {d.fmi_version})"
-        return table("pairs", caption=caption, heads=("variable", "start"), pairs=said)
+        return table("pairs", caption=caption, heads=("variable", "start"), pairs=stated)
 
     def _plan(
         self,
@@ -396,17 +397,17 @@ class Fmu:
         tones: Iterable[str | float] | str,
         drive: WantedDrive | None,
         outputs: str | Sequence[str],
-        asked: Accuracy,
+        requested: Accuracy,
     ) -> DrivePlan:
         bound = RequestBinder(self.description).drive(start_values, tones, drive, outputs)
         return plan_drive(
             self.workers,
             bound,
-            asked.relative,
-            settle_s=asked.settle_s,
-            annotation=asked.annotation,
-            shown=Shown(asked.window_s, asked.samples),
-            work=asked.work,
+            requested.relative,
+            settle_s=requested.settle_s,
+            annotation=requested.annotation,
+            shown=Shown(requested.window_s, requested.samples),
+            work=requested.work,
         )
 
 
@@ -420,7 +421,7 @@ def _isolation(isolate: Isolate | Isolation) -> Isolation | None:
     return Isolation(strict=isolate == "strict")
 
 
-def held_fmu(fmu: Fmu | str | Path) -> Fmu:
+def opened_fmu(fmu: Fmu | str | Path) -> Fmu:
     """The FMU itself, or that of a path or of a model's name.
 
     Args:
@@ -441,7 +442,7 @@ def _of_any_fmu(
     def function(
         fmu: Fmu | str | Path, /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Result:
-        return method(held_fmu(fmu), *args, **kwargs)
+        return method(opened_fmu(fmu), *args, **kwargs)
 
     return function
 

@@ -21,7 +21,7 @@ from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.result.same_data import require_same_data
-from fitting.text.arguments import checked
+from fitting.text.arguments import checked, renamed
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -131,8 +131,9 @@ def check_problem(verb: str, problem: object) -> None:
         raise BadInput(f"{verb}: found a {type(problem).__name__}, wanted a Problem")
 
 
+@renamed
 def report(
-    found: Valued,
+    result: Valued,
     out: str | Path,
     *,
     external: Sequence[str] = (),
@@ -142,7 +143,7 @@ def report(
     """Write what the command line writes: result.json, history.csv, values, figures, report.html.
 
     Args:
-        found: A fit, or what was inferred of one.
+        result: A fit, or what was inferred of one.
         out: Folder, made where there is none.
         external: Values from elsewhere to test, as "lambda=0.8604 MHz +- 1 kHz".
         style: "paper" writes the figures as PDF for print, too: no title, one column or two wide;
@@ -160,12 +161,12 @@ def report(
     for name in formats:
         if name not in FORMATS:
             raise BadInput(f"report: formats has {name!r}, wanted some of {', '.join(FORMATS)}")
-    if not isinstance(found, Valued):
-        raise BadInput(f"report: found a {type(found).__name__}, wanted a Fit or an Inference")
-    result = with_external(found.result, external)
+    if not isinstance(result, Valued):
+        raise BadInput(f"report: found a {type(result).__name__}, wanted a Fit or an Inference")
+    record = with_external(result.result, external)
     with results_folder(Path(out), "reconstruct", RESULT_FILES):
-        write_result(result, Path(out))
-        page = draw_report(found, result, Path(out), style, formats=formats)
+        write_result(record, Path(out))
+        page = draw_report(result, record, Path(out), style, formats=formats)
         remove_earlier(Path(out), RESULT_FILES)
         return page
 
@@ -189,7 +190,7 @@ def check_style(what: str, style: str) -> None:
 
 
 def draw_report(
-    found: Valued,
+    fitted: Valued,
     result: Result,
     out: Path,
     style: str = "report",
@@ -199,14 +200,14 @@ def draw_report(
     """Figures and report.html of a result; the path of the page.
 
     Args:
-        found: A fit, or what was inferred of one.
+        fitted: A fit, or what was inferred of one.
         result: Its result, with what was added to it.
         out: Folder.
         style: One of STYLES.
         progress: Is told how many figures are drawn, of how many.
         formats: Of further files of each figure, some of FORMATS.
     """
-    shown = shown_fit(found.source.record)
+    shown = shown_fit(fitted.source.record)
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
     if style != PAPER:

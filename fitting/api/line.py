@@ -29,7 +29,7 @@ from fitting.resonance.record import MeasuredLine
 from fitting.resonance.ringdown import ringdown_of
 from fitting.resonance.trace import trace_of
 from fitting.signal.line_record import LineNumber, fields_of
-from fitting.text.arguments import checked
+from fitting.text.arguments import checked, renamed
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -356,11 +356,12 @@ def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, 
     return float(axis[0]), float(axis[-1])
 
 
-def write_line(found: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Path, ...]:
+@renamed
+def write_line(result: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Path, ...]:
     """Write line.json, line.csv and a figure of data, fit and residual.
 
     Args:
-        found: What `line`, `ringdown` or `noise_line` returned.
+        result: What `line`, `ringdown` or `noise_line` returned.
         out: Folder, made where there is none.
 
     Returns:
@@ -372,6 +373,6 @@ def write_line(found: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Pat
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.report.line")
     with results_folder(Path(out), "line", LINE_FILES):
-        files: tuple[Path, ...] = report.write_line(found, Path(out))
+        files: tuple[Path, ...] = report.write_line(result, Path(out))
         remove_earlier(Path(out), LINE_FILES)
     return files

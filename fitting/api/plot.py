@@ -41,6 +41,7 @@ from fitting.report.shown import figures_of
 from fitting.resonance.figure import figure_of
 from fitting.resonance.record import MeasuredLine
 from fitting.result.result import Result
+from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput
 
 if TYPE_CHECKING:
@@ -80,95 +81,101 @@ def __dir__() -> list[str]:
     return __all__
 
 
-def profile(found: Inference | Value, name: str = "", *, ax: Axes | None = None) -> Axes:
+@renamed
+def profile(result: Inference | Value, name: str = "", *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood: the least Δχ² that fits reach at each value.
 
     Args:
-        found: What `fitting.profile` returns, or one of its values; drawn in its unit.
+        result: What `fitting.profile` returns, or one of its values; drawn in its unit.
         name: Which value; empty: the only one that has a profile.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
         BadInput: a value that there is not, or whose profile was not walked.
     """
-    if isinstance(found, Valued):
-        found = _value_of(found, name)
-    if found.scan is None:
-        raise BadInput(f"plot: '{found!r}' has no profile, wanted a value of fitting.profile(fit)")
-    return inference.profile(found, found.scan, ax=ax)
+    if isinstance(result, Valued):
+        result = _value_of(result, name)
+    if result.scan is None:
+        raise BadInput(f"plot: '{result!r}' has no profile, wanted a value of fitting.profile(fit)")
+    return inference.profile(result, result.scan, ax=ax)
 
 
-def _value_of(found: Valued, name: str) -> Value:
+def _value_of(result: Valued, name: str) -> Value:
     """The value of that name, or the one that has a profile."""
-    walked = [key for key, value in found.values.items() if value.scan is not None]
-    name = walked[0] if not name and len(walked) == 1 else name
-    if name not in walked:
-        said = f"one of {', '.join(walked)}" if walked else "what fitting.profile(fit) returns"
-        raise BadInput(f"plot: no profile of '{name}', wanted {said}")
-    return found[name]
+    scanned = [key for key, value in result.values.items() if value.scan is not None]
+    name = scanned[0] if not name and len(scanned) == 1 else name
+    if name not in scanned:
+        stated = f"one of {', '.join(scanned)}" if scanned else "what fitting.profile(fit) returns"
+        raise BadInput(f"plot: no profile of '{name}', wanted {stated}")
+    return result[name]
 
 
-def parameter_path(found: Valued | Result, *names: str, ax: Axes | None = None) -> Axes:
+@renamed
+def parameter_path(result: Valued | Result, *names: str, ax: Axes | None = None) -> Axes:
     """Draw parameters over the weight nu of the Tikhonov term.
 
     Args:
-        found: A fit, an inference, or a result.
+        result: A fit, an inference, or a result.
         names: Of the parameters; none: all.
         ax: Where to draw; None: pyplot's current axes.
     """
-    return fit.parameter_path(_result(found), *names, ax=ax)
+    return fit.parameter_path(_result(result), *names, ax=ax)
 
 
-def objective_path(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+@renamed
+def objective_path(result: Valued | Result, *, ax: Axes | None = None) -> Axes:
     """Draw J_fit and J_reg over the weight nu of the Tikhonov term.
 
     Args:
-        found: A fit, an inference, or a result.
+        result: A fit, an inference, or a result.
         ax: Where to draw; None: pyplot's current axes.
     """
-    return fit.objective_path(_result(found), ax=ax)
+    return fit.objective_path(_result(result), ax=ax)
 
 
-def _with_peaks(found: Valued | Result) -> Result:
-    result = _result(found)
+def _with_peaks(fitted: Valued | Result) -> Result:
+    result = _result(fitted)
     if not result.peaks:
         raise BadInput("plot: there are no peaks, only a sweep; wanted the result of Tones")
     return result
 
 
-def residuals(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+@renamed
+def residuals(result: Valued | Result, *, ax: Axes | None = None) -> Axes:
     """Draw the residuals of the peaks, in standard deviations.
 
     Args:
-        found: A fit, an inference, or a result.
+        result: A fit, an inference, or a result.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
         BadInput: there are no peaks.
     """
-    return tones.residuals(_with_peaks(found), ax=ax)
+    return tones.residuals(_with_peaks(result), ax=ax)
 
 
-def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+@renamed
+def deviations(result: Valued | Result, *, ax: Axes | None = None) -> Axes:
     """Draw the relative deviations of the peaks over frequency, before and after.
 
     Args:
-        found: A fit, an inference, or a result.
+        result: A fit, an inference, or a result.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
         BadInput: there are no peaks.
     """
-    return tones.deviations(_with_peaks(found), ax=ax)
+    return tones.deviations(_with_peaks(result), ax=ax)
 
 
-def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | None = None) -> Axes:
+@renamed
+def measurement(result: Valued, name: str = "", *, number: int = 0, ax: Axes | None = None) -> Axes:
     """Draw what was measured beside what the model says: a panel of a measurement's own figure.
 
     Every kind of measurement has such figures; the report shows them whole.
 
     Args:
-        found: A fit or an inference.
+        result: A fit or an inference.
         name: Which figure, as the report names its file, with its number or without ("spectra",
             with the series behind it where there are several); empty: the first.
         number: Which of its panels, from 0, row by row.
@@ -177,9 +184,9 @@ def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | No
     Raises:
         BadInput: there is no such figure, or no such panel of it.
     """
-    if not isinstance(found, Valued):
-        raise BadInput(f"plot: a {type(found).__name__}, wanted a fit, or what was inferred of it")
-    figures = {figure.stem: figure for figure in figures_of(found.source.record)}
+    if not isinstance(result, Valued):
+        raise BadInput(f"plot: a {type(result).__name__}, wanted a fit, or what was inferred of it")
+    figures = {figure.stem: figure for figure in figures_of(result.source.record)}
     if name not in figures:
         name = re.sub(r"^\d+_", "", name)
     if not figures or (name and name not in figures):
@@ -190,27 +197,29 @@ def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | No
     return measurements.panel(panels[number], among=panels, ax=ax)
 
 
-def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+@renamed
+def frequency_response(result: Valued | Result, *, ax: Axes | None = None) -> Axes:
     """Draw the sweep, measured and simulated.
 
     Args:
-        found: A fit, an inference, or a result, of a problem with one sweep.
+        result: A fit, an inference, or a result, of a problem with one sweep.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
         BadInput: there is no sweep, or one for each of several series.
     """
-    curves = _result(found).sweep
+    curves = _result(result).sweep
     if curves is None:
         raise BadInput("plot: the result has no sweep of its own, wanted one with a single sweep")
     return measurements.frequency_response(curves, ax=ax)
 
 
-def line(found: MeasuredLine, *, number: int = 0, ax: Axes | None = None) -> Axes:
+@renamed
+def line(result: MeasuredLine, *, number: int = 0, ax: Axes | None = None) -> Axes:
     """Draw one resonance: measured points and the line that was fitted to them.
 
     Args:
-        found: What `fitting.line`, `fitting.ringdown` or `fitting.noise_line` returns.
+        result: What `fitting.line`, `fitting.ringdown` or `fitting.noise_line` returns.
         number: Which panel: 0 the measured values, the last what the fit leaves in % of the line's
             height, between them the phase of complex values of a sweep.
         ax: Where to draw; None: pyplot's current axes.
@@ -218,13 +227,13 @@ def line(found: MeasuredLine, *, number: int = 0, ax: Axes | None = None) -> Axe
     Raises:
         BadInput: it is no such result, or there is no such panel.
     """
-    if not isinstance(found, MeasuredLine):
-        raise BadInput(f"plot: found a {type(found).__name__}, wanted what fitting.line returns")
-    panels = figure_of(found).panels
+    if not isinstance(result, MeasuredLine):
+        raise BadInput(f"plot: found a {type(result).__name__}, wanted what fitting.line returns")
+    panels = figure_of(result).panels
     if not -len(panels) <= number < len(panels):
         raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
     return measurements.panel(panels[number], among=panels, ax=ax)
 
 
-def _result(found: Valued | Result) -> Result:
-    return found.result if isinstance(found, Valued) else found
+def _result(result: Valued | Result) -> Result:
+    return result.result if isinstance(result, Valued) else result

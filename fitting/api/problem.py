@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fitting.api.fmu import Fmu, held_fmu
+from fitting.api.fmu import Fmu, opened_fmu
 from fitting.api.start_values import Starts, started
 from fitting.campaign import Campaign, WrittenFmu, bind
 from fitting.campaign.arrays import Parameter, Sweep, Tones, bind_arrays
@@ -84,7 +84,7 @@ class Problem:
             checked_accuracy(accuracy, "accuracy")
         if noise is not None and not isinstance(noise, Noise):
             raise BadInput(f"problem: noise is {shown(noise)}, wanted a Noise")
-        fmu = held_fmu(fmu)
+        fmu = opened_fmu(fmu)
         bound = bind_arrays(
             [parameters] if isinstance(parameters, Parameter) else parameters,
             measurements if isinstance(measurements, Sequence) else [measurements],
@@ -337,8 +337,8 @@ class Problem:
         around = [stencil(self.objective, x) for x in xs]
         nodes = [node for each in around for node in each.nodes]
         points = iter(evaluate_many(self.objective, nodes))
-        found = [jacobian_of(each, [next(points) for _ in each.nodes]) for each in around]
-        scaled = np.array(found) / scales(self.record.parameters)
+        result = [jacobian_of(each, [next(points) for _ in each.nodes]) for each in around]
+        scaled = np.array(result) / scales(self.record.parameters)
         return np.asarray(scaled.reshape(*table.shape[:-1], *scaled.shape[-2:]))
 
     def logl(self, p: npt.ArrayLike) -> FloatArray:
@@ -373,10 +373,10 @@ class Problem:
         lower, upper = self.bounds
         flat = table.reshape(-1, table.shape[-1])
         inside = np.all((flat >= lower) & (flat <= upper), axis=1)
-        found = np.full(len(flat), -np.inf)
+        result = np.full(len(flat), -np.inf)
         if np.any(inside):
-            found[inside] = self.logl(flat[inside]) + self.density.logprior(flat[inside])
-        return found.reshape(table.shape[:-1])
+            result[inside] = self.logl(flat[inside]) + self.density.logprior(flat[inside])
+        return result.reshape(table.shape[:-1])
 
     def white_rows(
         self, p: npt.ArrayLike, scatter_at: npt.ArrayLike | None = None

@@ -36,8 +36,8 @@ def started(campaigns: Sequence[BoundCampaign], start: Starts) -> list[BoundCamp
     named = [name for name in given if name in fitted]
     unknown = [name for name in given if name not in fitted]
     if not named or (unknown and not from_file):
-        found = ", ".join(unknown) or "nothing"
-        raise BadInput(f"{where}: found {found}, wanted values of {', '.join(fitted)}")
+        result = ", ".join(unknown) or "nothing"
+        raise BadInput(f"{where}: found {result}, wanted values of {', '.join(fitted)}")
     return [
         replace(campaign, parameters=tuple(_started(p, given, where) for p in campaign.parameters))
         for campaign in campaigns
@@ -47,18 +47,18 @@ def started(campaigns: Sequence[BoundCampaign], start: Starts) -> list[BoundCamp
 def _values(start: Starts) -> dict[str, SetValue]:
     if isinstance(start, Mapping):
         return {name: SetValue(name=name, value=value) for name, value in start.items()}
-    return {found.name: found for found in read_parameter_set(Path(start))}
+    return {result.name: result for result in read_parameter_set(Path(start))}
 
 
 def _started(p: Parameter, given: Mapping[str, SetValue], where: str) -> Parameter:
     if p.name not in given:
         return p
-    found = given[p.name]
-    if isinstance(found.value, bool | str):
-        raise BadInput(f"{where}: {p.name}: found {found.value!r}, wanted a number")
-    value = float(found.value)
-    if found.unit and found.unit != p.unit:
-        value = convert(value, found.unit, p.unit, where=f"{where}: {p.name}")
+    result = given[p.name]
+    if isinstance(result.value, bool | str):
+        raise BadInput(f"{where}: {p.name}: found {result.value!r}, wanted a number")
+    value = float(result.value)
+    if result.unit and result.unit != p.unit:
+        value = convert(value, result.unit, p.unit, where=f"{where}: {p.name}")
     try:
         return replace(p, start=value)
     except BadInput as error:

@@ -304,12 +304,13 @@ def _table(values: npt.ArrayLike, name: str, rows: int | None, kind: type = floa
 
 def _column(values: object, count: int, name: str) -> list[Scalar]:
     """One value per experiment."""
-    found = np.asarray(values)
-    if found.ndim > 1 or (found.ndim == 1 and found.size != count):
+    result = np.asarray(values)
+    if result.ndim > 1 or (result.ndim == 1 and result.size != count):
         raise BadInput(
-            f"tones: settings '{name}' have the shape {found.shape}, wanted one value or ({count},)"
+            f"tones: settings '{name}' have the shape {result.shape}, wanted one value or "
+            f"({count},)"
         )
-    column: list[Scalar] = np.broadcast_to(found, count).tolist()
+    column: list[Scalar] = np.broadcast_to(result, count).tolist()
     return column
 
 

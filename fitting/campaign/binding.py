@@ -68,55 +68,55 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             not match, a value outside the FMU's range, a variable set in two ways; a line each.
     """
     file, top = campaign.file, str(campaign.path)
-    said = Complaints()  # of every table by itself, then of what rests on several
+    stated = Complaints()  # of every table by itself, then of what rests on several
     laws, output, drive = Laws(), None, None
-    with said:
+    with stated:
         laws = Laws(file.laws, file.constants, source=f"{top}: [laws]")
     swept = file.sweep.set if file.sweep is not None else {}
     # what columns set, each where it is first written
     columns = {k: w for e in reversed(campaign.experiments) for k, w in e.written.items()}
     columns = {k: columns[k] for e in campaign.experiments for k in e.written}
     named = laws.names
-    if said.lines:  # laws that cannot be read may mean whatever no variable is called
+    if stated.lines:  # laws that cannot be read may mean whatever no variable is called
         words = (word for law in file.laws.values() for word in re.findall(r"[A-Za-z_]\w*", law))
         named = frozenset([*(p.name for p in file.parameters), *swept, *columns, *words])
     binder = Binder(variables, named, f"{top}: ")
-    with said:
+    with stated:
         where = f"{top}: [observe] output"
         output = binder.real(file.observe.output, where, READABLE, "observed")
         campaign = _in_unit_of_output(campaign, output, binder)
-    with said:
+    with stated:
         drive = _bind_drive(file.drive, binder, f"{top}: [drive]")
-    with said:
+    with stated:
         drift = bind_drift(campaign, binder)
-    with said:
+    with stated:
         noise = _bind_noise(campaign)
-    with said:
+    with stated:
         binder.settings(columns)
-    with said:
+    with stated:
         where = f"{top}: [derived] outputs"
         gathered(partial(binder.reported, n, where, file.laws) for n in file.derived.outputs)
-    with said:
+    with stated:
         start_values = binder.settings(file.fmu.start)
-    with said:
+    with stated:
         annotation = _bind_annotation(file.accuracy, binder, f"{top}: [accuracy]")
-    with said:
+    with stated:
         settings = binder.settings(swept)
-    with said:
+    with stated:
         sigmas = bind_sigmas({} if file.sweep is None else file.sweep.set_sigma, binder)
-    with said:
+    with stated:
         parameters = bind_parameters(file.parameters, binder)
-    with said:
+    with stated:
         alternatives = bind_alternatives(file.alternatives, binder)
-    with said:
+    with stated:
         place = f"{top}: [fmu] taken"
-        held = gathered(partial(binder.real, n, place, SETTABLE, "set") for n in file.fmu.taken)
-        taken = {variable.name: variable.unit or "1" for variable in held}
+        kept = gathered(partial(binder.real, n, place, SETTABLE, "set") for n in file.fmu.taken)
+        taken = {variable.name: variable.unit or "1" for variable in kept}
     if output is None or drive is None:
-        said.check()
+        stated.check()
         raise AssertionError  # pragma: no cover - one of them has complained
     setup = Setup(drive=drive, output=output.name, laws=laws, source=top)
-    if not said.lines:
+    if not stated.lines:
         accuracy = file.accuracy.amplitude
         setup = replace(
             setup,
@@ -127,10 +127,10 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             annotation=annotation,
         )
         experiments = _bind_experiments(campaign, binder, drive, drift, output)
-    with said:
+    with stated:
         readers = (partial(m.bind, binder, setup) for m in campaign.measurements.values())
         further = dict(zip(campaign.measurements, gathered(readers), strict=True))
-    said.check()
+    stated.check()
     bound = BoundCampaign(
         **{of.name: getattr(file, of.name) for of in fields(CampaignHead)},
         path=campaign.path,
@@ -367,8 +367,8 @@ def bind_drive(
     names, place = drive.frequency_names, where.format("frequencies")
     named = [(name, place) for name in names]
     named += [(name, where.format("amplitudes")) for name in drive.amplitude_names]
-    held = gathered(partial(binder.real, *each, hold, "set") for each in named)
-    units = [tone.unit or drive.tone_unit for tone in held[: len(names)]]
+    kept = gathered(partial(binder.real, *each, hold, "set") for each in named)
+    units = [tone.unit or drive.tone_unit for tone in kept[: len(names)]]
     if len(set(units)) > 1:
         raise BadInput(f"{place}: the FMU has the frequencies in different units: {units}")
     if drive.frequency_unit not in ("", units[0]):
@@ -378,7 +378,7 @@ def bind_drive(
         )
     if not same_kind(units[0], "Hz"):
         raise BadInput(f"{place}: the unit of '{names[0]}' is {units[0]!r}, wanted a frequency")
-    return replace(drive, frequency_unit=units[0]), held[len(names)]
+    return replace(drive, frequency_unit=units[0]), kept[len(names)]
 
 
 def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:

@@ -26,9 +26,9 @@ from fitting.campaign.instruments.roles import (
     X,
     Y,
     amplitude_of,
-    asked,
     frequency_of,
     parts_of,
+    requested_column,
     without_zero,
 )
 from fitting.campaign.instruments.trace import check_axis
@@ -136,7 +136,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
     frequency = frequency_of(recording, columns.frequency)
     recording, frequency, left_out = without_zero(recording, frequency)
     drive = recording.column(columns.drive) if columns.drive else None
-    x, y = asked(recording, columns.x, X), asked(recording, columns.y, Y)
+    x, y = requested_column(recording, columns.x, X), requested_column(recording, columns.y, Y)
     amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None
     varying: list[tuple[Channel, str, str]] = []  # what is no resonance if it is one number
     radians, phase_unit = None, ""
@@ -148,7 +148,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
     else:
         amplitude = amplitude or amplitude_of(recording, "")
         whole = amplitude is not None and amplitude.is_complex
-        phase = None if whole else asked(recording, columns.phase, PHASE)
+        phase = None if whole else requested_column(recording, columns.phase, PHASE)
         if amplitude is not None and whole:
             unit = unit_of(recording, amplitude, f"{amplitude.name} (uV)")
             values = recording.values(amplitude)
@@ -173,7 +173,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
     written = unit_of(recording, frequency, "frequency (MHz)")
     axis = recording.numbers(frequency)
     check_axis(path, axis, written, recording.places)
-    found = MeasuredComplex(
+    result = MeasuredComplex(
         frequency_hz=hertz_of(axis, written, where=f"{path}: column 'frequency'"),
         values=values,
         unit=unit,
@@ -183,9 +183,9 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
     for channel, what, its_unit in varying:
         _check_varies(recording.numbers(channel), f"{path}: {what}", its_unit)
     if radians is not None:
-        _check_phase(found, radians, phase_unit)
+        _check_phase(result, radians, phase_unit)
     if drive is None:
-        return found
+        return result
     unit_of(recording, drive, f"{drive.name} (V)")
     level = recording.numbers(drive)
     for i in np.flatnonzero(level <= 0.0)[:1]:
@@ -193,7 +193,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> MeasuredComplex
             f"{path}: {recording.places[i]}, column '{drive.name}': {level[i]:.6g}; wanted the "
             "amplitude of the drive, above zero"
         )
-    return replace(found, values=found.y * (level[0] / level))  # relative to the first point's
+    return replace(result, values=result.y * (level[0] / level))  # relative to the first point's
 
 
 def _check_different(recording: Recording, *channels: Channel) -> None:
@@ -229,54 +229,54 @@ def _check_varies(values: FloatArray, where: str, unit: str) -> None:
         )
 
 
-def _check_phase(found: MeasuredComplex, phase_rad: FloatArray, unit: str) -> None:
+def _check_phase(result: MeasuredComplex, phase_rad: FloatArray, unit: str) -> None:
     """Complain of radians that are degrees, and the other way round.
 
     Radians beyond a turn are unwrapped ones, whose neighbours are less than half a turn apart; and
     one mode with a delay describes the data as they are, not with the other unit.
     """
-    said_radians = bool(np.isclose(convert(1.0, unit, "rad", where=""), 1.0))
+    written_radians = bool(np.isclose(convert(1.0, unit, "rad", where=""), 1.0))
     largest = float(np.max(np.abs(phase_rad)))
-    if said_radians and largest > 2.0 * np.pi:
+    if written_radians and largest > 2.0 * np.pi:
         jumps = float(np.max(np.abs(np.diff(phase_rad)))) > np.pi * (1.0 + 1e-9)
-        if jumps or _fits_better(found, np.deg2rad(phase_rad)):
+        if jumps or _fits_better(result, np.deg2rad(phase_rad)):
             raise BadInput(
-                f"{found.source}: phases up to {largest:.4g} are declared to be in {unit}; wanted "
+                f"{result.source}: phases up to {largest:.4g} are declared to be in {unit}; wanted "
                 "radians within 2 pi or unwrapped ones, or the unit deg"
             )
     degrees = np.rad2deg(phase_rad)
     smallest = float(np.max(np.abs(degrees)))
-    if not said_radians and smallest <= 2.0 * np.pi and _fits_better(found, degrees):
+    if not written_radians and smallest <= 2.0 * np.pi and _fits_better(result, degrees):
         raise BadInput(
-            f"{found.source}: phases up to {smallest:.4g} are declared to be in {unit}; wanted "
+            f"{result.source}: phases up to {smallest:.4g} are declared to be in {unit}; wanted "
             "degrees, or the unit rad"
         )
 
 
-def _fits_better(found: MeasuredComplex, phase_rad: FloatArray) -> bool:
+def _fits_better(result: MeasuredComplex, phase_rad: FloatArray) -> bool:
     """Whether one mode describes the amplitudes far better with these phases."""
-    other = np.abs(found.y) * np.exp(1j * phase_rad)
-    here = complex_line(found.u_hz, found.y, None).misfit
-    there = complex_line(found.u_hz, other, None).misfit
+    other = np.abs(result.y) * np.exp(1j * phase_rad)
+    here = complex_line(result.u_hz, result.y, None).misfit
+    there = complex_line(result.u_hz, other, None).misfit
     return there < PLAIN_LINE and there * MUCH_BETTER < here
 
 
-def check_sense(found: MeasuredComplex, delay_s: float | None, where: str) -> None:
+def check_sense(result: MeasuredComplex, delay_s: float | None, where: str) -> None:
     """Complain of phases that plainly run the wrong way over a resonance.
 
     Args:
-        found: complex values.
+        result: complex values.
         delay_s: of the cable, s; None: not known.
         where: file and table, for complaints.
 
     Raises:
         BadInput: one mode describes the data, but with phases counted the other way.
     """
-    line = complex_line(found.u_hz, found.y, delay_s)
-    spacing = float(np.median(np.diff(found.u_hz)))
-    inside = found.u_hz[0] <= line.eta_hz <= found.u_hz[-1]
-    seen = 2.0 * spacing < -line.width_hz < float(np.ptp(found.u_hz))
-    if line.misfit < PLAIN_LINE and inside and seen:
+    line = complex_line(result.u_hz, result.y, delay_s)
+    spacing = float(np.median(np.diff(result.u_hz)))
+    inside = result.u_hz[0] <= line.eta_hz <= result.u_hz[-1]
+    observed = 2.0 * spacing < -line.width_hz < float(np.ptp(result.u_hz))
+    if line.misfit < PLAIN_LINE and inside and observed:
         raise BadInput(
             f"{where}: the phase rises with frequency over the resonance at {line.eta_hz:.9g} Hz; "
             "wanted X and Y in this order, or conjugate = true for an instrument that counts "
@@ -284,11 +284,11 @@ def check_sense(found: MeasuredComplex, delay_s: float | None, where: str) -> No
         )
 
 
-def check_delay(found: MeasuredComplex, delay_s: float | None, where: str) -> None:
+def check_delay(result: MeasuredComplex, delay_s: float | None, where: str) -> None:
     """Complain of a cable that turns the phases by more than a turn and that nobody told.
 
     Args:
-        found: complex values.
+        result: complex values.
         delay_s: of the cable as it was told, s; None: it is fitted.
         where: file and table, for complaints.
 
@@ -297,20 +297,20 @@ def check_delay(found: MeasuredComplex, delay_s: float | None, where: str) -> No
     """
     if delay_s is None:
         return
-    told = complex_line(found.u_hz, found.y, delay_s)
-    free = complex_line(found.u_hz, found.y, None)
-    turns = (free.delay_s - delay_s) * float(np.ptp(found.u_hz))
-    if abs(turns) < 1.0 or free.misfit > PLAIN_LINE or free.misfit * MUCH_BETTER > told.misfit:
+    given = complex_line(result.u_hz, result.y, delay_s)
+    free = complex_line(result.u_hz, result.y, None)
+    turns = (free.delay_s - delay_s) * float(np.ptp(result.u_hz))
+    if abs(turns) < 1.0 or free.misfit > PLAIN_LINE or free.misfit * MUCH_BETTER > given.misfit:
         return
-    told_text = f"{_seconds(delay_s)} were stated" if delay_s else "no delay was stated"
-    is_cable = abs(free.delay_s) * float(np.ptp(found.u_hz)) >= LEAST_CABLE
+    unit_text = f"{_seconds(delay_s)} were stated" if delay_s else "no delay was stated"
+    is_cable = abs(free.delay_s) * float(np.ptp(result.u_hz)) >= LEAST_CABLE
     cable_s = free.delay_s
     if cable_s < 0.0:  # frequencies an equal step apart tell a delay up to one over the step
-        cable_s += 1.0 / float(np.median(np.diff(found.u_hz)))
-    seen = f"behind a cable of {_seconds(cable_s)}" if is_cable else "without a cable"
+        cable_s += 1.0 / float(np.median(np.diff(result.u_hz)))
+    observed = f"behind a cable of {_seconds(cable_s)}" if is_cable else "without a cable"
     wanted = "the one of the cable" if is_cable else '"none"'
     raise BadInput(
-        f'{where}: the phases turn as {seen}, {told_text}; wanted delay = "fit", or {wanted}'
+        f'{where}: the phases turn as {observed}, {unit_text}; wanted delay = "fit", or {wanted}'
     )
 
 
@@ -319,10 +319,10 @@ def _seconds(value: float) -> str:
     return f"{value / factor:.3g} {unit}"
 
 
-def conjugated(found: MeasuredComplex) -> MeasuredComplex:
+def conjugated(result: MeasuredComplex) -> MeasuredComplex:
     """The same of an instrument that counts phases the other way.
 
     Args:
-        found: complex values.
+        result: complex values.
     """
-    return replace(found, values=np.conj(found.y))
+    return replace(result, values=np.conj(result.y))

@@ -285,7 +285,7 @@ def with_harmonics(spectrum: MeasuredSpectrum, fundamental_hz: float) -> Measure
         fundamental_hz: frequency of the drive's period, Hz.
     """
     f, a = spectrum.frequency_hz, spectrum.amplitude
-    found = []
+    result = []
     for n in range(1, int(f[-1] / fundamental_hz) + 1, 2):
         near = np.flatnonzero(np.abs(f - n * fundamental_hz) < REACH * fundamental_hz)
         k = int(near[np.argmax(a[near])]) if near.size else 0
@@ -295,9 +295,9 @@ def with_harmonics(spectrum: MeasuredSpectrum, fundamental_hz: float) -> Measure
         bend = left - 2.0 * top + right
         if bend < 0.0 and top >= max(left, right):
             height = top - (left - right) ** 2 / (8.0 * bend)
-            found.append((n * fundamental_hz, float(np.exp(height)), k))
-    if not found:
+            result.append((n * fundamental_hz, float(np.exp(height)), k))
+    if not result:
         return replace(spectrum, frequency_hz=np.empty(0), amplitude=np.empty(0), drive=None)
-    lines, amplitudes, bins = (np.array(column) for column in zip(*found, strict=True))
+    lines, amplitudes, bins = (np.array(column) for column in zip(*result, strict=True))
     drive = None if spectrum.drive is None else spectrum.drive[bins.astype(int)]
     return replace(spectrum, frequency_hz=lines, amplitude=amplitudes, drive=drive)

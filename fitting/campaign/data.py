@@ -61,13 +61,13 @@ class Campaign:
     @property
     def files(self) -> tuple[Path, ...]:
         """All files that were read, the campaign file first."""
-        found = [
+        result = [
             self.path,
             *([] if self.file.experiments is None else [self.file.experiments.file]),
         ]
-        found += [e.spectrum.source for e in self.experiments if e.spectrum is not None]
-        found += [] if self.sweep is None else [self.sweep.source]
-        return (*found, *(file for m in self.measurements.values() for file in m.files))
+        result += [e.spectrum.source for e in self.experiments if e.spectrum is not None]
+        result += [] if self.sweep is None else [self.sweep.source]
+        return (*result, *(file for m in self.measurements.values() for file in m.files))
 
     @property
     def is_scaled(self) -> bool:
@@ -127,18 +127,18 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
     experiments: tuple[Experiment, ...] = ()
     sweep: SweepData | None = None
     measurements: dict[str, ReadMeasurement] = {}
-    said = Complaints()
+    stated = Complaints()
     if file.experiments is not None:
-        with said:
+        with stated:
             experiments = _read_experiments(file, file.experiments, path.parent)
     if file.sweep is not None:
-        with said:
+        with stated:
             sweep = _read_sweep(file.sweep)
     for name, tables in file.further.items():
-        with said:
+        with stated:
             kind, first = type(tables[0]), tables[0]
             measurements[name] = kind.read_together(tables) if kind.REPEATED else first.read()
-    said.check()
+    stated.check()
     if file.experiments is not None and file.sweep is not None:
         # peaks and sweep are compared with each other, so they must share the detector's unit
         unit, other = (t.format.amplitude.unit for t in (file.experiments, file.sweep))
@@ -182,8 +182,8 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
     if np.any(cut) and written.use == "fit" and written.scale != "maximum":
         at = np.flatnonzero(cut)
         limit, places = float(np.max(amplitude_v)), (raw.places[at[0]], raw.places[at[-1]])
-        found = left_out(str(raw.path), at.size, *places, limit=limit)
-        omitted += (replace(found, names={**found.names, "unit": (how.amplitude.unit,)}),)
+        result = left_out(str(raw.path), at.size, *places, limit=limit)
+        omitted += (replace(result, names={**result.names, "unit": (how.amplitude.unit,)}),)
         frequency_hz, amplitude_v = frequency_hz[~cut], amplitude_v[~cut]
         phase_rad = None if phase_rad is None else phase_rad[~cut]
     return SweepData(

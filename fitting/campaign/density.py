@@ -13,7 +13,7 @@ from fitting.text.errors import BadInput
 from fitting.text.units import COMMON, convert
 
 #: Units of what is seen whose squares per Hz a density may have.
-SEEN_UNITS = ("m", "V", "m/s", "m/s**2", "A", "1")
+OBSERVED_UNITS = ("m", "V", "m/s", "m/s**2", "A", "1")
 #: Words for what a column holds where its unit does not tell it.
 DENSITY, ROOT = HOLDS = ("density", "root")
 #: Levels over a bandwidth, as "dBm/Hz" or "dBV/√Hz": ten decibels are a factor of ten in power.
@@ -41,11 +41,11 @@ def density_of(numbers: FloatArray, unit: str) -> Density | None:
         return Density(_powers(numbers), "1", is_relative=True)
     if unit in COMMON and not unit.endswith("/Hz"):
         return None
-    for seen in SEEN_UNITS:
-        for power, whole in ((1, f"({seen})**2/Hz"), (2, f"({seen})/Hz**0.5")):
+    for observed in OBSERVED_UNITS:
+        for power, whole in ((1, f"({observed})**2/Hz"), (2, f"({observed})/Hz**0.5")):
             with contextlib.suppress(BadInput):
                 factor = convert(1.0, unit, whole, where="")
-                return Density((factor * numbers) ** power, seen, is_root=power == 2)
+                return Density((factor * numbers) ** power, observed, is_root=power == 2)
     return None
 
 

@@ -97,11 +97,11 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drift:
             of different units that are to share an offset.
     """
     choice, variables = campaign.file.drift, binder.variables
-    said, ends = Complaints(), {}
+    stated, ends = Complaints(), {}
     for name, both in choice.ends.items():
         # what is no variable is complained of once
         sides = (both.before, both.after) if name in variables else (both.before,)
-        with said:
+        with stated:
             before, after = gathered(
                 partial(lambda s, n: binder.number(_settable(binder, n, s), s), side, name)
                 for side in sides
@@ -109,9 +109,9 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drift:
             ends[name] = before, after
     known = [name for name in choice.ends if name in variables]
     if choice.prior is not None and known:
-        with said:
+        with stated:
             _prior(campaign, binder, (known[0],), "")
-    said.check()
+    stated.check()
     positions = _positions(campaign)
     made: list[Parameter] = []
     if choice.model != "linear" and ends:
@@ -357,10 +357,10 @@ def with_offsets(bound: BoundCampaign, binder: Binder, drift: Sequence[Prior]) -
             measurements[table] = measurement.named(free(table))
         named = [label for label, _ in measurements[table].places]
         for label, (old, settings), priors in zip(named, places, each, strict=True):
-            held = priors if label else []
+            kept = priors if label else []
             if old in sigmas:
-                note_exact(table, settings, held)
-            parameters += [prior.correction([label]) for prior in held]
+                note_exact(table, settings, kept)
+            parameters += [prior.correction([label]) for prior in kept]
     return replace(
         bound,
         sweep=sweep,

@@ -54,8 +54,8 @@ from fitting.text.keys import (
     Values,
     Weight,
     WholeNumber,
+    checked_by,
     listed,
-    looked_at,
     refusing,
 )
 from fitting.text.notation import how_many
@@ -176,12 +176,12 @@ class TraceFormat:
     selection: Selection
 
 
-def check_layout_keys(table: Any, found: str = "", keys: Sequence[str] | None = None) -> None:
+def check_layout_keys(table: Any, result: str = "", keys: Sequence[str] | None = None) -> None:
     """Refuse a key that has no meaning with what is read.
 
     Args:
         table: with the keys layout, trace, chunk and header_row, None where one is not there.
-        found: words for what is read; empty: the layout.
+        result: words for what is read; empty: the layout.
         keys: that have a meaning; None: those of the layout, all where the content decides.
 
     Raises:
@@ -193,9 +193,9 @@ def check_layout_keys(table: Any, found: str = "", keys: Sequence[str] | None = 
     for key in part:
         if getattr(table, key) is not None and key not in keys:
             known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
-            found = found or f'layout = "{table.layout}"'
+            result = result or f'layout = "{table.layout}"'
             raise Refused(
-                f"has no meaning with {found}, only with layout = {' or '.join(known)}", key
+                f"has no meaning with {result}, only with layout = {' or '.join(known)}", key
             )
 
 
@@ -208,7 +208,7 @@ class WrittenTrace(Keys):
 
     amplitude: Annotated[
         Text,
-        looked_at(partial(check_amplitude, where="")),
+        checked_by(partial(check_amplitude, where="")),
         Missing('wanted "V peak", "V rms" or "dBm"; files do not state which they mean'),
     ]
     """What the file's amplitudes mean: "V peak", "V rms", "dBm" or another detector unit
@@ -428,8 +428,8 @@ class WrittenDrift(Keys):
 
     def __post_init__(self) -> None:
         alone = (self.prior, self.share, self.before_time, self.after_time)
-        said = self.model != "linear" or self.time or any(value is not None for value in alone)
-        if said and not self.ends:
+        stated = self.model != "linear" or self.time or any(value is not None for value in alone)
+        if stated and not self.ends:
             raise Refused(
                 "names no variable; wanted at least one that drifts, as in "
                 'eta = { before = "6.94021 MHz", after = "6.94031 MHz" }'
@@ -467,7 +467,7 @@ class WrittenNoise(Keys):
     """Peaks whose studentised residual exceeds it are named in a warning."""
 
     @property
-    def is_told(self) -> bool:
+    def is_stated(self) -> bool:
         """Whether it says how large the noise is, or what is done with outliers."""
         return bool(self.relative or self.absolute is not None or self.outliers != OUTLIERS[0])
 
@@ -759,7 +759,7 @@ class WrittenCampaign(CampaignHead):
             )
         if self.drift.ends and experiments is None:
             raise Refused("drifts over experiments, but there are none", "drift")
-        if experiments is None and self.sweep is None and self.noise.is_told:
+        if experiments is None and self.sweep is None and self.noise.is_stated:
             raise Refused(
                 "is of the amplitudes of [experiments] and [sweep], and there is neither; wanted "
                 "'sigma' in the tables of further measurements, 'averages' of a noise spectrum",
@@ -795,13 +795,13 @@ class WrittenCampaign(CampaignHead):
     @property
     def further(self) -> Mapping[str, tuple[MeasurementTable, ...]]:
         """Tables of further kinds of measurements, by their names."""
-        found: dict[str, tuple[MeasurementTable, ...]] = {}
+        result: dict[str, tuple[MeasurementTable, ...]] = {}
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
             tables = value if isinstance(value, tuple) else (value,)
             if tables and all(isinstance(table, MeasurementTable) for table in tables):
-                found[name] = tables
-        return found
+                result[name] = tables
+        return result
 
 
 @made_once

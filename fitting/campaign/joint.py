@@ -32,12 +32,12 @@ def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, .
             ("unit of the amplitudes", first.amplitude_unit, other.amplitude_unit),
         ):
             if one != two:
-                found, known = (
+                result, known = (
                     str([dict(v) for v in value]) if isinstance(value, tuple) else str(value)
                     for value in (two, one)
                 )
                 raise BadInput(
-                    f"{other.path}: {what}: {found}, but {first.path} has {known}; {wanted}"
+                    f"{other.path}: {what}: {result}, but {first.path} has {known}; {wanted}"
                 )
         if first.path.resolve() == other.path.resolve():
             raise BadInput(f"{other.path}: is named twice; wanted different campaigns")

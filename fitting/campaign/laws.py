@@ -69,8 +69,8 @@ class Law:
 
     def __post_init__(self) -> None:
         where = self.formula.where
-        found = self.formula.dimension(self.units)
-        if self.unit and not alike(found, dimension_of(self.unit, where=where)):
+        result = self.formula.dimension(self.units)
+        if self.unit and not alike(result, dimension_of(self.unit, where=where)):
             raise BadInput(
                 f"{where}: '{self.formula.text}' is {_in(self.formula.unit_words(self.units))}, "
                 f"wanted {self.unit}, the unit of '{self.target}'"
@@ -246,14 +246,14 @@ class Laws:
         known = {**values, **coefficients}
         # every tone of a curve asks for the same again
         key = tuple(known.get(name) for name in sorted(self.names))
-        found = self._remembered.get(key)
-        if found is None:
-            found = {law.target: _finite(law, known) for law in self.bound}
+        result = self._remembered.get(key)
+        if result is None:
+            result = {law.target: _finite(law, known) for law in self.bound}
             if len(self._remembered) >= REMEMBERED:
                 self._remembered.clear()
-            self._remembered[key] = found
+            self._remembered[key] = result
         kept = {name: value for name, value in values.items() if name not in self.controls}
-        return {**kept, **found}
+        return {**kept, **result}
 
     def check(self, places: Iterable[Place], starts: Mapping[str, float]) -> None:
         """Every law has a finite value at every place, and every control quantity more than one.
@@ -284,12 +284,12 @@ class Laws:
 
 def _number(name: str, value: float | str | Written, source: str) -> tuple[float, str]:
     written = value if isinstance(value, Written) else as_written(value, f"{source} {name}")
-    found, unit = written.value, written.unit
-    if isinstance(found, str):
-        found, unit = parse_quantity(found, where=written.where)
-    if isinstance(found, bool):
-        raise BadInput(f"{written.where}: found {found!r}, wanted a number")
-    return float(found), unit or "1"
+    result, unit = written.value, written.unit
+    if isinstance(result, str):
+        result, unit = parse_quantity(result, where=written.where)
+    if isinstance(result, bool):
+        raise BadInput(f"{written.where}: found {result!r}, wanted a number")
+    return float(result), unit or "1"
 
 
 def _finite(law: Law, known: Mapping[str, Scalar]) -> float:

@@ -133,8 +133,8 @@ def checked_experiment(e: Experiment) -> Experiment:
         (e.tones_hz, "drive frequencies", "positive ones that differ"),
         (e.read_hz, "lines", "positive ones"),
     ):
-        twice = what != "lines" and len(set(values)) < len(values)
-        if not values or twice or not all(0.0 < f < np.inf for f in values):
+        repeated = what != "lines" and len(set(values)) < len(values)
+        if not values or repeated or not all(0.0 < f < np.inf for f in values):
             shown = hertz(*values, digits=8, joined=", ")
             raise BadInput(f"{where}: {what} {shown}; wanted {wanted}")
     if sigmas_v.size == 0:

@@ -258,14 +258,14 @@ def axis_ends(parameters: Sequence[Parameter]) -> list[FloatArray]:
     Args:
         parameters: the fitted parameters.
     """
-    found = []
+    result = []
     for i, parameter in enumerate(parameters):
         everywhere = parameter.moves_model and not parameter.experiments
         for end in (parameter.lower, parameter.upper) if everywhere else ():
             point = starts(parameters)
             point[i] = end
-            found.append(point)
-    return found
+            result.append(point)
+    return result
 
 
 def scales(parameters: Sequence[Parameter]) -> FloatArray:

@@ -66,8 +66,8 @@ class Recognised:
     @property
     def is_sweep(self) -> bool:
         """Whether it seems to hold a response over frequency."""
-        seen = any(self.role(name) for name in ("amplitude", "re", "complex"))
-        return self.role("frequency") is not None and seen
+        observed = any(self.role(name) for name in ("amplitude", "re", "complex"))
+        return self.role("frequency") is not None and observed
 
     @property
     def is_complex(self) -> bool:

@@ -11,7 +11,7 @@ from fitting.check import FILES
 from fitting.check.examination import Examination, examine
 from fitting.check.findings import Finding, Severity, rule_findings, trial_findings
 from fitting.check.runs import trial_step_s
-from fitting.extension.fmu import FmuDescription, held_fmu, validation_problems
+from fitting.extension.fmu import FmuDescription, opened_fmu, validation_problems
 from fitting.extension.records import BoundCampaign, Campaign, bind, read_campaign
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -79,7 +79,7 @@ def check(
     """
     if step_s is not None and not step_s > 0.0:
         raise BadInput(f"step_s: found {step_s!r}, wanted a positive time")
-    opened = held_fmu(fmu)  # its processes live as long as it does
+    opened = opened_fmu(fmu)  # its processes live as long as it does
     workers = opened.workers
     if campaign is not None and not isinstance(campaign, Campaign):
         campaign = read_campaign(campaign)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.check.runs import VARIED, moved, tried
-from fitting.extension.fmu import FmuVariable, FmuWorkers, HeldSignal, Run, Segment
+from fitting.extension.fmu import FmuVariable, FmuWorkers, Run, SampledSignal, Segment
 from fitting.text.arrays import Scalar
 
 
@@ -73,7 +73,7 @@ def _input(
     pushed[len(constant) // 2 :] = last[-1] = values[1]
 
     def signal(over: np.ndarray, at: np.ndarray) -> Run:
-        made = HeldSignal((variable.name,), run.sample_step_s, over, at)
+        made = SampledSignal((variable.name,), run.sample_step_s, over, at)
         return replace(run, input_signal=made)
 
     results = tried(

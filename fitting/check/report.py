@@ -45,7 +45,7 @@ def variables_of(description: FmuDescription) -> list[FmuVariable]:
     Args:
         description: of the FMU.
     """
-    observed = {v.name for v in description.seen}
+    observed = {v.name for v in description.observable}
     every = description.variables.values()
     return [v for v in every if v.causality in SHOWN or v.name in observed]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.extension.fmu import FmuDescription, FmuVariable, FmuWorkers, HeldSignal, Run
+from fitting.extension.fmu import FmuDescription, FmuVariable, FmuWorkers, Run, SampledSignal
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
@@ -44,7 +44,7 @@ def trial_run(
     Raises:
         BadInput: neither an output nor a local variable is a number.
     """
-    outputs = tuple(v.name for v in description.seen)
+    outputs = tuple(v.name for v in description.observable)
     if not outputs:
         raise BadInput(
             f"{description.path}: has neither an output nor a local variable that is a number, "
@@ -121,7 +121,7 @@ def in_parts(run: Run, parts: int) -> Run:
         parts: of each step.
     """
     n = run.samples - 1
-    steps = HeldSignal(
+    steps = SampledSignal(
         (), run.sample_step_s / parts, np.empty((parts * n, 0)), np.empty((n + 1, 0))
     )
     return replace(run, input_signal=steps)

@@ -47,8 +47,14 @@ def run(args: argparse.Namespace) -> int:
 
     result = read_result(args.result)
     also = (*result.parameters, *result.alternative) if args.all else args.also
-    found = ff.calibrate(args.result, args.out, fmu=args.fmu, also=also)
-    files = [p for p in (found.fmu, found.ssv, found.ssp, found.table) if p is not None]
-    lines = calibration_lines(result.title, found.calibration, files, compiled=found.fmu is None)
+    calibrated = ff.calibrate(args.result, args.out, fmu=args.fmu, also=also)
+    files = [
+        p
+        for p in (calibrated.fmu, calibrated.ssv, calibrated.ssp, calibrated.table)
+        if p is not None
+    ]
+    lines = calibration_lines(
+        result.title, calibrated.calibration, files, compiled=calibrated.fmu is None
+    )
     print(*lines, sep="\n")
     return 0

@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
         expected = expected_of_identification(problem, bootstrap)
         remaining = Remaining(expected, drawn=not args.no_report)
         with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
-            found = ff.identify(
+            result = ff.identify(
                 problem,
                 fitted,
                 expected=args.expected,
@@ -104,34 +104,34 @@ def run(args: argparse.Namespace) -> int:
     flags = ("expected", "changed_data", "no_report")
     words = [NAME, args.campaign.as_posix()]
     command = command_line(args, words, options, ("beside",), flags)
-    found = replace(
-        found,
-        at=found.at if fitted is None else args.at.as_posix(),
-        provenance={"command": command, **found.provenance},
+    result = replace(
+        result,
+        at=result.at if fitted is None else args.at.as_posix(),
+        provenance={"command": command, **result.provenance},
     )
-    write_json(out / JSON_NAME, found)
-    hand_over(args, found)
+    write_json(out / JSON_NAME, result)
+    hand_over(args, result)
     files = [out / JSON_NAME]
     if not args.no_report:
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.identification")
         with status_line(NAME, remaining.left) as show:
             show(remaining.report())
-            files.append(report.write_report(found, out))
-    print(*identification_lines(found, files, verbose=args.verbose), sep="\n")
+            files.append(report.write_report(result, out))
+    print(*identification_lines(result, files, verbose=args.verbose), sep="\n")
     remove_earlier(out, (*FILES, "fmu/*.fmu"))
     return 0
 
 
 def _settings(texts: Sequence[str]) -> dict[str, float | str]:
     """Settings from texts NAME=VALUE, numbers in the unit of the campaign's column."""
-    found: dict[str, float | str] = {}
+    result: dict[str, float | str] = {}
     for text in texts:
         name, sign, value = text.partition("=")
         if not (name and sign and value):
             raise ff.BadInput(f"--beside {text}: wanted NAME=VALUE")
         try:
-            found[name] = float(value)
+            result[name] = float(value)
         except ValueError:
-            found[name] = value
-    return found
+            result[name] = value
+    return result

@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     from fitting.api.line import is_noise_spectrum, is_over_time, write_line
 
     columns = columns_of(args)
-    found: ff.Line | ff.Ringdown | ff.NoiseLine
+    result: ff.Line | ff.Ringdown | ff.NoiseLine
     with reading(NAME, [args.file]):
         kind = args.kind or SWEEP
         over_time = is_over_time(args.file, columns)
@@ -115,23 +115,23 @@ def run(args: argparse.Namespace) -> int:
         if over_time:
             at = args.demodulated_at
             at_hz = None if at is None else positive_quantity(at, "Hz", where="--demodulated-at")
-            found = ff.ringdown(args.file, within_s=ends, demodulated_at_hz=at_hz, columns=columns)
+            result = ff.ringdown(args.file, within_s=ends, demodulated_at_hz=at_hz, columns=columns)
         elif kind == NOISE:
-            found = ff.noise_line(args.file, within_hz=ends, columns=columns)
+            result = ff.noise_line(args.file, within_hz=ends, columns=columns)
         else:
             wiring = args.wiring or ""
-            found = ff.line(args.file, within_hz=ends, wiring=wiring, columns=columns)
-    hand_over(args, found)
-    print(found.fit_report() if args.verbose else found)
+            result = ff.line(args.file, within_hz=ends, wiring=wiring, columns=columns)
+    hand_over(args, result)
+    print(result.fit_report() if args.verbose else result)
     if args.out is not None:
-        print(*write_line(found, args.out), sep="\n")
+        print(*write_line(result, args.out), sep="\n")
     return 0
 
 
 def _refuse_bare(args: argparse.Namespace, columns: ff.Columns, *, over_time: bool) -> None:
     """Complain of numbers without a unit that lie in the file only with a prefix before Hz or s."""
-    told = {"--from": args.low, "--to": args.high}
-    bare = {option: float(text) for option, text in told.items() if _is_bare(text)}
+    given = {"--from": args.low, "--to": args.high}
+    bare = {option: float(text) for option, text in given.items() if _is_bare(text)}
     if not bare:
         return
     from fitting.api.line import ends_of
@@ -148,7 +148,7 @@ def _refuse_bare(args: argparse.Namespace, columns: ff.Columns, *, over_time: bo
         factor, shown = prefixed(max(abs(low), abs(high)), unit)
         where = sides[value > high]
         complaints.append(
-            f"{option} {told[option]}: {value:g} {unit} lies {where} {args.file}, "
+            f"{option} {given[option]}: {value:g} {unit} lies {where} {args.file}, "
             f"{low / factor:.6g} to {high / factor:.6g} {shown}; wanted a unit, as "
             f"{value:g}{meant}{unit}"
         )

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import fitting
 from fitting.cli.running.interrupts import INTERRUPTED, Interrupts, interruptible
-from fitting.cli.running.output import told
+from fitting.cli.running.output import directed
 from fitting.cli.words.parser import overview, parsed
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.streams import outlets
@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with outlets() as output, interruptible(whole_process=arguments is None) as interrupts:
         try:
             code = _run(given, interrupts)
-        except KeyboardInterrupt:  # while it told how the command ended
+        except KeyboardInterrupt:  # while it directed how the command ended
             code = _complain("interrupted", INTERRUPTED)
         interrupts.end()
         output.flush()
@@ -101,7 +101,7 @@ def _run(given: Sequence[str], interrupts: Interrupts) -> int:
                 raise BadInput(f"{word.removesuffix('=--')}: found '--', wanted a value")
         _require_memory()
         chosen = parsed(given)
-        with told(chosen):
+        with directed(chosen):
             code: int = chosen.run(chosen)
     except BadInput as error:
         return _complain(error, BAD_INPUT)
@@ -151,8 +151,8 @@ def _surroundings(error: Exception) -> str:
     if isinstance(error, ImportError):  # of a library that is there: loading it takes both, too
         lacking = [os.strerror(n) for n in (errno.EMFILE, errno.ENOMEM)]
         lacking.append("failed to map segment")
-        found = any(words in str(error) for words in lacking)
-        return f"a library cannot be loaded: {error}" if found else ""
+        result = any(words in str(error) for words in lacking)
+        return f"a library cannot be loaded: {error}" if result else ""
     if not isinstance(error, OSError):
         return ""
     try:

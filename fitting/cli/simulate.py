@@ -117,16 +117,16 @@ def run(args: argparse.Namespace) -> int:
         raise ff.BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
     with fmu_of(args) as fmu, complaints_of_options():
         values = start_values(args.set, fmu)
-        asked = _asked(args, fmu)
+        requested = _requested(args, fmu)
         model = fmu.description.model_name
         if args.plan:
             with status_line(NAME):
-                plan = fmu.plan(values, **asked)
+                plan = fmu.plan(values, **requested)
             hand_over(args, plan_document(plan))
             print(*plan_lines(model, plan, verbose=args.verbose), sep="\n")
             return 0 if plan.budget.kept else 1
         with status_line(NAME):
-            response = fmu.simulate(values, **asked)
+            response = fmu.simulate(values, **requested)
         files = fmu.write(response, args.out)
         units = units_of(fmu, response.drive.outputs)
         hand_over(args, drive_document(response, units))
@@ -142,11 +142,11 @@ def run(args: argparse.Namespace) -> int:
     return 0 if response.steady else 1
 
 
-def _asked(args: argparse.Namespace, fmu: ff.Fmu) -> dict[str, Any]:
+def _requested(args: argparse.Namespace, fmu: ff.Fmu) -> dict[str, Any]:
     """The arguments of `Fmu.simulate` but for the start values."""
     if (args.input is None) != (args.drive is None):
         raise ff.BadInput("--input and --drive: found one of them, wanted both or none")
-    asked: dict[str, Any] = {
+    requested: dict[str, Any] = {
         "outputs": _listed(args.outputs),
         "accuracy": ff.Accuracy(
             args.accuracy,
@@ -159,13 +159,13 @@ def _asked(args: argparse.Namespace, fmu: ff.Fmu) -> dict[str, Any]:
         ),
     }
     if args.input is not None:
-        asked["drive"] = _drive(args, fmu)
-        asked["tones"] = [quantity(f, "Hz", where="--drive") for f in _listed(args.drive)]
+        requested["drive"] = _drive(args, fmu)
+        requested["tones"] = [quantity(f, "Hz", where="--drive") for f in _listed(args.drive)]
     elif args.level is not None:
         raise ff.BadInput("--level: is for --input, wanted --set with the amplitudes of the tones")
     elif _listed(args.tones):
-        asked["tones"] = _listed(args.tones)
-    return asked
+        requested["tones"] = _listed(args.tones)
+    return requested
 
 
 def _drive(args: argparse.Namespace, fmu: ff.Fmu) -> ff.Drive:

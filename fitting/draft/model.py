@@ -127,7 +127,7 @@ def offer_of(name: str, workers: FmuWorkers, interface: str | None, *, is_model:
     ]
     widths = [v for v in sound if _sets(v, WIDTH, WIDTH_WORDS, WIDTH_UNITS)]
     places = [v for v in sound if v not in widths and _sets(v, PLACE, PLACE_WORDS, PLACE_UNITS)]
-    real = [v for v in workers.description.seen if v.kind == "Real"]
+    real = [v for v in workers.description.observable if v.kind == "Real"]
     numbers = [v for v in real if v.unit is not None and same_kind(v.unit, "Hz")]
     observed = [v for v in real if v not in numbers and v.variability == "continuous"]
     plain = [v for v in observed if not re.search(r"_at_|error", v.name)]

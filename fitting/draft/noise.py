@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.density import DENSITY, HOLDS, ROOT, SEEN_UNITS, Density, relative_density
+from fitting.campaign.density import DENSITY, HOLDS, OBSERVED_UNITS, ROOT, Density, relative_density
 from fitting.draft.questions import Question
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
 from fitting.draft.two_modes import TwoModes, apart_hz
@@ -150,7 +150,7 @@ def _by_scatter(numbers: FloatArray, unit: str | None, f: FloatArray) -> NoiseLo
         for way, look in looks.items()
         if look is not None and look.lines is not None
     }
-    if any(same_kind(unit or "", each) for each in SEEN_UNITS[:-1]) and DENSITY in left:
+    if any(same_kind(unit or "", each) for each in OBSERVED_UNITS[:-1]) and DENSITY in left:
         left[DENSITY] *= PLAINLY  # an amplitude by its unit
     best = min(left, key=lambda way: left[way], default="")
     look = looks.get(best)

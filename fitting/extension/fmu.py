@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.api.fmu import held_fmu
+from fitting.api.fmu import opened_fmu
 from fitting.api.problem import named_fmu, one_fmu
 from fitting.engine.files import NeededFile, place_of
 from fitting.engine.place import Where, opened
@@ -10,22 +10,22 @@ from fitting.engine.run import run
 from fitting.fmu import FmuDescription, FmuVariable, read_description, validation_problems
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import FmuWorkers
-from fitting.fmu.runs import Handling, HeldSignal, Run, Segment
+from fitting.fmu.runs import Handling, Run, SampledSignal, Segment
 
 __all__ = [
     "FmuDescription",
     "FmuVariable",
     "FmuWorkers",
     "Handling",
-    "HeldSignal",
     "NeededFile",
     "Run",
+    "SampledSignal",
     "Segment",
     "Where",
-    "held_fmu",
     "named_fmu",
     "one_fmu",
     "opened",
+    "opened_fmu",
     "place_of",
     "provide_fmu",
     "read_description",

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from fitting.fmu.description import validation_problems as validation_problems
     from fitting.fmu.pool import FmuWorkers as FmuWorkers
     from fitting.fmu.runs import Counts as Counts
-    from fitting.fmu.runs import HeldSignal as HeldSignal
     from fitting.fmu.runs import InputSignal as InputSignal
     from fitting.fmu.runs import Run as Run
+    from fitting.fmu.runs import SampledSignal as SampledSignal
     from fitting.fmu.runs import Segment as Segment
     from fitting.fmu.runs import row_times as row_times
 else:
@@ -27,7 +27,7 @@ else:
         "accuracy": ("read_accuracy_annotation",),
         "description": ("FmuDescription", "FmuVariable", "read_description", "validation_problems"),
         "pool": ("FmuWorkers",),
-        "runs": ("Counts", "HeldSignal", "InputSignal", "Segment", "Run", "row_times"),
+        "runs": ("Counts", "SampledSignal", "InputSignal", "Segment", "Run", "row_times"),
     }
     _MODULES = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -158,7 +158,7 @@ class FmuDescription:
         return self.internal_step_s is not None
 
     @property
-    def seen(self) -> tuple[FmuVariable, ...]:
+    def observable(self) -> tuple[FmuVariable, ...]:
         """Outputs that are numbers; of an FMU without any, its local variables that move."""
         numbers = [v for v in self.variables.values() if v.kind in ("Real", "Integer", "Boolean")]
         outputs = tuple(v for v in numbers if v.causality == "output")

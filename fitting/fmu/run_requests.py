@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.fmu.runs import Handling, HeldSignal, Run, Segment, Tone
+from fitting.fmu.runs import Handling, Run, SampledSignal, Segment, Tone
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, shown
 from fitting.text.notation import listed
@@ -81,7 +81,7 @@ class RunRequest(NamedTuple):
     tones: tuple[Tone, ...] = ()
     step_s: float = 0.0
     segments: tuple[Segment, ...] = ()
-    held: HeldSignal | None = None
+    sampled: SampledSignal | None = None
     handled: tuple[RunRequest | None, bool] | None = None
     longest_step_s: float = 0.0
 
@@ -161,10 +161,10 @@ class RunRequests:
             samples=run.samples,
             start_time_s=run.start_time_s,
             allow_nan=run.allow_nan,
-            tones=() if signal is None or isinstance(signal, HeldSignal) else signal.tones,
+            tones=() if signal is None or isinstance(signal, SampledSignal) else signal.tones,
             step_s=signal.step_s if signal else 0.0,
             segments=run.segments,
-            held=signal if isinstance(signal, HeldSignal) else None,
+            sampled=signal if isinstance(signal, SampledSignal) else None,
             handled=handled,
             longest_step_s=run.longest_step_s,
         )

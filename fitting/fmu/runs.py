@@ -65,24 +65,24 @@ class InputSignal:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldSignal:
+class SampledSignal:
     """Values of FMU inputs ``names`` over communication steps of ``step_s``.
 
-    ``held`` (steps, inputs) is held over each step; ``seen`` (samples, inputs) is set before a
-    sample is read, for outputs that see the input at once. Without names it is the steps alone.
-    Two of equal values are equal.
+    ``values`` (steps, inputs) are kept over each step; ``at_samples`` (samples, inputs) are set
+    before a sample is read, for outputs that follow the input at once. Without names it is the
+    steps alone. Two of equal values are equal.
 
     Raises BadInput for a step that is not positive and values that are not finite.
     """
 
     names: tuple[str, ...]
     step_s: float
-    held: FloatArray
-    seen: FloatArray
+    values: FloatArray
+    at_samples: FloatArray
 
     def __post_init__(self) -> None:
         _require_time("inputs: step_s", self.step_s)
-        for values in (self.held, self.seen):
+        for values in (self.values, self.at_samples):
             if values.shape[1:] != (len(self.names),):
                 raise BadInput(f"inputs: values {values.shape}, wanted {len(self.names)} columns")
             if not all(map(math.isfinite, (float(values.sum()), float(abs(values).sum())))):
@@ -91,12 +91,12 @@ class HeldSignal:
     @cached_property
     def key(self) -> tuple[tuple[str, ...], float, bytes]:
         """What makes it equal to another one."""
-        digest = hashlib.sha256(self.held.tobytes())
-        digest.update(self.seen.tobytes())
+        digest = hashlib.sha256(self.values.tobytes())
+        digest.update(self.at_samples.tobytes())
         return self.names, self.step_s, digest.digest()
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, HeldSignal) and self.key == other.key
+        return isinstance(other, SampledSignal) and self.key == other.key
 
     def __hash__(self) -> int:
         return hash(self.key)
@@ -163,7 +163,7 @@ class Run:
     samples: int
     outputs: tuple[str, ...]
     start_time_s: float = 0.0
-    input_signal: InputSignal | HeldSignal | None = None
+    input_signal: InputSignal | SampledSignal | None = None
     allow_nan: bool = False
     moved: str = ""
     segments: tuple[Segment, ...] = ()
@@ -202,13 +202,13 @@ class Run:
                     f"{name} = {time_s!r} s is {count:.9g} steps of {signal.step_s!r} s, wanted a "
                     "whole number"
                 )
-        if isinstance(signal, HeldSignal):
+        if isinstance(signal, SampledSignal):
             each = round(self.sample_step_s / signal.step_s) if self.samples > 1 else 0
             steps = round(self.settle_s / signal.step_s) + each * (self.samples - 1)
-            if len(signal.held) != steps or len(signal.seen) != self.samples:
+            if len(signal.values) != steps or len(signal.at_samples) != self.samples:
                 raise BadInput(
-                    f"inputs: {len(signal.held)} values for {steps} steps, {len(signal.seen)} for "
-                    f"{self.samples} samples"
+                    f"inputs: {len(signal.values)} values for {steps} steps, "
+                    f"{len(signal.at_samples)} for {self.samples} samples"
                 )
 
 

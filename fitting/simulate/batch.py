@@ -14,12 +14,12 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from fitting.fmu import HeldSignal, InputSignal, Run, Segment
+from fitting.fmu import InputSignal, Run, SampledSignal, Segment
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 
 #: What the tool applies to inputs during a run.
-Signal = InputSignal | HeldSignal | None
+Signal = InputSignal | SampledSignal | None
 Answer = TypeVar("Answer")
 Other = TypeVar("Other")
 

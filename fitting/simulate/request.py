@@ -202,7 +202,7 @@ class RequestBinder:
             Binder(self.variables).real(name, f"{argument} '{name}'", READABLE, "read")
         if requested:
             return requested
-        for v in self.description.seen:
+        for v in self.description.observable:
             if (v.kind, v.variability) == ("Real", "continuous"):
                 return (v.name,)
         raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")

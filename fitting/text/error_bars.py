@@ -28,14 +28,14 @@ MISLEADING = 1.5
 class ErrorBars:
     """How far the 68 % interval goes `below` and `above` the most likely value, and what ± tells.
 
-    `is_even`: half of the interval stands for both sides; `tells95`: 1.96 times the sides is the
+    `is_even`: half of the interval stands for both sides; `covers95`: 1.96 times the sides is the
     95 % interval, near enough. Without a profile the sides are NaN, and both hold.
     """
 
     below: float = math.nan
     above: float = math.nan
     is_even: bool = True
-    tells95: bool = True
+    covers95: bool = True
 
     def words(self, value: float, std: float, unit: str, interval95: Interval) -> str:
         """A value with its error, "5.2 ± 0.3 Hz" or "235 +128 −89 Hz (146 to 363 Hz at 95 %)".
@@ -48,7 +48,7 @@ class ErrorBars:
         """
         sides = (self.below, self.above)
         shown = quantity(value, std, unit) if self.is_even else uneven_quantity(value, sides, unit)
-        if self.tells95:
+        if self.covers95:
             return shown
         factor, prefixed = joint_prefix(value, std if self.is_even else min(sides), unit)
         low, high = (end / factor for end in interval95)
@@ -84,7 +84,7 @@ def error_bars(value: float, ci68: Interval, ci95: Interval, simulation: float) 
         below=below,
         above=above,
         is_even=max(below, above) < UNEQUAL * min(below, above),
-        tells95=all(1.0 < MISLEADING * r < MISLEADING**2 for r in ratios),
+        covers95=all(1.0 < MISLEADING * r < MISLEADING**2 for r in ratios),
     )
 
 

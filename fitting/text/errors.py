@@ -32,7 +32,7 @@ class MissingFile(BadInput, FileNotFoundError):
 
 
 #: Characters of a found value in a complaint.
-LONGEST_FOUND = 200
+LONGEST_SHOWN = 200
 
 
 def shown(value: object) -> str:
@@ -45,9 +45,9 @@ def shown(value: object) -> str:
         text = repr(value)
     except (ValueError, RecursionError):  # thousands of digits; lists in lists without end
         return f"a {type(value).__name__} beyond all measure"
-    if len(text) <= LONGEST_FOUND:
+    if len(text) <= LONGEST_SHOWN:
         return text
-    return f"{text[: LONGEST_FOUND // 2]} ... {text[-LONGEST_FOUND // 4 :]}"
+    return f"{text[: LONGEST_SHOWN // 2]} ... {text[-LONGEST_SHOWN // 4 :]}"
 
 
 def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -> str:
@@ -104,11 +104,11 @@ def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
         BadInput: what any of them complains of, every line once.
     """
     made: list[Made] = []
-    said = Complaints()
+    stated = Complaints()
     for read in readers:
-        with said:
+        with stated:
             made.append(read())
-    said.check()
+    stated.check()
     return made
 
 

@@ -136,8 +136,8 @@ class OldNames:
                 raise AttributeError(f"'{type(self).__name__}' has no '{name}'")
             text = f"'{name}' of a value is '{now}' now; the old name goes with 0.4"
             warnings.warn(text, DeprecationWarning, stacklevel=2)
-            found = getattr(self, now)
-            return found[SIDES.index(side)] if side else found
+            result = getattr(self, now)
+            return result[SIDES.index(side)] if side else result
 
 
 @dataclass(frozen=True, kw_only=True)

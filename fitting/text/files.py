@@ -51,12 +51,12 @@ def read_head(path: Path, size: int, wanted: str = "a file") -> bytes:
 def _read(path: Path, wanted: str, most: float, size: int) -> bytes:
     name = str(path) if str(path).strip() else repr(str(path))
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):
-            raise BadInput(f"{name}: is {_kind(found.st_mode)}, wanted {wanted}")
-        if found.st_size > most:
+        result = path.stat()
+        if not stat.S_ISREG(result.st_mode):
+            raise BadInput(f"{name}: is {_kind(result.st_mode)}, wanted {wanted}")
+        if result.st_size > most:
             raise BadInput(
-                f"{name}: has {found.st_size / 1e6:.6g} MB, wanted {wanted} of at most "
+                f"{name}: has {result.st_size / 1e6:.6g} MB, wanted {wanted} of at most "
                 f"{MOST_BYTES / 1e6:.6g} MB"
             )
         with path.open("rb") as file:

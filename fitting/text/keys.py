@@ -154,7 +154,7 @@ def wanted(words: str) -> WrapValidator:
     return WrapValidator(check)
 
 
-def looked_at(check: Callable[[Any], object]) -> AfterValidator:
+def checked_by(check: Callable[[Any], object]) -> AfterValidator:
     """What a function complains of in a value is the complaint about its key.
 
     Args:
@@ -208,7 +208,7 @@ def _value(value: Any) -> Written:
         return value if isinstance(value, Written) else as_written(value, "")
 
 
-def _beside_the_file(value: Any, info: ValidationInfo) -> Path:
+def _next_to_file(value: Any, info: ValidationInfo) -> Path:
     if not isinstance(value, str) or not value.strip():
         raise Refused(f"found {shown(value)}, wanted a text")
     if "\0" in value:
@@ -301,4 +301,4 @@ Times = Annotated[
 Values = Annotated[tuple[Value, ...], Field(min_length=1), listed("a list of values to try")]
 Frequencies = Annotated[tuple[Value, ...], Field(min_length=1), listed("frequencies")]
 #: A file named relative to the one that names it.
-FileName = Annotated[Path, PlainValidator(_beside_the_file), WithJsonSchema({"type": "string"})]
+FileName = Annotated[Path, PlainValidator(_next_to_file), WithJsonSchema({"type": "string"})]

@@ -129,9 +129,9 @@ def _decode_record(kind: Any, data: Any, where: str) -> Any:
     return kind(**{k: _decode(hints[k], data[k], f"{where}.{k}") for k in fields if k in data})
 
 
-def _check(good: bool, found: Any, wanted: str, where: str) -> None:
+def _check(good: bool, result: Any, wanted: str, where: str) -> None:
     if not good:
-        raise BadInput(f"{where}: found {str(found)[:60]!r}, wanted {wanted}")
+        raise BadInput(f"{where}: found {str(result)[:60]!r}, wanted {wanted}")
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -178,19 +178,19 @@ class ResultsFolder:
                     names.append(name)
         return names
 
-    def forget_what_is_gone(self) -> None:
+    def forget_missing(self) -> None:
         """Take files out of the record that are gone, as a checkpoint when the job is done.
 
         Where the disk takes no record any more, it names a file too many, which does no harm: that
         must not hide what the command has to say of the disk.
         """
-        gone = [name for name in self._own if not os.path.lexists(self.path / name)]
-        for name in gone:
+        missing = [name for name in self._own if not os.path.lexists(self.path / name)]
+        for name in missing:
             del self._own[name]
         with suppress(OSError, BadInput):
-            if gone and self._own:
+            if missing and self._own:
                 self._write_record()
-            elif gone:
+            elif missing:
                 (self.path / RECORD_NAME).unlink()
 
     def _refuse_foreign(self, path: Path) -> None:
@@ -402,7 +402,7 @@ def results_folder(folder: Path, command: str, names: Iterable[str] = ()) -> Ite
                 yield
             finally:
                 del _OPEN[path]
-                opened.forget_what_is_gone()
+                opened.forget_missing()
     finally:
         with suppress(OSError):  # those that hold something stay
             for empty in made:

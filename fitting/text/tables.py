@@ -68,11 +68,11 @@ class Table:
         Args:
             name: of the variable.
         """
-        found = self.find(name)
-        if found is None:
+        result = self.find(name)
+        if result is None:
             present = [c.name for c in self.columns]
             raise BadInput(f"{self.path}: no column '{name}'{did_you_mean(name, present)}")
-        return found
+        return result
 
     def numbers(self, column: Column) -> FloatArray:
         """The finite numbers of a column, (n,); raises BadInput naming lines and column.
@@ -96,8 +96,8 @@ class Table:
         Args:
             column: of the table.
         """
-        found = (_finite(text, self.decimal_comma) for text in self.texts(column))
-        return np.array([math.nan if value is None else value for value in found])
+        result = (_finite(text, self.decimal_comma) for text in self.texts(column))
+        return np.array([math.nan if value is None else value for value in result])
 
     def texts(self, column: Column) -> tuple[str, ...]:
         """The cells of a column as they stand.
@@ -132,8 +132,8 @@ def naming_neighbours(path: Path) -> Iterator[None]:
     try:
         yield
     except MissingFile as error:
-        beside = path.parent.iterdir() if path.parent.is_dir() else ()
-        siblings = [p.name for p in beside if not p.is_dir()]
+        nearby = path.parent.iterdir() if path.parent.is_dir() else ()
+        siblings = [p.name for p in nearby if not p.is_dir()]
         hint = did_you_mean(path.name, siblings, listed=False)
         name = str(path) if str(path).strip() else repr(str(path))
         raise MissingFile(f"{name}: no such file{hint}") from error
@@ -199,11 +199,11 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
                 f"(delimiter {delimiter!r}; a decimal comma needs ';' or tab between cells)"
             )
     columns = named_columns(header)
-    seen: set[str] = set()
+    observed: set[str] = set()
     for column in columns:
-        if column.name.lower() in seen:
+        if column.name.lower() in observed:
             raise BadInput(f"{path}: row {kept[0][0]}: column '{column.name}' appears twice")
-        seen.add(column.name.lower())
+        observed.add(column.name.lower())
     return Table(
         path=path,
         columns=columns,
@@ -225,8 +225,8 @@ def split_line(text: str, delimiter: str) -> tuple[str, ...]:
         # a quotation mark that nothing closes takes in more than it bears
         with suppress(csv.Error):
             cells = next(csv.reader([text], delimiter=delimiter))
-    found = tuple(cell.strip() for cell in cells)
-    return tuple(map(as_read, found)) if "'" in text else found
+    result = tuple(cell.strip() for cell in cells)
+    return tuple(map(as_read, result)) if "'" in text else result
 
 
 def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float:
@@ -265,25 +265,25 @@ def parse_numbers(
     return np.array(values, dtype=float)
 
 
-def not_numbers(where: str, found: object, more: Sequence[tuple[str, object]] = ()) -> BadInput:
+def not_numbers(where: str, result: object, more: Sequence[tuple[str, object]] = ()) -> BadInput:
     """The complaint of cells that are no finite numbers.
 
     Args:
         where: file and place of the first, as "a.csv: row 7, column 'x'".
-        found: what stands there.
+        result: what stands there.
         more: further places, with what stands there.
     """
     named = [f"{place} ({shown(text)})" for place, text in more[:MORE_NAMED]]
     left = len(more) - len(named)
     named += [how_many(left, "other")] if left else []
-    texts = [str(each).strip().lower() for each in (found, *(text for _, text in more))]
+    texts = [str(each).strip().lower() for each in (result, *(text for _, text in more))]
     hint = (
         "; where nothing was measured leave the row out, or end a sampled record before it"
         if "row" in where and all(not t or t in NOT_A_NUMBER for t in texts)
         else ""
     )
     also = f"; also {', '.join(named[:-1])}{' and ' * (len(named) > 1)}{named[-1]}" if named else ""
-    return BadInput(f"{where}: found {shown(found)}, wanted a finite number{also}{hint}")
+    return BadInput(f"{where}: found {shown(result)}, wanted a finite number{also}{hint}")
 
 
 def _finite(text: str, decimal_comma: bool) -> float | None:
@@ -299,13 +299,13 @@ def named_columns(header: Sequence[str]) -> tuple[Column, ...]:
     Args:
         header: its cells.
     """
-    found = [_ELEMENT.fullmatch(text) if len(text) <= LONGEST_HEADER else None for text in header]
-    arrays = Counter(match["name"].lower() for match in found if match is not None)
+    result = [_ELEMENT.fullmatch(text) if len(text) <= LONGEST_HEADER else None for text in header]
+    arrays = Counter(match["name"].lower() for match in result if match is not None)
     return tuple(
         Column(text, None, i)
         if match is not None and arrays[match["name"].lower()] > 1
         else named_column(text, i)
-        for i, (text, match) in enumerate(zip(header, found, strict=True))
+        for i, (text, match) in enumerate(zip(header, result, strict=True))
     )
 
 

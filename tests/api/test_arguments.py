@@ -109,3 +109,8 @@ def test_records_with_names_of_their_own_for_arguments_are_replaced() -> None:
         replace(one, start="2 kHz")
     with pytest.raises(ff.BadInput, match="lower"):
         replace(one, bounds=(3.0, 1.0))
+
+
+def test_the_name_of_a_first_argument_in_0_2_0_works_with_a_warning() -> None:
+    with pytest.warns(DeprecationWarning, match="'found' is 'result'"), pytest.raises(ff.BadInput):
+        ff.report(found=1, out="out")  # type: ignore[call-arg]

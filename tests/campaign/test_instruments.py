@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fitting.campaign import instruments
 from fitting.campaign.file import WrittenSweep
-from fitting.campaign.instruments import LAYOUTS, Selection, found_layouts, layout_of, read_trace
+from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, matching_layouts, read_trace
 from fitting.signal.amplitudes import Amplitude, declared_amplitude, to_peak
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record
@@ -405,7 +405,7 @@ def test_a_layout_is_added_by_one_file(tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(BadInput, match="'toy'"):
         read_trace(path, "toy")
     monkeypatch.setattr(instruments, "__path__", [*instruments.__path__, str(tmp_path / "layouts")])
-    found = found_layouts()
+    found = matching_layouts()
     assert set(found) == {*LAYOUTS, "toy"}
     assert next(iter(found)) == "csv"
     monkeypatch.setitem(LAYOUTS, "toy", found["toy"])

@@ -68,7 +68,7 @@ def test_progress_of_a_large_file_is_shown_soon(
     path = tmp_path / "large.csv"
     path.touch()
     os.truncate(path, size)
-    monkeypatch.setattr(progress, "SOON_S", 0.01)
+    monkeypatch.setattr(progress, "LARGE_S", 0.01)
     monkeypatch.setattr(sys, "stderr", said := Said())
     with progress.reading("line", [path]):
         shown = said.written.wait(30.0 if size > 1e6 else 0.2)
@@ -99,7 +99,7 @@ def test_a_wide_table_is_refused_in_one_line(command: str, tmp_path: Path) -> No
 def test_a_long_table_is_announced_and_read_a_few_times(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is large is announced after SOON_S; the table is opened as often whatever its length."""
+    """What is large is announced late; the table is opened as often whatever its length."""
     monkeypatch.setattr(progress, "LARGE_BYTES", 30_000)
     announced: list[float | None] = []
     shown = progress.status_line
@@ -132,4 +132,4 @@ def test_a_long_table_is_announced_and_read_a_few_times(
         ended = told(command, tmp_path / f"{count}.csv", "--out", tmp_path / f"out{count}")
         assert ended.code == 0, ended.err
     assert opened["1500.csv"] == opened["100.csv"]
-    assert announced.count(progress.SOON_S) == 1  # of the long one
+    assert announced.count(progress.LARGE_S) == 1  # of the long one

@@ -27,7 +27,7 @@ from fitting.fmu import (
     validation_problems,
 )
 from fitting.fmu.worker.pulse import STARTED, open_pulse
-from fitting.fmu.worker.simulation import held_values
+from fitting.fmu.worker.simulation import values_over_steps
 from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
@@ -161,7 +161,7 @@ def test_generated_input_drives_to_the_closed_steady_state(running: FmuWorkers) 
 
 def test_held_values_keep_their_phase_at_large_times() -> None:
     f, t0, h = 6.94016e6, 1234.5, 1e-8
-    values = held_values(((f, 2.0, 0.3),), t0, h, 7)
+    values = values_over_steps(((f, 2.0, 0.3),), t0, h, 7)
     with mpmath.workdps(50):
         sinc = mpmath.sin(mpmath.pi * f * h) / (mpmath.pi * f * h)
         for k, value in enumerate(values):

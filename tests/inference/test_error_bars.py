@@ -55,7 +55,7 @@ def test_a_parabola_has_one_error() -> None:
     found = found_of(lambda p: (p - 4.0) / 0.5, start=5.0, top=40.0)
     assert words_of(found) == "4.00 ± 0.50 Hz"
     assert found.bars.is_even
-    assert found.bars.tells95
+    assert found.bars.covers95
 
 
 def test_sides_of_different_length_are_both_told() -> None:
@@ -75,7 +75,7 @@ def test_an_interval_that_the_error_does_not_tell_stands_beside_it() -> None:
     assert 120.0 < half < 130.0
     assert found.status is Verdict.BOUNDED
     assert found.bars.is_even
-    assert not found.bars.tells95
+    assert not found.bars.covers95
     told = words_of(found)
     assert told.startswith("235 ± 2")
     low, high = (float(end) for end in told.partition("(")[2].partition(" Hz")[0].split(" to "))
@@ -111,11 +111,11 @@ def test_no_side_is_far_from_what_is_told_of_it(
     assert (bars.below, bars.above) == pytest.approx(tuple(near))
     if bars.is_even:
         assert np.all(np.abs(near / np.mean(near) - 1.0) < 0.125)
-    assert bars.tells95 == (1 / 1.5 < longer < 1.5)
+    assert bars.covers95 == (1 / 1.5 < longer < 1.5)
     assert error_bars(profile.likely, (math.nan, math.nan), profile.ci95, simulation) == EVEN
 
 
-UNEVEN = ErrorBars(below=8.9, above=12.8, is_even=False, tells95=False)
+UNEVEN = ErrorBars(below=8.9, above=12.8, is_even=False, covers95=False)
 
 
 def test_answer_tables_and_files_tell_both_sides(tmp_path: Path) -> None:

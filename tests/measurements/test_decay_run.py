@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import fitting as ff
 from fitting.campaign.parameters import Parameter
 from fitting.fit.planned_fmu import plan_problem
-from fitting.fmu import HeldSignal, Run
+from fitting.fmu import Run, SampledSignal
 from fitting.fmu.runs import row_times
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
@@ -137,8 +137,8 @@ class Duffing:
     def _run(self, run: Run) -> FloatArray:
         values: Mapping[str, Any] = run.start_values
         u, until = float(values.get("u", 0.0)), run.settle_s
-        if isinstance(run.input_signal, HeldSignal):
-            held = run.input_signal.held[:, 0]
+        if isinstance(run.input_signal, SampledSignal):
+            held = run.input_signal.values[:, 0]
             assert not held[np.arange(held.size) * run.input_signal.step_s >= until - 1e-12].any()
             u = float(held[0])
         bend, times = float(values["bend"]), np.array(row_times(run))

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from scipy.stats import chi2
 
 import fitting as ff
-from fitting.fmu import HeldSignal, Run
+from fitting.fmu import Run, SampledSignal
 from fitting.measurements.traces.step_plan import first_steps
 from fitting.measurements.traces.waveform import Recorded, Waveform
 from fitting.report.shown import shown_fit
@@ -89,7 +89,7 @@ def test_what_is_held_over_a_step_is_the_mean_of_the_input(waveform: Waveform) -
 def test_a_run_with_held_values_is_the_matrix_exponential(beam: ff.Fmu) -> None:
     u = 1e-3 * np.random.default_rng(4).standard_normal(60)
     expected = held_response(oscillator(MASS, C, K), u, 1e-4)
-    signal = HeldSignal(("force",), 1e-4, u[:-1, None], u[:, None])
+    signal = SampledSignal(("force",), 1e-4, u[:-1, None], u[:, None])
     run = Run(
         start_values={"damping": C},
         settle_s=0.0,
@@ -100,8 +100,8 @@ def test_a_run_with_held_values_is_the_matrix_exponential(beam: ff.Fmu) -> None:
     )
     [found] = beam.workers.run([run])
     assert found[:, 0] == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected)))
-    assert signal == HeldSignal(("force",), 1e-4, u[:-1, None].copy(), u[:, None])
-    assert signal != HeldSignal(("force",), 1e-4, 2.0 * u[:-1, None], u[:, None])
+    assert signal == SampledSignal(("force",), 1e-4, u[:-1, None].copy(), u[:, None])
+    assert signal != SampledSignal(("force",), 1e-4, 2.0 * u[:-1, None], u[:, None])
     with pytest.raises(BadInput, match=r"59 .* 58 steps"):
         replace(run, samples=59)
 

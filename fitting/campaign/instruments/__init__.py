@@ -50,10 +50,10 @@ __all__ = [
     "Recording",
     "Selection",
     "foreign_kind",
-    "found_layouts",
     "head_of",
     "layout_in",
     "layout_of",
+    "matching_layouts",
     "own_estimates",
     "read_recording",
     "read_trace",
@@ -64,17 +64,17 @@ __all__ = [
 PLAIN = "csv"
 
 
-def found_layouts() -> dict[str, Layout]:
+def matching_layouts() -> dict[str, Layout]:
     """Layouts by name of all files of this package, the plain one first."""
     modules = [
         importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__)
     ]
-    found = [layout for module in modules for layout in getattr(module, "LAYOUTS", ())]
-    found += [module.LAYOUT for module in modules if hasattr(module, "LAYOUT")]
-    return {one.name: one for one in sorted(found, key=lambda one: (one.name != PLAIN, one.name))}
+    result = [layout for module in modules for layout in getattr(module, "LAYOUTS", ())]
+    result += [module.LAYOUT for module in modules if hasattr(module, "LAYOUT")]
+    return {one.name: one for one in sorted(result, key=lambda one: (one.name != PLAIN, one.name))}
 
 
-LAYOUTS: dict[str, Layout] = found_layouts()
+LAYOUTS: dict[str, Layout] = matching_layouts()
 
 
 def layout_of(path: Path) -> str:
@@ -88,9 +88,9 @@ def layout_of(path: Path) -> str:
     """
     head = head_of(path)
     special = [layout for layout in LAYOUTS.values() if layout.name != PLAIN]
-    found = next((layout.name for layout in special if layout.recognises(head)), None)
-    if found is not None:
-        return found
+    result = next((layout.name for layout in special if layout.recognises(head)), None)
+    if result is not None:
+        return result
     refuse_foreign(head)
     return PLAIN
 

@@ -233,10 +233,10 @@ def flattened(values: Mapping[str, object], prefix: str = "") -> list[tuple[str,
         values: by name; mappings within are gone through.
         prefix: of the names.
     """
-    found: list[tuple[str, np.ndarray]] = []
+    result: list[tuple[str, np.ndarray]] = []
     for name, value in values.items():
         if isinstance(value, Mapping):
-            found += flattened(value, f"{prefix}{name}/")
+            result += flattened(value, f"{prefix}{name}/")
         elif isinstance(value, np.ndarray):
-            found.append((f"{prefix}{name}", value))
-    return found
+            result.append((f"{prefix}{name}", value))
+    return result

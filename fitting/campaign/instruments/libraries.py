@@ -74,18 +74,18 @@ _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 
 def _read_hdf5(path: Path, selection: Selection) -> Recording:
     """Datasets of one length; units of their attribute ``unit`` or ``units``, or in their names."""
-    found: list[NamedArray] = []
+    result: list[NamedArray] = []
     with understood(path, HDF5, "hdf5"):
         import h5py
 
         def visit(name: str, item: Any) -> None:
             if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufcV" and item.size:
-                found.extend(columns_of(name, item[()], _unit_of_dataset(item)))
+                result.extend(columns_of(name, item[()], _unit_of_dataset(item)))
 
         with h5py.File(path, "r") as file:
             file.visititems(visit)
     is_matlab = read_head(path, 10).startswith(b"MATLAB")
-    return recording_of(path, found, "MATLAB 7.3" if is_matlab else "HDF5", selection)
+    return recording_of(path, result, "MATLAB 7.3" if is_matlab else "HDF5", selection)
 
 
 def _unit_of_dataset(item: Any) -> str | None:
@@ -132,16 +132,16 @@ def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
     ``dataInfo`` has for every name the table, 1 or 2, and with its sign the row that holds it;
     the first table has two times for what is constant. Units stand in the descriptions, as "[m/s]".
     """
-    turned = "".join(values["Aclass"][-1]).strip().lower() == "bintrans"
+    rotated = "".join(values["Aclass"][-1]).strip().lower() == "bintrans"
 
     def rows(key: str) -> np.ndarray:
         """A matrix with a row for each variable."""
         table = np.atleast_2d(np.asarray(values[key], dtype=float))
-        return table if turned else table.T
+        return table if rotated else table.T
 
     def texts(key: str) -> list[str]:
         letters = np.atleast_2d(values[key])
-        return ["".join(row).strip("\0 ") for row in (letters.T if turned else letters)]
+        return ["".join(row).strip("\0 ") for row in (letters.T if rotated else letters)]
 
     def unit_in(words: str) -> str | None:
         match = _IN_BRACKETS.search(words)
@@ -154,8 +154,8 @@ def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
     channels = [channel_of(names[0], unit_in(about[0]) or "s", times)]
     for name, words, (table, row, *_) in list(zip(names, about, info, strict=False))[1:]:
         column = np.sign(row) * tables[int(table) or 2][abs(row) - 1]
-        held = column if column.size == times.size else np.full(times.size, column[0])
-        channels.append(channel_of(name, unit_in(words), held))
+        kept = column if column.size == times.size else np.full(times.size, column[0])
+        channels.append(channel_of(name, unit_in(words), kept))
     places = numbered_points(times.size)
     return Recording(path=path, channels=tuple(channels), places=places, words=RESULTS)
 
@@ -179,7 +179,7 @@ TDMS = "a TDMS file"
 
 def _read_tdms(path: Path, selection: Selection) -> Recording:
     """Channels of one length; a waveform brings its own axis, over time or over frequency."""
-    found: list[NamedArray] = []
+    result: list[NamedArray] = []
     with understood(path, TDMS, "tdms"):
         from nptdms import TdmsFile
 
@@ -189,7 +189,7 @@ def _read_tdms(path: Path, selection: Selection) -> Recording:
                 about, count = channel.properties, len(channel)
                 unit = about.get("unit_string") or about.get("NI_UnitDescription")
                 name = f"{group.name}/{channel.name.replace('/', ' per ')}"
-                found += columns_of(name, np.asarray(channel[:]), str(unit or "").strip() or None)
+                result += columns_of(name, np.asarray(channel[:]), str(unit or "").strip() or None)
                 step = about.get("wf_increment")
                 if step and count and not axes:  # the axis of a group's waveforms
                     start = float(about.get("wf_start_offset", 0.0))
@@ -198,8 +198,8 @@ def _read_tdms(path: Path, selection: Selection) -> Recording:
                     over = str(over).strip()
                     kind = "Frequency" if over == "Hz" else "Time"
                     axes = [NamedArray(f"{group.name}/{kind}", axis, over)]
-            found += axes
-    return recording_of(path, found, "TDMS", selection)
+            result += axes
+    return recording_of(path, result, "TDMS", selection)
 
 
 def _of_tdms(head: Head) -> bool:
@@ -288,11 +288,11 @@ def _read_uff(path: Path, _: Selection) -> Recording:
 
         file = pyuff.UFF(str(path))
         types = [int(kind) for kind in file.get_set_types()]
-        found = [file.read_sets(k) for k, kind in enumerate(types) if kind == 58]
-    if not found:
+        result = [file.read_sets(k) for k, kind in enumerate(types) if kind == 58]
+    if not result:
         there = ", ".join(map(str, sorted(set(types)))) or "none"
         raise BadInput(f"{path}: is {UFF} with datasets {there}; wanted one of type 58, functions")
-    first, others = found[0], len(found) - 1
+    first, others = result[0], len(result) - 1
     axis = np.asarray(first["x"], dtype=float)
     # what the functions go over: by the file, else time responses over time
     number, over = int(first.get("func_type") or 0), int(first.get("abscissa_spec_data_type") or 0)
@@ -305,7 +305,7 @@ def _read_uff(path: Path, _: Selection) -> Recording:
         )
     ]
     names: list[str] = []
-    for function in (s for s in found if np.array_equal(np.asarray(s["x"]), axis)):
+    for function in (s for s in result if np.array_equal(np.asarray(s["x"]), axis)):
         name = f"{_freedom(function, 'rsp')}/{_freedom(function, 'ref')}"
         names.append(name if name not in names else f"{name} {len(names) + 1}")
         unit, under = (_unit_of_axis(function, each) for each in ("ordinate", "orddenom"))

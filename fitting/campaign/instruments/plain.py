@@ -40,9 +40,9 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
     kept = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
     delimiter = next((d for d in ";\t," if d in kept[0]), "") if kept else ""
     as_written = row is None and (not kept or _has_head(text, kept[:3], delimiter))
-    found = None if as_written else find_table(path, text, row)
-    if found is not None:
-        table, words, headed = found
+    result = None if as_written else find_table(path, text, row)
+    if result is not None:
+        table, words, headed = result
         return replace(of_table(_with_suffixes(table), words), headed=headed)
     if not as_written and row is not None:
         raise BadInput(
@@ -83,8 +83,8 @@ def _has_head(text: str, kept: Sequence[str], delimiter: str) -> bool:
         # network analysers give columns of values one name; a row of units may stand below names
         row = rows[0] if rows else ()
         units = bool(row) and all(c.lower() in UNITS or not c for c in row)
-        twice = len({c.lower() for c in head}) < len(head)
-        if twice or units or len(row) < len(head) or not has_number(row):
+        repeated = len({c.lower() for c in head}) < len(head)
+        if repeated or units or len(row) < len(head) or not has_number(row):
             return False
     if all(len(row) == len(head) and has_number(row) for row in rows):
         return True

@@ -77,16 +77,16 @@ class Recording:
         exact = next((c for c in self.channels if c.name.lower() == name.lower()), None)
         if exact is not None:
             return exact
-        asked = named_column(name, 0)
-        found = next((c for c in self.channels if c.is_called(asked.name)), None)
-        if found is None or asked.unit is None:
-            return found
-        if found.unit not in (None, asked.unit):
+        requested = named_column(name, 0)
+        result = next((c for c in self.channels if c.is_called(requested.name)), None)
+        if result is None or requested.unit is None:
+            return result
+        if result.unit not in (None, requested.unit):
             raise BadInput(
-                f"{self.path}: column '{found.name}' is in {found.unit}; the campaign states "
-                f"{asked.unit}"
+                f"{self.path}: column '{result.name}' is in {result.unit}; the campaign states "
+                f"{requested.unit}"
             )
-        return replace(found, unit=asked.unit)
+        return replace(result, unit=requested.unit)
 
     def column(self, name: str) -> Channel:
         """The column of that name; raises BadInput with the nearest name if there is none.
@@ -94,11 +94,11 @@ class Recording:
         Args:
             name: of the column.
         """
-        found = self.find(name)
-        if found is None:
+        result = self.find(name)
+        if result is None:
             present = [c.name for c in self.channels]
             raise BadInput(f"{self.path}: no column '{name}'{did_you_mean(name, present)}")
-        return found
+        return result
 
     def numbers(self, channel: Channel) -> FloatArray:
         """The finite real numbers of a column, (n,).

@@ -58,8 +58,8 @@ def usual_frequency(recording: Recording) -> Channel | None:
     Args:
         recording: what was read.
     """
-    found = usual(recording, FREQUENCY)
-    return None if found is not None and found.unit and not is_frequency(found.unit) else found
+    result = usual(recording, FREQUENCY)
+    return None if result is not None and result.unit and not is_frequency(result.unit) else result
 
 
 def parts_by_name(recording: Recording) -> tuple[Channel, Channel] | None:
@@ -81,7 +81,7 @@ def parts_by_name(recording: Recording) -> tuple[Channel, Channel] | None:
     return None
 
 
-def asked(recording: Recording, wanted: str, names: Sequence[str]) -> Channel | None:
+def requested_column(recording: Recording, wanted: str, names: Sequence[str]) -> Channel | None:
     """The column of the wanted name, else of a usual one, or None.
 
     Args:
@@ -105,9 +105,9 @@ def frequency_of(recording: Recording, wanted: str) -> Channel:
     Raises:
         BadInput: there is none; says so of a recording over time.
     """
-    found = asked(recording, wanted, FREQUENCY)
-    if found is not None:
-        return found
+    result = requested_column(recording, wanted, FREQUENCY)
+    if result is not None:
+        return result
     time = usual(recording, TIME)
     if time is not None:
         raise BadInput(
@@ -148,8 +148,8 @@ def without_zero(
     part = recording.part(np.flatnonzero(~at_zero))
     kept = next(c for c in part.channels if c.name == frequency.name)
     first = recording.places[int(np.argmax(at_zero))]
-    found = left_out(str(recording.path), count, first)
-    return part, replace(kept, unit=frequency.unit), (found,)
+    result = left_out(str(recording.path), count, first)
+    return part, replace(kept, unit=frequency.unit), (result,)
 
 
 def amplitude_of(recording: Recording, wanted: str) -> Channel | None:
@@ -162,9 +162,9 @@ def amplitude_of(recording: Recording, wanted: str) -> Channel | None:
     Raises:
         BadInput: several columns of complex values, and none of them named.
     """
-    found = asked(recording, wanted, AMPLITUDE)
-    if found is not None:
-        return found
+    result = requested_column(recording, wanted, AMPLITUDE)
+    if result is not None:
+        return result
     complexes = [c for c in recording.channels if c.is_complex]
     if len(complexes) > 1:
         names = ", ".join(c.name for c in complexes)
@@ -189,7 +189,7 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
     frequency = frequency_of(recording, selection.frequency)
     recording, frequency, omitted = without_zero(recording, frequency)
     amplitude = amplitude_of(recording, selection.amplitude)
-    x, y = asked(recording, selection.x, X), asked(recording, selection.y, Y)
+    x, y = requested_column(recording, selection.x, X), requested_column(recording, selection.y, Y)
     values: ComplexArray | None = None
     phase, phase_unit = None, ""
     if selection.x or (amplitude is None and x is not None and y is not None):
@@ -201,7 +201,7 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
         if amplitude.is_complex:
             values = recording.values(amplitude)
         else:
-            column = asked(recording, selection.phase, PHASE)
+            column = requested_column(recording, selection.phase, PHASE)
             sizes = recording.numbers(amplitude)
             if column is not None:
                 phase = recording.numbers(column)

@@ -95,9 +95,9 @@ class Selection(ComplexColumns):
     @property
     def parts(self) -> dict[str, int]:
         """What is told of where in the file it is, by the keys of a campaign."""
-        told = {"trace": self.trace if self.trace != 1 else None, "chunk": self.chunk}
-        told["header_row"] = self.header_row
-        return {key: value for key, value in told.items() if value is not None}
+        given = {"trace": self.trace if self.trace != 1 else None, "chunk": self.chunk}
+        given["header_row"] = self.header_row
+        return {key: value for key, value in given.items() if value is not None}
 
     @property
     def axis(self) -> str:
@@ -107,9 +107,9 @@ class Selection(ComplexColumns):
     @property
     def values(self) -> tuple[str, ...]:
         """Names of all other columns that are told."""
-        beside = self.frequency if self.time else ""
-        told = (self.amplitude, self.phase, self.x, self.y, beside, self.drive, *self.further)
-        return tuple(name for name in told if name)
+        nearby = self.frequency if self.time else ""
+        given = (self.amplitude, self.phase, self.x, self.y, nearby, self.drive, *self.further)
+        return tuple(name for name in given if name)
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ class Head:
     def text(self) -> str:
         """The beginning as text, in whole lines; empty for a file that is not text."""
         whole = len(self.data) < HEAD_BYTES
-        found = decoded(self.data if whole else self.data[: self.data.rfind(b"\n") + 1])
-        return "" if "\0" in found else found
+        result = decoded(self.data if whole else self.data[: self.data.rfind(b"\n") + 1])
+        return "" if "\0" in result else result
 
     @cached_property
     def lines(self) -> tuple[str, ...]:
@@ -172,13 +172,13 @@ def own_estimates(notes: Mapping[str, str]) -> dict[str, float]:
     Args:
         notes: the file's own remarks, by name.
     """
-    found = {}
+    result = {}
     for name, key in OWN_ESTIMATES.items():
         try:
-            found[key] = float(notes[name])
+            result[key] = float(notes[name])
         except (KeyError, ValueError):  # a note is not a datum: nothing hangs on it
             continue
-    return found
+    return result
 
 
 def check_axis(path: Path, frequency: FloatArray, unit: str, places: Sequence[str]) -> None:

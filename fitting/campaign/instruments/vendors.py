@@ -50,15 +50,15 @@ def _unit(text: str) -> str | None:
     return UNITS.get(text.lower(), text) or None
 
 
-def _chosen(path: Path, found: Sequence[int], selection: Selection, what: str, hint: str) -> int:
+def _chosen(path: Path, result: Sequence[int], selection: Selection, what: str, hint: str) -> int:
     """The place of the trace that is selected, of those that were found."""
-    if not 0 < selection.trace <= len(found):
+    if not 0 < selection.trace <= len(result):
         kind = what.split()[0]
         raise BadInput(
-            f"{path}: {how_many(len(found), kind)}{what[len(kind) :]}, wanted {kind} "
+            f"{path}: {how_many(len(result), kind)}{what[len(kind) :]}, wanted {kind} "
             f"{selection.trace}{hint}"
         )
-    return found[selection.trace - 1]
+    return result[selection.trace - 1]
 
 
 def _read_nanonis(path: Path, _: Selection) -> Recording:
@@ -106,8 +106,8 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
     lines = [split_line(t, ";") if t.strip() else ("",) for _, t in _numbered(path)]
     keys = [cells[0].rstrip(":").lower() for cells in lines]
     hint = "; is it the ASCII trace export of a Rohde & Schwarz analyser?"
-    found = [i for i, key in enumerate(keys) if key == "values"]
-    start = _chosen(path, found, selection, "trace ('Values;<number>' lines)", hint)
+    result = [i for i, key in enumerate(keys) if key == "values"]
+    start = _chosen(path, result, selection, "trace ('Values;<number>' lines)", hint)
     header = {key: cells[1:] for key, cells in zip(keys[: start + 1], lines, strict=False)}
     where = f"{path}: row {start + 1}, 'Values'"
     count = int(parse_number((lines[start] + ("",))[1], where))
@@ -165,14 +165,14 @@ def _read_keysight(path: Path, selection: Selection) -> Recording:
     names = rows[0][1]
     if all(is_number(cell) for cell in names):  # FieldFox writes them above
         above = [_ABOVE.fullmatch(line.strip()) for _, line in lines[:begin]]
-        told = {m["key"].upper(): m["value"].strip() for m in above if m is not None}
-        if "DATA" not in told:
+        given = {m["key"].upper(): m["value"].strip() for m in above if m is not None}
+        if "DATA" not in given:
             raise BadInput(
                 f"{path}: row {begin + 1}: wanted the names of the columns below 'BEGIN'"
             )
-        first, *others = split_line(told["DATA"], ",")
-        unit = told.get("DATA UNIT", "")
-        names = (f"{first}({told.get('FREQ UNIT', '')})", *(f"{name}({unit})" for name in others))
+        first, *others = split_line(given["DATA"], ",")
+        unit = given.get("DATA UNIT", "")
+        names = (f"{first}({given.get('FREQ UNIT', '')})", *(f"{name}({unit})" for name in others))
     else:
         rows = rows[1:]
     for n, row in rows:
@@ -369,11 +369,11 @@ def _read_siglent(path: Path, _: Selection) -> Recording:
     kinds = cells_of(lines[at], ",")[1:]
     names = [name for name in settings.get("source", "").split(",") if name]
     units = settings.get("vertical units", "")
-    told = {m["channel"]: m["unit"] for m in _CHANNEL_UNIT.finditer(units)}
+    given = {m["channel"]: m["unit"] for m in _CHANNEL_UNIT.finditer(units)}
     columns = ["Time (s)"]
     for k, kind in enumerate(kinds):
         name = names[k] if len(names) == len(kinds) else f"CH{k + 1}"
-        unit = told.get(name, "") or UNITS.get(kind.lower(), "")
+        unit = given.get(name, "") or UNITS.get(kind.lower(), "")
         columns.append(f"{name} ({unit})" if unit else name)
     rows = list(enumerate(lines[at + 1 :], start=at + 2))
     table = parse_table(path, [(at + 1, ",".join(columns)), *rows])
@@ -383,8 +383,8 @@ def _read_siglent(path: Path, _: Selection) -> Recording:
 def _siglent_head(lines: Sequence[str]) -> int:
     """Where the head of the columns stands; -1: nowhere."""
     heads = (cells_of(text, ",") for text in lines[:_HEAD_LINES])
-    found = (i for i, cells in enumerate(heads) if len(cells) > 1 and cells[0].lower() == "second")
-    return next(found, -1)
+    result = (i for i, cells in enumerate(heads) if len(cells) > 1 and cells[0].lower() == "second")
+    return next(result, -1)
 
 
 def _read_oscilloscope(path: Path, _: Selection) -> Recording:
@@ -426,8 +426,8 @@ def _is_rigol(lines: Sequence[str]) -> bool:
     if len(lines) < 2:
         return False
     names = [cell.lower() for cell in split_line(lines[0], ",")]
-    beside = len(split_line(lines[1], ",")) >= len([n for n in names if n])
-    return names[:1] == ["x"] and {"start", "increment"} <= set(names) and beside
+    nearby = len(split_line(lines[1], ",")) >= len([n for n in names if n])
+    return names[:1] == ["x"] and {"start", "increment"} <= set(names) and nearby
 
 
 def _of_oscilloscope(head: Head) -> bool:

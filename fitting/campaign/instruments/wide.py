@@ -115,8 +115,8 @@ def _long(
             )
         rows.append(row)
         lines.append(n)
-    beside, above = [*_CORNER.split(cells[0]), ""][:2]
-    side, top = _column(beside), _column(above) if above and not head[0].name else head[0]
+    nearby, above = [*_CORNER.split(cells[0]), ""][:2]
+    side, top = _column(nearby), _column(above) if above and not head[0].name else head[0]
     left, across = tuple(row[0] for row in rows), head[1]
     if _is_frequency(side) == _is_frequency(top):
         if _is_frequency(side) or not side.name or above:
@@ -136,11 +136,11 @@ def _long(
     with suppress(BadInput):  # its reader refuses a cell that is no number, with the row
         numbers = [parse_number(value, "", decimal_comma=comma) for value in points]
         order = np.argsort(numbers, kind="stable").tolist()
-    found, places = [], []
+    result, places = [], []
     for k, value in enumerate(values):
         for i in order:
             at, column = (i, k) if by_column else (k, i)
-            found.append((value, points[i], rows[at][column + 1]))
+            result.append((value, points[i], rows[at][column + 1]))
             places.append(lines[at])
     name = control.name or CONTROL
     table = Table(
@@ -150,7 +150,7 @@ def _long(
             Column(FREQUENCY[0], frequency.unit, 1),
             Column("amplitude", None, 2),
         ),
-        cells=tuple(found),
+        cells=tuple(result),
         lines=tuple(places),
         decimal_comma=comma,
     )
@@ -171,13 +171,13 @@ def _head(cells: Sequence[str]) -> _Axis | None:
     first = cells[0].lower()
     if first not in _EMPTY and is_number(first, decimal_comma=True):  # a row, maybe a long one
         return None
-    found = [match for match in map(_VALUE.fullmatch, cells[1:]) if match is not None]
-    if len(found) < max(LEAST_VALUES, len(cells) - 1):
+    result = [match for match in map(_VALUE.fullmatch, cells[1:]) if match is not None]
+    if len(result) < max(LEAST_VALUES, len(cells) - 1):
         return None
-    units = (m["unit"] or m["told"] or "" for m in found)
-    names = ((m["name"] or "").strip() for m in found)
+    units = (m["unit"] or m["told"] or "" for m in result)
+    names = ((m["name"] or "").strip() for m in result)
     kinds = {(name, UNITS.get(u.lower(), u) or None) for name, u in zip(names, units, strict=True)}
-    values = tuple(m["value"] for m in found)
+    values = tuple(m["value"] for m in result)
     numbers = [float(value.replace(",", ".")) for value in values]
     # a head of numbers alone may be the first row
     if first in _EMPTY:

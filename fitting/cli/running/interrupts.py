@@ -25,7 +25,7 @@ class Interrupts:
 
     def __init__(self) -> None:
         self.times = 0
-        self._held = self._over = False
+        self._deferred = self._over = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Deal with a signal.
@@ -39,7 +39,7 @@ class Interrupts:
             if self.times > 2:
                 os._exit(INTERRUPTED)
             return
-        if self.times == 1 and not self._held:
+        if self.times == 1 and not self._deferred:
             raise KeyboardInterrupt
         if self.times == 2:
             with suppress(OSError):  # not by way of a stream that is being written to just now
@@ -52,14 +52,14 @@ class Interrupts:
         self._over = True
 
     @contextmanager
-    def held(self) -> Iterator[None]:
+    def deferred(self) -> Iterator[None]:
         """What is done here is done to its end; KeyboardInterrupt comes after it."""
         before = self.times
-        self._held = True
+        self._deferred = True
         try:
             yield
         finally:
-            self._held = False
+            self._deferred = False
         if self.times > before == 0:
             raise KeyboardInterrupt
 
@@ -107,5 +107,5 @@ def to_the_end() -> Iterator[None]:
     if not isinstance(handler, Interrupts):
         yield
         return
-    with handler.held():
+    with handler.deferred():
         yield

@@ -21,7 +21,7 @@ HEAD = "fmu-fit log: time, module, what was done"
 
 
 @contextmanager
-def told(args: argparse.Namespace) -> Iterator[None]:
+def directed(args: argparse.Namespace) -> Iterator[None]:
     """While a command runs, its words go where the options of every command say.
 
     Args:
@@ -114,10 +114,10 @@ def _require_log(path: Path) -> None:
     """Nothing is added to a file that is no log of this program; a pipe may have no reader."""
     if not path.exists():
         return
-    found = path.stat()
-    if stat.S_ISFIFO(found.st_mode) or stat.S_ISSOCK(found.st_mode):
+    result = path.stat()
+    if stat.S_ISFIFO(result.st_mode) or stat.S_ISSOCK(result.st_mode):
         raise BadInput(f"--log {path}: is a pipe, wanted a file that can be written")
-    if not stat.S_ISREG(found.st_mode) or found.st_size == 0:
+    if not stat.S_ISREG(result.st_mode) or result.st_size == 0:
         return
     with path.open("rb") as file:
         if file.read(len(HEAD)) != HEAD.encode():

@@ -15,7 +15,7 @@ TICK_S = 1.0  # on a terminal, where the seconds are seen to run
 #: In a pipe: silence before the first line, part of the time so far between lines, and most of it.
 FIRST_S, PART, MOST_S = 10.0, 0.1, 60.0
 #: Files that are large together, and the silence before the first line about them.
-LARGE_BYTES, SOON_S = 1_000_000, 2.0
+LARGE_BYTES, LARGE_S = 1_000_000, 2.0
 _HIDDEN: ContextVar[bool] = ContextVar("hidden", default=False)
 
 
@@ -55,18 +55,18 @@ def status_line(
         counted: what is going on inside, as "120 runs"; asked whenever the line is shown.
         first_s: silence before the first line in a pipe, s; None: the usual one.
     """
-    said = [""]
+    stated = [""]
     if _HIDDEN.get():
-        yield lambda text: said.__setitem__(0, text)
+        yield lambda text: stated.__setitem__(0, text)
         return
     show = _terminal if sys.stderr.isatty() else partial(_pipe, first_s=first_s)
     ended = threading.Event()
     shower = threading.Thread(
-        target=show, args=(label, lambda: listed_words(said[0], counted()), ended), daemon=True
+        target=show, args=(label, lambda: listed_words(stated[0], counted()), ended), daemon=True
     )
     shower.start()
     try:
-        yield lambda text: said.__setitem__(0, text)
+        yield lambda text: stated.__setitem__(0, text)
     finally:
         ended.set()
         shower.join()
@@ -83,7 +83,7 @@ def reading(label: str, files: Sequence[Path]) -> Iterator[None]:
     sizes = [file.stat().st_size for file in files if file.is_file()]
     large = sum(sizes) > LARGE_BYTES
     name = files[0].name if len(files) == 1 else f"{len(files)} files"
-    with status_line(label, first_s=SOON_S if large else None) as tell:
+    with status_line(label, first_s=LARGE_S if large else None) as tell:
         tell(f"reads {name}" + (f", {sum(sizes) / 1e6:.0f} MB" if large else ""))
         yield
 
@@ -108,10 +108,10 @@ def _terminal(label: str, text: Callable[[], str], ended: threading.Event) -> No
 def _pipe(
     label: str, text: Callable[[], str], ended: threading.Event, *, first_s: float | None = None
 ) -> None:
-    begun, wait_s = time.monotonic(), FIRST_S if first_s is None else first_s
+    started, wait_s = time.monotonic(), FIRST_S if first_s is None else first_s
     while True:
         if ended.wait(wait_s):
             return
-        wait_s = min(max(FIRST_S, PART * (time.monotonic() - begun)), MOST_S)
-        after = f"{time.monotonic() - begun:.0f} s"
+        wait_s = min(max(FIRST_S, PART * (time.monotonic() - started)), MOST_S)
+        after = f"{time.monotonic() - started:.0f} s"
         print(f"{label}: {listed_words(text(), after)}", file=sys.stderr, flush=True)

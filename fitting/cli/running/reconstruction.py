@@ -81,7 +81,7 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
         try:
             workers = fmu.workers
             with status_line(NAME, lambda: counted(job.remaining, workers.counts.runs)) as show:
-                found, result, is_complete = _fit(job, show)
+                valued, result, is_complete = _fit(job, show)
         except KeyboardInterrupt:
             way_on = _way_on(job)
             raise KeyboardInterrupt(f"interrupted; {way_on}" if way_on else "") from None
@@ -92,7 +92,7 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
             if way_on := _way_on(job):
                 failure.add_note(way_on)
             raise
-    return _report(job, found, result, is_complete=is_complete)
+    return _report(job, valued, result, is_complete=is_complete)
 
 
 def _job(
@@ -148,7 +148,7 @@ def _fit(job: _Job, show: Callable[[str], None]) -> tuple[Valued, Result, bool]:
     interrupted = fitted.status == "interrupted"
     if args.no_profiles or interrupted:
         return fitted, result, not interrupted
-    found: Valued = fitted
+    valued: Valued = fitted
     is_complete = False
     try:
         with to_the_end():
@@ -161,17 +161,17 @@ def _fit(job: _Job, show: Callable[[str], None]) -> tuple[Valued, Result, bool]:
             progress=lambda spent: show(job.remaining.walking(spent)),
         )
         with to_the_end():
-            found, result, is_complete = inferred, inferred.result, inferred.profiled
+            valued, result, is_complete = inferred, inferred.result, inferred.profiled
     except OutOfBudget:  # all there is to it: to go on would take as much again
         is_complete = True
         result = without_profiles(fitted.result, "budget")
     except KeyboardInterrupt:
         pass
     job.laps.end("for the profiles")
-    return found, result, is_complete
+    return valued, result, is_complete
 
 
-def _report(job: _Job, found: Valued, result: Result, *, is_complete: bool) -> int:
+def _report(job: _Job, valued: Valued, result: Result, *, is_complete: bool) -> int:
     """Files, first screen and report of a result; the exit code."""
     args, out = job.args, job.out
     files = write_result(result, out)  # before anything else that may fail
@@ -192,7 +192,7 @@ def _report(job: _Job, found: Valued, result: Result, *, is_complete: bool) -> i
         with status_line(NAME, job.remaining.left) as show:
             show(job.remaining.report())
             page = draw_report(
-                found,
+                valued,
                 result,
                 out,
                 args.style or STYLES[0],

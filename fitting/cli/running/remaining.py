@@ -12,12 +12,12 @@ from fitting.cli.running.progress import listed_words
 
 #: Evaluations and seconds that a pace was seen for before it is told: the first evaluations are not
 #: like the rest.
-ENOUGH, SEEN_S = 50, 2.0
+ENOUGH, LEAST_S = 50, 2.0
 #: What was said runs down like a clock until a new estimate is off by this factor.
 CALM = 1.5
 #: A batch of evaluations this many times slower than those before it was held up, and tells
 #: nothing of those that follow.
-HELD_UP = 10.0
+DELAYED = 10.0
 #: Figures that a report is expected to have, its page counted as one, and seconds of each before
 #: any was drawn.
 FIGURES, FIGURE_S = 10, (0.5, 2.0)
@@ -40,7 +40,7 @@ class Remaining:
         self._seconds_each = math.nan
         self._drawing_s: Range = times(FIGURES if drawn else 0.0, FIGURE_S)
         self._drawing_began_s = math.nan
-        self._told_s: Range | None = None
+        self._printed_s: Range | None = None
 
     def searching(self, state: Progress) -> str:
         """Where a fit is, in words.
@@ -49,7 +49,7 @@ class Remaining:
             state: as `fitting.fit` hands it out.
         """
         e = self._expected
-        if state.elapsed_s >= SEEN_S and state.evaluations >= ENOUGH:
+        if state.elapsed_s >= LEAST_S and state.evaluations >= ENOUGH:
             self._seconds_each = state.elapsed_s / state.evaluations
         share = 1.0 - state.done / max(state.of, 1)
         if state.stage == "search":
@@ -69,8 +69,8 @@ class Remaining:
         Args:
             spent: as `fitting.profile` hands it out.
         """
-        self._pace.seen(spent.total, self._clock())
-        if self._pace.evaluations >= ENOUGH and self._pace.seconds >= SEEN_S:
+        self._pace.count(spent.total, self._clock())
+        if self._pace.evaluations >= ENOUGH and self._pace.seconds >= LEAST_S:
             self._seconds_each = self._pace.seconds / self._pace.evaluations
         self._expect(self._expected.left(spent.stage, spent.evaluations))
         count = f"{spent.evaluations} evaluations"
@@ -78,7 +78,7 @@ class Remaining:
 
     def report(self) -> str:
         """What is said before the first figure, whose number is not known yet."""
-        self._told_s = None
+        self._printed_s = None
         self._expect((0.0, 0.0))
         return "figures and report"
 
@@ -101,9 +101,9 @@ class Remaining:
 
     def left(self) -> str:
         """How long all of it still takes, in words; nothing before a pace was seen."""
-        if self._told_s is None:
+        if self._printed_s is None:
             return ""
-        low_s, high_s = (max(at_s - self._clock(), 0.0) for at_s in self._told_s)
+        low_s, high_s = (max(at_s - self._clock(), 0.0) for at_s in self._printed_s)
         if high_s <= 0.0:
             return "longer than expected"
         if high_s < 1.0:
@@ -121,11 +121,11 @@ class Remaining:
         now_s = self._clock()
         seconds_each = self._seconds_each if max(evaluations) > 0.0 else 0.0
         low_s, high_s = added(times(seconds_each, evaluations), self._drawing_s)
-        if self._told_s is not None:
-            low_then_s, high_then_s = (max(at_s - now_s, 0.0) for at_s in self._told_s)
+        if self._printed_s is not None:
+            low_then_s, high_then_s = (max(at_s - now_s, 0.0) for at_s in self._printed_s)
             if max(high_s, high_then_s) <= CALM * min(high_s, high_then_s):
                 low_s, high_s = min(max(low_s, low_then_s), high_then_s), high_then_s
-        self._told_s = (now_s + low_s, now_s + high_s)
+        self._printed_s = (now_s + low_s, now_s + high_s)
 
 
 def counted(remaining: Remaining, runs: int) -> str:
@@ -145,19 +145,19 @@ class _Pace:
         self.evaluations, self.seconds = 0, 0.0
         self._last: tuple[int, int, float] | None = None
 
-    def seen(self, total: int, now_s: float) -> None:
+    def count(self, total: int, now_s: float) -> None:
         """So many evaluations are asked for by now, and those asked for before have been made.
 
         Args:
             total: evaluations since the count began; it begins anew where it falls.
             now_s: on the clock, s.
         """
-        before, asked, then_s = self._last or (0, 0, now_s)
+        before, requested, then_s = self._last or (0, 0, now_s)
         self._last = (total, max(total - before, 0), now_s)
         seconds = now_s - then_s
         if self.evaluations >= ENOUGH:
-            seconds = min(seconds, HELD_UP * self.seconds / self.evaluations * max(asked, 1))
-        self.evaluations += asked
+            seconds = min(seconds, DELAYED * self.seconds / self.evaluations * max(requested, 1))
+        self.evaluations += requested
         self.seconds += seconds
 
 

@@ -42,9 +42,9 @@ def writes(
             with results_folder(folder, command, names):
                 before = _files(folder, names)
                 code = run(args)
-                gone = before - _files(folder, names)
-                if folder / REPORT in gone:
-                    print(_removed_words(folder, gone))
+                missing = before - _files(folder, names)
+                if folder / REPORT in missing:
+                    print(_removed_words(folder, missing))
                 return code
 
         return alone
@@ -57,11 +57,11 @@ def _files(folder: Path, patterns: Iterable[str]) -> set[Path]:
     return {path for pattern in patterns for path in folder.glob(pattern)}
 
 
-def _removed_words(folder: Path, gone: set[Path]) -> str:
+def _removed_words(folder: Path, missing: set[Path]) -> str:
     """Which files went, figures counted."""
     from fitting.text.notation import how_many, listed  # loads numpy, which --help does not take
 
-    beside = sorted(path.name for path in gone if path.parent == folder)
-    figures = len(gone) - len(beside)
-    files = [*beside, *([how_many(figures, "file of figures", "files of figures")] * bool(figures))]
+    nearby = sorted(path.name for path in missing if path.parent == folder)
+    figures = len(missing) - len(nearby)
+    files = [*nearby, *([how_many(figures, "file of figures", "files of figures")] * bool(figures))]
     return f"removed from {folder}: {listed(files)}, which went with an earlier report"

@@ -132,11 +132,11 @@ def complaints_of_options() -> Iterator[None]:
 
 
 def _of_option(complaint: str) -> str:
-    found = ARGUMENT.match(complaint)
-    if found is None or found[1] not in OPTIONS:
+    result = ARGUMENT.match(complaint)
+    if result is None or result[1] not in OPTIONS:
         return complaint
-    name = f" {found[2]}" if found[2] else ""
-    return f"{OPTIONS[found[1]]}{name}: {complaint[found.end() :]}"
+    name = f" {result[2]}" if result[2] else ""
+    return f"{OPTIONS[result[1]]}{name}: {complaint[result.end() :]}"
 
 
 def time_to_settle(text: str) -> float:
@@ -159,9 +159,9 @@ def start_values(assignments: Sequence[str], fmu: ff.Fmu) -> dict[str, Scalar]:
     """
     values: dict[str, Scalar] = {}
     for text in assignments:
-        name, found, value = text.partition("=")
+        name, result, value = text.partition("=")
         name = name.strip()
-        if not (name and found):
+        if not (name and result):
             raise ff.BadInput(f"--set {text}: wanted NAME=VALUE")
         variable = fmu.description.variable(name)
         values[name] = _value(value.strip(), name, variable.kind, variable.unit or "1")

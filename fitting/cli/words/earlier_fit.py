@@ -41,5 +41,5 @@ def fit_at(args: argparse.Namespace) -> Result | None:
 
     if args.at is None:
         return None
-    found = read_result(args.at)
-    return of_any_data(found) if args.changed_data else found
+    result = read_result(args.at)
+    return of_any_data(result) if args.changed_data else result

@@ -112,9 +112,9 @@ def parsed(given: Sequence[str]) -> argparse.Namespace:
     parser = parser_of(() if named is None else (named,))
     if named is not None:
         _refuse_unknown(given, named)
-    found = parser.parse_args(given)
-    found.given = tuple(given)  # to go on with
-    return found
+    result = parser.parse_args(given)
+    result.given = tuple(given)  # to go on with
+    return result
 
 
 def overview() -> str:
@@ -214,11 +214,11 @@ def _refuse_unknown(given: Sequence[str], named: str) -> None:
     known = [option for action in parser._actions for option in action.option_strings]
     words = list(given[given.index(named) + 1 :])
     words = words[: words.index("--")] if "--" in words else words
-    asked = [word.partition("=")[0] for word in words if word.startswith("--")]
+    requested = [word.partition("=")[0] for word in words if word.startswith("--")]
     complaints = [
         f"no option {option!r}{did_you_mean(option, known, listed=False)} "
         f"(see {PROGRAM} {named} --help)"
-        for option in dict.fromkeys(asked)
+        for option in dict.fromkeys(requested)
         if " " not in option and not any(name.startswith(option) for name in known)
     ]
     if complaints:

@@ -30,7 +30,7 @@ Place = tuple[int, int] | str  # a value of a request: (group, position), or the
 ANEW = "every run has a new instance: "
 UNDECIDED = "no comparison of a reset instance with a new one was needed"
 #: Places that only fit the run that they are of.
-WHOLE = frozenset({"segments", "held"})
+WHOLE = frozenset({"segments", "sampled"})
 #: Comparisons in which a value may change nothing before it counts as tried.
 BLIND = 3
 REUSED = "instances are reset and reused: runs repeated after a reset were the same bit for bit"
@@ -162,7 +162,7 @@ def _with_values(request: RunRequest, of: RunRequest, places: set[Place]) -> Run
 
 
 def _differing(a: RunRequest, b: RunRequest) -> set[Place]:
-    if (a.values, a.tones, a.segments, a.held) == (b.values, b.tones, b.segments, b.held):
+    if (a.values, a.tones, a.segments, a.sampled) == (b.values, b.tones, b.segments, b.sampled):
         return set()
     places: set[Place] = {
         (group, position)
@@ -175,8 +175,8 @@ def _differing(a: RunRequest, b: RunRequest) -> set[Place]:
         places.add("tones")
     if a.segments != b.segments:
         places.add("segments")
-    if a.held != b.held:
-        places.add("held")
+    if a.sampled != b.sampled:
+        places.add("sampled")
     return places
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.fmu.run_requests import Layout, RunRequest
-from fitting.fmu.runs import HeldSignal, Segment, Tone, communication_steps, parts, row_times
+from fitting.fmu.runs import SampledSignal, Segment, Tone, communication_steps, parts, row_times
 from fitting.fmu.worker.instance import WARNING, FmuInstance, VariableAccess
 from fitting.fmu.worker.log import CallFailed
 from fitting.signal.tones import cycle_fraction
@@ -73,13 +73,13 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
         fmu.call("ExitConfigurationMode")
     read = _reader(fmu, binding, result)
     fmu.enter_initialisation(request.start_time_s)
-    if request.held is not None:
+    if request.sampled is not None:
         _stride_in_steps(fmu, binding.input, request, read)
     elif binding.input is None or fmu.follow(binding.input, request.tones):
         fmu.leave_initialisation()
         _stride(fmu, binding.moved, request, read)
     else:
-        _stride_in_steps(fmu, binding.input, _with_held_tones(request), read)
+        _stride_in_steps(fmu, binding.input, _with_sampled_tones(request), read)
     fmu.terminate()
     if not (request.allow_nan or np.count_nonzero(np.isfinite(result)) == result.size):
         j, column = np.argwhere(~np.isfinite(result))[0]
@@ -133,7 +133,9 @@ def _stride(
             row, now = row + 1, then
 
 
-def held_values(tones: Iterable[Tone], start_s: float, step_s: float, steps: int) -> FloatArray:
+def values_over_steps(
+    tones: Iterable[Tone], start_s: float, step_s: float, steps: int
+) -> FloatArray:
     """Values to hold over each of ``steps`` communication steps, shape (steps,).
 
     Σ a cos(2π f (t + h/2) + φ) / sinc(f h), t = start + k h, as `InputSignal` explains.
@@ -148,24 +150,24 @@ def held_values(tones: Iterable[Tone], start_s: float, step_s: float, steps: int
     values = np.zeros(steps)
     for frequency_hz, amplitude, phase in tones:
         if amplitude != 0.0:
-            held = amplitude / float(np.sinc(frequency_hz * step_s))
-            values += held * np.cos(2.0 * math.pi * cycle_fraction(frequency_hz, middle) + phase)
+            kept = amplitude / float(np.sinc(frequency_hz * step_s))
+            values += kept * np.cos(2.0 * math.pi * cycle_fraction(frequency_hz, middle) + phase)
     return values
 
 
-def _with_held_tones(request: RunRequest) -> RunRequest:
+def _with_sampled_tones(request: RunRequest) -> RunRequest:
     """The run with its tones as values over each step, and as they are at each sample."""
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
-    held = held_values(request.tones, start, step, steps_of(request))
+    kept = values_over_steps(request.tones, start, step, steps_of(request))
     # an output that sees the input at once would show what was held over the step before
     times = start + step * (lead + each * np.arange(request.samples, dtype=np.float64))
-    seen = np.zeros(request.samples)
+    observed = np.zeros(request.samples)
     for frequency_hz, amplitude, phase in request.tones:
         turns = cycle_fraction(frequency_hz, times)
-        seen += amplitude * np.cos(2.0 * math.pi * turns + phase)
-    signal = HeldSignal(("",), step, held[:, np.newaxis], seen[:, np.newaxis])
-    return request._replace(held=signal)
+        observed += amplitude * np.cos(2.0 * math.pi * turns + phase)
+    signal = SampledSignal(("",), step, kept[:, np.newaxis], observed[:, np.newaxis])
+    return request._replace(sampled=signal)
 
 
 def _stride_in_steps(
@@ -175,14 +177,14 @@ def _stride_in_steps(
 
     An input keeps its value: it is set where that changes, which after a pulse it never does.
     """
-    assert request.held is not None  # noqa: S101  # the caller asked
+    assert request.sampled is not None  # noqa: S101  # the caller asked
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
-    held, seen = request.held.held, _rows(request.held.seen)
+    kept, observed = request.sampled.values, _rows(request.sampled.at_samples)
     advance, assign = fmu.step, fmu.set
     last: tuple[float, ...] = ()  # without inputs, all rows are that
     if inputs is not None:
-        last = next(seen) if lead == 0 else tuple(held[0].tolist())
+        last = next(observed) if lead == 0 else tuple(kept[0].tolist())
         assign(inputs, last)
     fmu.leave_initialisation()
     if lead == 0:
@@ -191,7 +193,7 @@ def _stride_in_steps(
         last = ()  # the first step sets it again, in step mode
     row, due = (1, each) if lead == 0 else (0, lead)
     now = start
-    for k, values in enumerate(_rows(held), 1):
+    for k, values in enumerate(_rows(kept), 1):
         if values != last and inputs is not None:
             assign(inputs, values)
             last = values
@@ -199,7 +201,7 @@ def _stride_in_steps(
         advance(now, then - now)
         now = then
         if k == due:
-            values = next(seen)
+            values = next(observed)
             if values != last and inputs is not None:
                 assign(inputs, values)
                 last = values

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.fmu import HeldSignal
+from fitting.fmu import SampledSignal
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.traces.record import SHIFTS
 from fitting.measurements.traces.time_record import TimeRecord
@@ -214,7 +214,7 @@ class DemodulatedRecord(TimeRecord):
         """Samples of a second response, which tells what turns forwards."""
         return _pulse_window(self.reference.sensing_step_s, SENSED)
 
-    def sensing_pulse(self, per_sample: int) -> HeldSignal:
+    def sensing_pulse(self, per_sample: int) -> SampledSignal:
         """The pulse of the second response.
 
         Args:

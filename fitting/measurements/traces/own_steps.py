@@ -25,7 +25,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.fmu import HeldSignal
+from fitting.fmu import SampledSignal
 from fitting.signal.window import Window
 from fitting.text.arrays import BoolArray, FloatArray
 
@@ -52,7 +52,7 @@ class Look:
     """
 
     window: Window
-    signal: HeldSignal
+    signal: SampledSignal
     fine: int
 
     @cached_property
@@ -63,20 +63,20 @@ class Look:
         return Window(tones_hz=(), settle_s=self.window.settle_s, step_s=step_s, samples=count)
 
     @cached_property
-    def held_signal(self) -> HeldSignal:
+    def held_signal(self) -> SampledSignal:
         """The same, seen at the end of every step as it was held over it.
 
         An output that follows its input at once then moves when the next step is over, not at its
         start, where one that stands between steps of its own does.
         """
-        held = self.signal.held
+        held = self.signal.values
         seen = np.concatenate([held[:1], held])[-self.closer.samples :]
-        return HeldSignal(self.signal.names, self.signal.step_s, held, seen)
+        return SampledSignal(self.signal.names, self.signal.step_s, held, seen)
 
     @cached_property
     def pushed(self) -> BoolArray:
         """Whether the input changes between two steps (n - 1,)."""
-        return np.asarray(np.any(np.diff(self.held_signal.seen, axis=0) != 0.0, axis=1))
+        return np.asarray(np.any(np.diff(self.held_signal.at_samples, axis=0) != 0.0, axis=1))
 
     def standing_s(self, values: FloatArray) -> float:
         """The step between whose ends the output stands still, s; 0: it does not.

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fitting.fmu import HeldSignal
+from fitting.fmu import SampledSignal
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.traces.own_steps import LOOKED, Look
 from fitting.measurements.traces.time_record import FIRST, TimeRecord
@@ -195,10 +195,10 @@ class TraceRecord(TimeRecord):
         )
 
     @cached_property
-    def _signals(self) -> dict[int, HeldSignal]:
+    def _signals(self) -> dict[int, SampledSignal]:
         return {}
 
-    def signal(self, per_sample: int) -> HeldSignal:
+    def signal(self, per_sample: int) -> SampledSignal:
         """What is held over the communication steps of its run.
 
         Args:
@@ -208,7 +208,7 @@ class TraceRecord(TimeRecord):
             self._signals[per_sample] = self._held(per_sample, self.y.size)
         return self._signals[per_sample]
 
-    def _held(self, per_sample: int, count: int) -> HeldSignal:
+    def _held(self, per_sample: int, count: int) -> SampledSignal:
         """What is held until the last of the first samples."""
         lead = self.lead_steps()
         steps = (lead + count - 1) * per_sample
@@ -219,7 +219,7 @@ class TraceRecord(TimeRecord):
         if names:
             held = np.stack([wave.means(edges) for wave in waves], axis=1)
             seen = np.stack([wave.at(times) for wave in waves], axis=1)
-        return HeldSignal(names, self.spacing_s / per_sample, held, seen)
+        return SampledSignal(names, self.spacing_s / per_sample, held, seen)
 
     def look(self, fine: int, most: int = LOOKED) -> Look | None:
         """A closer look at its run under the input; None: nothing but its start moves it.

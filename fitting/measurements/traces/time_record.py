@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fitting.fmu import HeldSignal
+from fitting.fmu import SampledSignal
 from fitting.measurements.record import Record
 from fitting.measurements.traces.grid import refuse_clipped, spacing_s
 from fitting.measurements.traces.own_steps import LOOKED, Look
@@ -133,7 +133,7 @@ class TimeRecord(Record):
 
     def pulse(
         self, per_sample: int, level: float = 1.0, window: Window | None = None
-    ) -> HeldSignal:
+    ) -> SampledSignal:
         """One spacing of the input at a level, then nothing.
 
         Args:
@@ -145,4 +145,4 @@ class TimeRecord(Record):
         held = np.zeros((per_sample * window.samples, 1))
         held[:per_sample] = level
         step_s = window.step_s / per_sample
-        return HeldSignal((self.input,), step_s, held, np.zeros((window.samples, 1)))
+        return SampledSignal((self.input,), step_s, held, np.zeros((window.samples, 1)))
