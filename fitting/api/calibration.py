@@ -53,7 +53,7 @@ def calibrate(
     Args:
         result: An inference, its result, or the path of a result.json.
         out: Folder for the files, made where there is none.
-        fmu: The FMU that was fitted; None: the one in ``fmu/`` beside result.json, or that of the
+        fmu: The FMU that was fitted; None: the one in ``fmu/`` next to result.json, or that of the
             problem.
         also: Parameters that are handed on although the data do not determine them.
 

@@ -61,7 +61,7 @@ def cost(
         problem: What is looked for, and from what.
         method: As `fit` takes it.
         starts: As `fit` takes it.
-        profiles: Whether profiles are to be walked.
+        profiles: Whether profiles are to be scanned.
         bootstrap: Synthetic data sets that are to be fitted anew.
 
     Raises:
@@ -115,7 +115,7 @@ def expected_of(
         problem: What is looked for, and from what.
         method: As `fit` takes it.
         starts: As `fit` takes it.
-        profiles: Whether profiles are to be walked.
+        profiles: Whether profiles are to be scanned.
         refits: Synthetic data sets that are to be fitted anew.
     """
     options = search_options(problem, method, starts, None)
@@ -134,7 +134,7 @@ def expected_of_identification(problem: Problem, refits: int) -> Expected:
 
 
 def _memory_bytes(pids: Iterable[int]) -> float:
-    """The most that this process and some others have held; NaN where the system does not tell."""
+    """The most that this process and some others have held; NaN where the system reports none."""
     if sys.platform != "linux":
         return math.nan
     try:

@@ -37,7 +37,7 @@ def example(name: str = "string_q1", out: str | Path | None = None) -> Path:
 
 
 def example_titles() -> dict[str, str]:
-    """What every shipped campaign says that it is, by name."""
+    """The titles of all shipped campaigns, by name."""
     return {
         name: str(read_toml(folder / CAMPAIGN).get("title", ""))
         for name, folder in _folders().items()

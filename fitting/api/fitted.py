@@ -187,7 +187,7 @@ class Tikhonov:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Value(HtmlText, FittedEstimate):
-    """One parameter or derived output: what the data say of it, all numbers in ``unit``.
+    """One parameter or derived output: what the data determine, all numbers in ``unit``.
 
     ``value`` is the most likely one, or the paper's if that was asked for (`Tikhonov.estimator`);
     it and ``std`` are nan where the data leave it open on a side, ``likely`` is the most likely one
@@ -466,8 +466,8 @@ class Valued(HtmlText, ABC):
 class Fit(Valued):
     """A solved problem; its values have the errors of the problem linearised at its solution.
 
-    ``record`` is all that the search found, ``problem`` what was solved, ``command`` what a result
-    says that it was made by.
+    ``record`` is all that the search found, ``problem`` what was solved, ``command`` what made
+    its result, for the record.
     """
 
     command = "fitting.fit"
@@ -478,7 +478,7 @@ class Fit(Valued):
 
     @property
     def identity(self) -> Identity:
-        """What a result says of the model."""
+        """What a result states of the model."""
         return identity_of(self.problem, self.command)
 
     @cached_property
@@ -648,11 +648,11 @@ def fit(
 
     Args:
         problem: What is looked for, and from what.
-        method: Algorithm 2; None: as the campaign says, none without a table [continuation].
+        method: Algorithm 2; None: as the campaign states, none without a table [continuation].
         starts: 1: the problem's own, and a search of the box only where noise does not explain
             what the descent from there leaves; more: a search in any case; None: as the campaign
-            says, 3 without one.
-        seed: Of the search; None: as the campaign says, 1 without one.
+            states, 3 without one.
+        seed: Of the search; None: as the campaign states, 1 without one.
         progress: Called before every alternative and every level with the state of the fit.
         memory: Where finished levels are kept, to go on after an interruption; `kept_levels`
             makes one.
@@ -697,7 +697,7 @@ def _reviewed(problem: Problem, record: FitRecord, hooks: Hooks) -> tuple[Proble
 def search_options(
     problem: Problem, method: Tikhonov | None, starts: int | None, seed: int | None
 ) -> Options:
-    """All settings of a search: what is said, else what the problem brings; see `fit`."""
+    """All settings of a search: what is given, else what the problem brings; see `fit`."""
     own = problem.options.schedule
     return (method or Tikhonov.of(problem.options)).options(
         own.starts if starts is None else starts,
@@ -715,7 +715,7 @@ def kept_levels(
         folder: Where they are kept.
         problem: What is looked for, and from what.
         options: As `search_options` makes them.
-        command: What a result says that it was made by.
+        command: What made the result, for the record.
         resume: Whether those that are there count.
 
     Raises:
@@ -727,11 +727,11 @@ def kept_levels(
 
 
 def identity_of(problem: Problem, command: str) -> Identity:
-    """What a result says of the model of a problem.
+    """What a result states of the model of a problem.
 
     Args:
         problem: With or without an FMU.
-        command: What is said to have made the result.
+        command: What made the result, for the record.
     """
     if not problem.has_fmu:
         return Identity(command=command)
@@ -752,16 +752,16 @@ def profile(
 
         Dchi^2(c) = min { chi^2(p) : g(p) = c } - min chi^2        <= 1 (68 %), <= 3.84 (95 %)
 
-    A failure on the way costs the profiles, not the values: `Inference.warnings` then says so.
+    A failure on the way costs the profiles, not the values: `Inference.warnings` then states so.
     Where profiles come by a lower minimum than the fit's, `Inference.fit` is the one made from it.
 
     Args:
         fit: A solved problem.
         names: Parameters and derived outputs that are profiled; None: all. The rest keeps
             linearised errors.
-        budget: Runs of the FMU, about, at most; values whose search they cut say so. None: 500,000,
-            or 3,000 evaluations where that is more.
-        bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
+        budget: Runs of the FMU, about, at most; values whose search they cut are marked. None:
+            500,000, or 3,000 evaluations where that is more.
+        bootstrap: Synthetic data sets that are fitted anew besides; 0: none.
         progress: Called when a stage begins and before every batch, with the stage in words and
             the evaluations in it and before it.
 

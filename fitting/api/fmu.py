@@ -90,7 +90,7 @@ class Accuracy:
 
     @classmethod
     def of(cls, accuracy: float | Accuracy | None) -> Accuracy:
-        """The settings, of which the relative accuracy is the one mostly said.
+        """The settings, of which the relative accuracy is the one mostly given.
 
         Args:
             accuracy: Settings, or the relative accuracy alone.
@@ -117,7 +117,7 @@ class Fmu:
         source: Path of an FMU file (FMI 2.0 or 3.0), or the name of a model of this project, as
             "CoupledOscillator", which is built on the spot.
         workers: Number of processes, at least 1; they start at the first run, or with a
-            ``with`` block, and end with it, with ``close``, or when nobody refers to this object
+            ``with`` block, and end with it, with ``close``, or when nothing refers to this object
             any more.
         timeout_s: Longest time for one run, s; then the FMU counts as failed.
         timeout_name: What complaints call that time.
@@ -167,7 +167,7 @@ class Fmu:
 
     @property
     def description(self) -> FmuDescription:
-        """What the FMU says of itself."""
+        """What the FMU declares."""
         return self.workers.description
 
     @property
@@ -197,7 +197,7 @@ class Fmu:
             tones: Parameters of the FMU that hold the frequencies of the tones; with ``drive`` the
                 frequencies themselves, in Hz or as "280 Hz".
             drive: What makes tones of these frequencies: an input of the FMU, or parameters that
-                are set; None: the FMU does, as its start values say.
+                are set; None: the FMU does, by its start values.
             outputs: Names of outputs; none: the first continuous one.
             accuracy: Wanted largest relative error of every amplitude, between 0 and 1, or an
                 `Accuracy` with more to keep to; None: 1e-6, or what the FMU can give.
@@ -287,7 +287,7 @@ class Fmu:
     def other_tones(
         self, tones: Sequence[str], start_values: Mapping[str, Scalar] | None = None
     ) -> tuple[OtherTone, ...]:
-        """Tones that the FMU drives with beside some: named like them, with an amplitude.
+        """Tones by which the FMU drives besides some: named like them, with an amplitude.
 
         Args:
             tones: Parameters that hold the frequencies of the known tones.
@@ -299,7 +299,7 @@ class Fmu:
         return other_tones(tones, start_values or {}, self.variables)
 
     def sideband(self, response: DriveResponse) -> Sideband | None:
-        """What a line beside the tones is, where it keeps the amplitudes from standing still.
+        """What a line next to the tones is, where it keeps the amplitudes from standing still.
 
         Args:
             response: What `simulate` returned.
@@ -315,7 +315,7 @@ class Fmu:
         return sideband_of(response.other_line, tones, drive.start_values, self.variables)
 
     def missing_damping(self, response: DriveResponse) -> tuple[str, ...]:
-        """Parameters that are 0 and keep a line beside the tones from decaying.
+        """Parameters that are 0 and keep a line next to the tones from decaying.
 
         Args:
             response: What `simulate` returned.

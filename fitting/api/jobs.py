@@ -148,7 +148,7 @@ def report(
         external: Values from elsewhere to test, as "lambda=0.8604 MHz +- 1 kHz".
         style: "paper" writes the figures as PDF for print, too: no title, one column or two wide;
             "interactive": figures of the page can be zoomed and read off, which needs Bokeh.
-        formats: Of further files of each figure beside SVG and CSV: "png", "pdf".
+        formats: Of further files of each figure next to SVG and CSV: "png", "pdf".
 
     Returns:
         The path of report.html.
@@ -204,7 +204,7 @@ def draw_report(
         result: Its result, with what was added to it.
         out: Folder.
         style: One of STYLES.
-        progress: Is told how many figures are drawn, of how many.
+        progress: Is given how many figures are drawn, of how many.
         formats: Of further files of each figure, some of FORMATS.
     """
     shown = shown_fit(fitted.source.record)

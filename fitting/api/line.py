@@ -113,7 +113,7 @@ class FittedLine(MeasuredLine, HtmlText):
 
 
 class Line(FittedLine, sweeps.Line):
-    """One resonance of a measured response; printed, it says what the command ``line`` says.
+    """One resonance of a measured response; printed as by the command ``line``.
 
     Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
     68 of 100 such sweeps, ``ci95`` that holds it in 95, and ``unit``.
@@ -135,7 +135,7 @@ class Line(FittedLine, sweeps.Line):
 
 
 class Ringdown(FittedLine, decays.Ringdown):
-    """One resonance of a ringdown; printed, it says what the command ``line`` says.
+    """One resonance of a ringdown; printed as by the command ``line``.
 
     Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
     68 of 100 such records, ``ci95`` that holds it in 95, and ``unit``.
@@ -156,7 +156,7 @@ class Ringdown(FittedLine, decays.Ringdown):
 
 
 class NoiseLine(FittedLine, spectra.NoiseLine):
-    """One resonance of a noise spectrum; printed, it says what the command ``line`` says.
+    """One resonance of a noise spectrum; printed as by the command ``line``.
 
     Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
     68 of 100 such spectra, ``ci95`` that holds it in 95, and ``unit``.
@@ -208,7 +208,7 @@ def line(
 ) -> Line:
     """One resonance of a measured response: eigenfrequency, full width and quality, with errors.
 
-    What stands beside the line, nothing, a constant or a slope, is found by comparing, see
+    What is next to the line, nothing, a constant or a slope, is found by comparing, see
     `fitting.lines.form` for the formula. Where points outside of ``within_hz`` show another
     line, its tail is fitted, too. Errors hold for noise as it is seen in what the fit
     leaves, and are wider where neighbouring points follow each other.
@@ -221,7 +221,7 @@ def line(
         within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
         wiring: "transmission", "fano", "sloped", "notch" or "reflection", of amplitudes also
             "offset", "floor", "rice", "single" or "tail"; empty: they are compared.
-        columns: Of a file, what it does not tell.
+        columns: Of a file, what it does not state.
 
     Returns:
         ``frequency``, ``width``, ``q`` and ``amplitude``, each with its ``std`` and ``ci95``;
@@ -253,8 +253,8 @@ def ringdown(
 ) -> Ringdown:
     """One resonance of a free decay: frequency, full width, quality and decay time, with errors.
 
-    Samples of the motion, complex values of a demodulator, or amplitudes alone, which tell no
-    frequency. Where the decay begins is found. A constant beside it is solved for; a second line,
+    Samples of the motion, complex values of a demodulator, or amplitudes alone, which determine no
+    frequency. Where the decay begins is found. A constant next to it is solved for; a second line,
     and a frequency or damping that follows the square of the amplitude, are looked for, see
     `fitting.lines.ringdown` for the formula. Errors hold for noise as it is seen in what the
     fit leaves, and are wider where neighbouring samples follow each other.
@@ -265,8 +265,9 @@ def ringdown(
             Re[value exp(i 2 pi f t)], shape (n,).
         unit: Of these values.
         within_s: First and last time that are taken, s; None: as far as there are samples.
-        demodulated_at_hz: The frequency of the demodulator, Hz; None: the file tells it, or nobody.
-        columns: Of a file, what it does not tell.
+        demodulated_at_hz: The frequency of the demodulator, Hz; None: the file's, if it
+            states one.
+        columns: Of a file, what it does not state.
 
     Returns:
         ``width``, ``decay_time``, ``amplitude`` and, where the record determines them,
@@ -311,15 +312,15 @@ def noise_line(
     """One resonance of a noise spectrum: eigenfrequency, full width, quality and rms, with errors.
 
     The density is fitted by the likelihood of averages of periodograms, a line, or two, on a white
-    floor, see `fitting.resonance.noise_line` for the formula. How many were averaged is told by the
-    scatter.
+    floor, see `fitting.resonance.noise_line` for the formula. How many were averaged follows from
+    the scatter.
 
     Args:
         source: A file, whose kind is recognised; or frequencies, shape (n,), Hz.
         density: With frequencies: densities above zero, in ``unit`` squared per Hz, shape (n,).
         unit: Of what is seen, as "V"; "1": the numbers are relative.
         within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
-        columns: Of a file, what it does not tell.
+        columns: Of a file, what it does not state.
 
     Returns:
         ``frequency``, ``width``, ``q`` and ``rms``, each with its ``std`` and ``ci95``.
@@ -343,7 +344,7 @@ def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, 
 
     Args:
         source: The file.
-        columns: What it does not tell.
+        columns: What it does not state.
         over_time: Whether it holds a recording over time.
 
     Raises:

@@ -11,7 +11,7 @@ swept_tone            a simulated sweep, each way
 amplitude_spectrum    the spectrum of a simulated drive
 beating               its envelope over two beats
 periods               some of its periods
-measurement           what was measured beside what the model says: a panel of its own figure
+measurement           what was measured next to the model's values: a panel of its own figure
 drive_envelope        the envelope of an experiment's drive
 drive_periods         some periods of it
 candidates            the expected error of a design's target, by kinds of candidates
@@ -91,7 +91,7 @@ def profile(result: Inference | Value, name: str = "", *, ax: Axes | None = None
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
-        BadInput: a value that there is not, or whose profile was not walked.
+        BadInput: a value that there is not, or whose profile was not scanned.
     """
     if isinstance(result, Valued):
         result = _value_of(result, name)
@@ -170,7 +170,7 @@ def deviations(result: Valued | Result, *, ax: Axes | None = None) -> Axes:
 
 @renamed
 def measurement(result: Valued, name: str = "", *, number: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw what was measured beside what the model says: a panel of a measurement's own figure.
+    """Draw what was measured next to the model's values: a panel of a measurement's own figure.
 
     Every kind of measurement has such figures; the report shows them whole.
 

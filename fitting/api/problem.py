@@ -51,7 +51,7 @@ class Problem:
 
     Its functions of the parameters take p of the shape (n,) or any stack of such, (..., n), in the
     parameters' units and in the order of ``names``; they have no memory and change nothing. They
-    are those of one of the ``alternatives``: the first, or what `with_alternative` says.
+    are those of one of the ``alternatives``: the first, or that of `with_alternative`.
 
     Args:
         fmu: The FMU, its path, or the name of a model that is shipped.
@@ -61,7 +61,7 @@ class Problem:
             (`fitting.measurements.measurement.Measurement`), one or several, at least one fitted.
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
-        noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.
+        noise: Noise of all amplitudes, next to the ``sigmas_v`` of the measurements.
         accuracy: Wanted relative accuracy of simulated amplitudes, between 0 and 1; None: those of
             the setups, or a tenth of the noise of the data.
 
@@ -184,7 +184,7 @@ class Problem:
         return other
 
     def widened(self, factor: float, p: npt.ArrayLike) -> Problem:
-        """The same problem, whose rows of unknown noise tell so much less of the parameters.
+        """The same problem, whose rows of unknown noise constrain the parameters so much less.
 
             S(p) -> S(p0) + (S(p) - S(p0))/factor^2
 
@@ -274,7 +274,7 @@ class Problem:
 
     @cached_property
     def objective(self) -> Objective:
-        """The model beside the data, with the steps of its Jacobian."""
+        """The model next to the data, with the steps of its Jacobian."""
         record = self.record
         response = self.respond(record.alternatives[self._alternative])
         return make_objective(response, record.parameters, record.data)
@@ -348,8 +348,8 @@ class Problem:
             p: Parameters, shape (..., n), in their units.
 
         Raises:
-            BadInput: the noise of some rows is not known, and they are too few to tell it, or share
-                the error of a scale.
+            BadInput: the noise of some rows is not known, and they are too few to estimate it, or
+                share the error of a scale.
             FmuFailure: the FMU failed at one of them.
         """
         _ = self.density.noise, self.density.dof  # what they refuse is not simulated
@@ -442,7 +442,7 @@ def named_fmu(named: WrittenFmu, workers: int = 2) -> Fmu:
     """The FMU that a campaign names; a model of this project is built on the spot.
 
     Args:
-        named: What the campaign says of it.
+        named: What the campaign states of it.
         workers: Number of processes, at least 1.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Which files each job writes: nobody else's of these names is replaced.
+"""Which files each job writes: none of these names of another job is replaced.
 
 Literal names, which the help of a command knows before any library is loaded.
 """

@@ -1,6 +1,6 @@
 """Data without files: parameters, tones and sweeps as a program has them, checked as files are.
 
-What is nonsense is refused where it is made; what only the FMU can tell (names, units, ranges) when
+What is nonsense is refused where it is made; what depends on the FMU (names, units, ranges) when
 `bind_arrays` meets its variables. Plain numbers are in the FMU's unit, texts such as "6.94 MHz"
 have their own.
 """
@@ -111,7 +111,7 @@ class Tones:
         peaks_v: Measured peak amplitudes of the lines, shape (m, l), in ``amplitude_unit``; or
             complex values z of Re[z exp(i 2 pi u t)], as a lock-in amplifier has them.
         sigmas_v: Standard deviations of the amplitudes, or of each quadrature, shape (m, l), in
-            ``amplitude_unit``; NaN or None where nobody knows them.
+            ``amplitude_unit``; NaN or None where they are not known.
         lines_hz: Frequencies of the lines, shape (m, l), Hz; None: the tones.
         settings: Start values of the FMU by variable, one for all experiments or (m,) of them, in
             the FMU's units.
@@ -218,7 +218,7 @@ class Sweep:
             points; "maximum": ratio of the maxima; "robust": Huber's estimate over the points;
             "free": a fitted one; "none": 1.
         background: Of the line that is fitted to it without the FMU: "none" or "complex"; "offset"
-            (use "fit"): a constant added to the amplitudes, which is solved beside the FMU's, too;
+            (use "fit"): a constant added to the amplitudes, which is solved together with the FMU;
             "slope": one that changes linearly with frequency.
         amplitude_unit: The detector's.
         series: Measurements of one series share their scale and setup.
@@ -334,7 +334,7 @@ def bind_arrays(
         variables: of the FMU, by name.
         derived: outputs of the FMU that are reported.
         alternatives: values to try by variable, in all combinations.
-        noise: what is declared beside the ``sigmas_v``.
+        noise: what is declared next to the ``sigmas_v``.
 
     Raises:
         BadInput: nothing to fit, unknown variables, units or kinds that do not match, one series

@@ -1,6 +1,6 @@
-"""What a campaign fixes although it might be otherwise: `[[assumptions]]`, beside the FMU.
+"""What a campaign fixes although it might be otherwise: `[[assumptions]]`, next to the FMU.
 
-A result rests on quantities that no fit moves, as the direction of a pump. Each assumption says
+A result rests on quantities that no fit moves, as the direction of a pump. Each assumption states
 what might be instead: another value, another law, or the same model at another place of its
 parameters. What a fit would give then is computed at its end
 (`fitting.inference.checks.assumptions`).

@@ -55,7 +55,7 @@ class Assumption:
     Args:
         that: what is assumed, in words.
         otherwise: what might be instead, in words.
-        setup: the campaign's with that instead; None where ``start`` says it.
+        setup: the campaign's with that instead; None where ``start`` states it.
         start: formulas of parameters, by name, from whose values the fit is repeated.
     """
 
@@ -77,8 +77,8 @@ class BoundCampaign(CampaignHead):
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
     the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables;
-    ``taken`` are start values that nobody measured, with their units, ``assumptions`` what might be
-    otherwise.
+    ``taken`` are start values that were not measured, with their units, ``assumptions`` what might
+    be otherwise.
     """
 
     path: Path

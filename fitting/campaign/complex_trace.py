@@ -1,6 +1,6 @@
 """Complex traces: what a lock-in amplifier or a network analyser wrote, as complex values.
 
-A file tells them in one of four ways, each column with its unit: X and Y, real and imaginary part,
+A file has them in one of four ways, each column with its unit: X and Y, real and imaginary part,
 amplitude and phase, or dB and phase. Phases may be wrapped or not. Values count phases as
 output(t) = Re[value exp(i 2 pi u t)]: the phase of a response falls with frequency.
 """
@@ -56,7 +56,7 @@ LEAST_CABLE = 0.25
 class MeasuredComplex:
     """Complex values (n,) in ``unit`` at ``frequency_hz`` (n,), Hz, rising.
 
-    As arrays they are ``y`` and ``u_hz``. ``left_out`` says which rows of the file are not here,
+    As arrays they are ``y`` and ``u_hz``. ``left_out`` states which rows of the file are not here,
     and why; empty: none.
 
     Raises:
@@ -107,7 +107,7 @@ def read_complex(
 
     Args:
         path: of the file.
-        layout: how the instrument writes; None: told by the content.
+        layout: how the instrument writes; None: recognised by the content.
         columns: names of columns, where they are not the usual ones.
         trace: (rohde-schwarz) which trace, from 1.
         chunk: (zurich) which sweep of the file.
@@ -285,11 +285,11 @@ def check_sense(result: MeasuredComplex, delay_s: float | None, where: str) -> N
 
 
 def check_delay(result: MeasuredComplex, delay_s: float | None, where: str) -> None:
-    """Complain of a cable that turns the phases by more than a turn and that nobody told.
+    """Complain of a cable that turns the phases by more than a turn and that was not stated.
 
     Args:
         result: complex values.
-        delay_s: of the cable as it was told, s; None: it is fitted.
+        delay_s: of the cable as it was stated, s; None: it is fitted.
         where: file and table, for complaints.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What a bound campaign must not contradict: settings of variables, tones, laws beside the FMU."""
+"""What a bound campaign must not contradict: settings of variables, tones, laws next to the FMU."""
 
 from __future__ import annotations
 
@@ -86,9 +86,9 @@ def settings_by_place(
 
 
 def check_tones(bound: BoundCampaign, binder: Binder) -> None:
-    """Refuse a tone beside those that the drive names, with an amplitude that is not zero.
+    """Refuse a tone next to those that the drive names, with an amplitude that is not zero.
 
-    These are tones whose parameters are named like those of the drive, as u2 and A2 beside u1.
+    These are tones whose parameters are named like those of the drive, as u2 and A2 next to u1.
 
     Args:
         bound: campaign, bound to its FMU.

@@ -37,7 +37,7 @@ REACH = 0.8
 class MeasuredSpectrum:
     """Peak amplitudes (n,) at ``frequency_hz`` (n,), under ``controls`` as they were written.
 
-    ``drive`` (n,) is the amplitude of the drive over its level, None where no column tells it.
+    ``drive`` (n,) is the amplitude of the drive over its level, None where no column states it.
     """
 
     label: str

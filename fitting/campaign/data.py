@@ -47,7 +47,7 @@ OUTPUT_COLUMN = "output"
 class Campaign:
     """The campaign with its data; what depends on the FMU's variables is still as written.
 
-    ``path`` is the campaign file, ``file`` what it says; ``measurements`` are those of further
+    ``path`` is the campaign file, ``file`` what it states; ``measurements`` are those of further
     kinds, by their tables; ``unit`` is that of the amplitudes, empty for the declared one.
     """
 
@@ -114,7 +114,7 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
 
     Args:
         path: of the file.
-        kinds: of measurements that it may hold, beside experiments and a sweep.
+        kinds: of measurements that it may hold, next to experiments and a sweep.
 
     Raises:
         BadInput: one line with file, row, column or key, what was found, what is wanted.

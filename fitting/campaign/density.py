@@ -31,7 +31,7 @@ class Density:
 
 
 def density_of(numbers: FloatArray, unit: str) -> Density | None:
-    """The density that a column holds, or its root, or levels; None: the unit tells none of them.
+    """The density that a column holds, or its root, or levels; None: none follows from the unit.
 
     Args:
         numbers: of the column, shape (n,).
@@ -50,11 +50,11 @@ def density_of(numbers: FloatArray, unit: str) -> Density | None:
 
 
 def relative_density(numbers: FloatArray, unit: str | None, holds: str) -> Density:
-    """The density of a column whose unit does not tell it, as relative numbers.
+    """The density of a column whose unit does not determine it, as relative numbers.
 
     Args:
         numbers: of the column, shape (n,).
-        unit: of the column; None: none is told.
+        unit: of the column; None: none is stated.
         holds: `DENSITY` or `ROOT`.
     """
     if (unit or "").startswith("dB"):

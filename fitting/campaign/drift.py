@@ -11,7 +11,7 @@ Experiments of one state, by time stamp or by drive, share their delta.
 What a sweep or another measurement is fitted at is stated by itself: v = stated + delta, delta ~
 N(0, sigma^2). The eigenfrequency that ``set`` of a sweep states was read from an instrument; the
 sweep itself shows it, often far better. Taken as exact, its error would be read as knowledge: how
-far the line stands from the stated place tells of the damping, by what it couples. So every fitted
+far the line is from the stated place depends on the damping, by what it couples. So every fitted
 sweep, and every further measurement, has such offsets: of what ``set_sigma`` gives an error, sigma
 is that; of what drifts, it is the prior of the drift, or, where the drift is a straight line and
 has none, the larger of its size and the width of the line.
@@ -233,7 +233,7 @@ def _corrections(
 def drift_priors(campaign: Campaign, binder: Binder, drift: Drift) -> tuple[Prior, ...]:
     """Priors of what the drift table names, for measurements that are no experiments.
 
-    Of an experiment one offset may stand for all variables that drift together; elsewhere every
+    Of an experiment one offset may represent all variables that drift together; elsewhere every
     value was stated by itself, with an error of its own, unless ``share = true`` is written.
 
     Args:
@@ -284,7 +284,7 @@ def _priors_at(
     sigmas: Mapping[str, float],
     width_hz: float,
 ) -> list[Prior]:
-    """Priors of everything that has an error where these settings hold, beside a line."""
+    """Priors of everything that has an error where these settings hold, next to a line."""
     stated = {**bound.setup.start_values, **settings}
     for name in sigmas:
         if name not in stated:

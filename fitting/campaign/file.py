@@ -2,9 +2,9 @@
 
 The fields of a record here are the keys of its table, with what they mean below them; what else is
 to be checked is in its `__post_init__`. `read_campaign_file` reads and checks them, and
-`fitting.measurements.schema` tells editors of them. No data file is opened, and what depends on the
-FMU's variables (their units, whether they are there) is still as written. Tables of further kinds
-of measurements are described where the kinds are (`fitting.campaign.kind`).
+`fitting.measurements.schema` describes them to editors. No data file is opened, and what depends on
+the FMU's variables (their units, whether they are there) is still as written. Tables of further
+kinds of measurements are described where the kinds are (`fitting.campaign.kind`).
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class WrittenFmu(Keys):
     start: Mapping[str, Value] = field(default_factory=dict)
     """Start value of any FMU variable that can be set."""
     taken: Texts = ()
-    """Start values that nobody measured: a result says which values hold under them alone."""
+    """Start values that were not measured: a result states which values hold under them alone."""
 
     def __post_init__(self) -> None:
         if (self.model is None) == (self.file is None):
@@ -169,7 +169,7 @@ class WrittenDrive(Keys):
 
 @dataclass(frozen=True)
 class TraceFormat:
-    """How a trace file is read: layout (None: told by its content), amplitude, selection in it."""
+    """How a trace file is read: layout (None: by its content), amplitude, selection in it."""
 
     layout: str | None
     amplitude: Amplitude
@@ -216,10 +216,10 @@ class WrittenTrace(Keys):
     impedance: Annotated[float | None, Quantity("ohm")] = None
     """With dBm only, and required there."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
-    """How the instrument writes; without it the file's content tells."""
+    """How the instrument writes; without it the file's content decides."""
     columns: Columns = field(default_factory=Columns)
     """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
-    where the file tells none."""
+    where the file states none."""
     trace: Annotated[Count | None, Usually(1)] = None
     """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
@@ -265,7 +265,7 @@ class WrittenExperiments(WrittenTrace):
     """What is taken off a peak z: "robust": sqrt(z^2 - sigma^2), sigma from the median; "mean":
     z - mean; "none"."""
     phases: Texts = ()
-    """Columns of phases beside 'peaks', one per line read, deg or rad in the header; peaks are
+    """Columns of phases next to 'peaks', one per line read, deg or rad in the header; peaks are
     complex values then, and peak_sigmas those of each quadrature."""
     x: Texts = ()
     """Or columns of X, the real part, one per line read, unit in the header."""
@@ -361,7 +361,7 @@ class WrittenSweep(WrittenTrace):
     over the sweep; "robust": Huber's estimate over it; "free": a fitted ln_scale; "none": 1."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
     """Of the line fit to the sweep: "none" or one "complex" constant; "offset" (use = "fit"): a
-    constant that is added to its amplitudes, as a detector's zero, solved beside the FMU's, too;
+    constant that is added to its amplitudes, as a detector's zero, solved together with the FMU;
     "slope": one that changes linearly with frequency."""
 
     def __post_init__(self) -> None:
@@ -373,7 +373,7 @@ class WrittenSweep(WrittenTrace):
 
 
 def offset_trouble(background: str, use: str, scale: str) -> tuple[str, ...]:
-    """What a constant beside the amplitudes of a sweep wants and lacks, in words; mostly nothing.
+    """What a constant next to the amplitudes of a sweep wants and lacks, in words; mostly nothing.
 
     Args:
         background: of the sweep.
@@ -454,11 +454,11 @@ class WrittenDrift(Keys):
 class WrittenNoise(Keys):
     """Declared noise: ``relative`` (a share of the amplitude) and ``absolute``.
 
-    Both are standard deviations and add in quadrature to what the data tell of themselves.
+    Both are standard deviations and add in quadrature to the scatter of the data.
     """
 
     relative: Share = 0.0
-    """Standard deviation of every amplitude as a share of it, beside the floor's."""
+    """Standard deviation of every amplitude as a share of it, next to the floor's."""
     absolute: Value | None = None
     """Standard deviation of every amplitude, as "0.1 uV"."""
     outliers: Annotated[Text, OneOf(OUTLIERS)] = "keep"
@@ -468,7 +468,7 @@ class WrittenNoise(Keys):
 
     @property
     def is_stated(self) -> bool:
-        """Whether it says how large the noise is, or what is done with outliers."""
+        """Whether it states how large the noise is, or what is done with outliers."""
         return bool(self.relative or self.absolute is not None or self.outliers != OUTLIERS[0])
 
 
@@ -488,7 +488,7 @@ class WrittenAssumption(Keys):
     value: Value | None = None
     """What the quantity might be instead."""
     law: Text | None = None
-    """The formula that it might follow instead; the name of a variable with a law stands for that
+    """The formula that it might follow instead; the name of a variable with a law represents that
     law."""
     start: Mapping[str, Text] = field(default_factory=dict)
     """Parameter: formula of the fitted values; the fit is repeated from there, whatever its
@@ -567,7 +567,7 @@ class WrittenReduction(Keys):
 class WrittenAccuracy(AccuracyNames):
     """How accurate amplitudes must be, and what may be left out for it.
 
-    `fitting.fmu.accuracy.AccuracyAnnotation` tells what the names mean.
+    `fitting.fmu.accuracy.AccuracyAnnotation` states what the names mean.
     """
 
     amplitude: Positive | None = None
@@ -647,12 +647,12 @@ class WrittenDesign(Keys):
     relative_noise: Annotated[Number | None, Usually(0.01)] = None
     """Noise of a peak as a share of it, which averaging does not lower."""
     phases: Switch | None = None
-    """The detector tells phases, too, against a reference phase that is unknown; without it as in
-    the campaign's own experiments."""
+    """The detector measures phases, too, against a reference phase that is unknown; without it as
+    in the campaign's own experiments."""
     largest: Value | None = None
     """What the detector bears; without it twice the largest amplitude seen."""
     number: Annotated[Repeats | None, Usually(6)] = None
-    """Measurements, at most; beside a time 50 where nothing is said."""
+    """Measurements, at most; with a time 50 where no number is stated."""
     time: Annotated[float | None, Quantity("s")] = None
     """Of the laboratory, for all next measurements together: what they take, see below, is no more
     than that."""
@@ -686,7 +686,7 @@ class WrittenDesign(Keys):
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignHead(Keys):
-    """What a campaign says that holds for it in a file and beside its FMU alike."""
+    """What a campaign states that holds for it in a file and next to its FMU alike."""
 
     title: Text
     """Heading of the report."""
@@ -698,7 +698,7 @@ class CampaignHead(Keys):
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenCampaign(CampaignHead):
-    """Everything the campaign file says; data files are named here, not read."""
+    """Everything the campaign file states; data files are named here, not read."""
 
     fmu: WrittenFmu
     """The FMU and its start values."""
@@ -781,7 +781,7 @@ class WrittenCampaign(CampaignHead):
         """How tones drive the FMU.
 
         Raises:
-            BadInput: the campaign holds traces alone, and says nothing of tones.
+            BadInput: the campaign holds traces alone, and nothing of tones.
         """
         if self.drive is None:
             raise BadInput("the campaign has no [drive], wanted one: what is asked rests on tones")
@@ -856,7 +856,7 @@ def read_campaign_file(path: Path, kinds: Sequence[type[MeasurementTable]] = ())
 
     Args:
         path: of the file.
-        kinds: of measurements that it may tell of, beside experiments and a sweep.
+        kinds: of measurements that it may contain, next to experiments and a sweep.
 
     Raises:
         BadInput: no such file, or not TOML, then with what it is instead; or a key that is missing,

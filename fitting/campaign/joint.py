@@ -15,8 +15,8 @@ def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, .
     """Parameters of campaigns that are fitted together, and notes where these begin elsewhere.
 
     Parameters of a whole campaign are shared by name and must have the same unit, box, period and
-    prior; where start, reference or scale differ, those of the first campaign are taken, and a note
-    says so. Drift offsets, other values of single experiments and fitted scales stay apart.
+    prior; where start, reference or scale differ, those of the first campaign are taken, which
+    a note states. Drift offsets, other values of single experiments and fitted scales stay apart.
 
     Args:
         bounds: campaigns, each bound to its FMU.

@@ -6,7 +6,7 @@
                                  one FMU
 
 A kind is a class that is derived from `MeasurementTable`, in a room above this one; readers of
-campaigns are given the kinds that a file may tell of (`fitting.measurements.kinds`). Experiments
+campaigns are given the kinds that a file may contain (`fitting.measurements.kinds`). Experiments
 and the sweep are fields of the campaign itself, because drift, noise and scale rest on them.
 """
 
@@ -50,7 +50,7 @@ class BoundMeasurement(Protocol):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What is fitted beside the FMU's parameters, as the delay of a cable."""
+        """What is fitted next to the FMU's parameters, as the delay of a cable."""
 
     def within(self, setup: Setup, series: str) -> BoundMeasurement:
         """The same as part of a series that is driven so.
@@ -63,7 +63,7 @@ class BoundMeasurement(Protocol):
 
 @runtime_checkable
 class AtStatedValues(Protocol):
-    """What a bound measurement tells of the values that it is stated to have been made at."""
+    """What a bound measurement shows at the values that it is stated to have been made at."""
 
     @property
     def line_width_hz(self) -> float | None:
@@ -101,7 +101,7 @@ class ReadMeasurement(Protocol):
 
 
 class MeasurementTable(Keys):
-    """A table of campaign.toml that tells of one measurement: a frozen record of its keys.
+    """A table of campaign.toml that describes one measurement: a frozen record of its keys.
 
     ``TABLE`` is its name in the file. With ``REPEATED`` it is an array of tables, [[TABLE]], which
     are read and fitted together. With ``TRANSIENT`` its runs begin with the record: they need

@@ -125,7 +125,7 @@ class Laws:
             sin, tan, acos, asin, atan.
         constants: Numbers that they name: plain ones, or texts with a unit as "1 H".
         source: What complaints name them by.
-        bound: The same with all units, beside an FMU.
+        bound: The same with all units, next to an FMU.
         controls: Units of the control quantities that no variable of the FMU holds.
 
     Raises:
@@ -167,7 +167,7 @@ class Laws:
 
     @cached_property
     def _remembered(self) -> dict[tuple[Scalar | None, ...], dict[str, float]]:
-        """What laws said, by the values of all names: answers to equal questions, no state."""
+        """Values of laws, by the values of all names: answers to equal questions, no state."""
         return {}
 
     @cached_property
@@ -192,12 +192,12 @@ class Laws:
 
         Args:
             targets: units of the FMU's variables that follow a law, empty where it declares none.
-            parameters: units of coefficients and fitted variables, which names can stand for.
+            parameters: units of coefficients and fitted variables, which names can represent.
             variables: units of variables of the FMU that measurements or start values set.
             controls: units of quantities that no variable holds.
 
         Raises:
-            BadInput: a name that stands for nothing, a dimension that is not the target's.
+            BadInput: a name that represents nothing, a dimension that is not the target's.
         """
         units = {**variables, **controls, **parameters}
         kinds = {"a parameter": parameters, "a control quantity": controls}
@@ -231,7 +231,7 @@ class Laws:
     def applied(
         self, values: Mapping[str, Scalar], coefficients: Mapping[str, float]
     ) -> dict[str, Scalar]:
-        """Start values with what the laws say of them, without the control quantities.
+        """Start values with those that laws determine, without the control quantities.
 
         Args:
             values: of the FMU's variables and of control quantities, by name.

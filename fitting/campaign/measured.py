@@ -158,8 +158,8 @@ def checked_experiment(e: Experiment) -> Experiment:
 class SweepData:
     """The FRF sweep: ``frequency_hz``, ``amplitude_v`` peak, ``phase_rad`` or None, (n,) each.
 
-    ``unit`` is the detector's; ``notes`` are header entries of the instrument; ``left_out`` says
-    which points of the file are not among them, and why. ``use``, ``scale`` and ``background`` say
+    ``unit`` is the detector's; ``notes`` are header entries of the instrument; ``left_out`` states
+    which points of the file are not among them, and why. ``use``, ``scale`` and ``background`` are
     what it serves; ``settings`` are in the FMU's units, ``setting_sigma`` their declared errors;
     ``label`` is what values of its own are named by, empty where it has none.
 

@@ -3,8 +3,8 @@
     sigma^2 = floor^2 + (relative A)^2 + absolute^2
 
 floor from the spectra (or the columns of standard deviations); relative and absolute as declared;
-where no relative part is declared, repeated experiments tell it. The sweep has no floor of its own
-to read: without a declaration the scatter of its top about a parabola stands for it.
+where no relative part is declared, it follows from repeated experiments. The sweep has no floor of
+its own to read: without a declaration the scatter of its top about a parabola is taken for it.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise
     """Standard deviation of every sweep point (n,), in its unit: as declared, else as it scatters.
 
     The scatter is taken for absolute: equal at all points, as the noise of a detector is; and for
-    as large as the few points allow that tell it (Student's t).
+    as large as the few points allow from which it is estimated (Student's t).
 
     Args:
         frequency_hz: frequencies (n,), Hz.

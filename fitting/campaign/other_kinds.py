@@ -16,7 +16,7 @@ _FROM_FILES = "fmu-fit init FILE writes one, of a file of measurements"
 
 
 def other_kind(path: Path) -> BadInput | None:
-    """The complaint of a path that is no campaign's; None: nothing tells what it is.
+    """The complaint of a path that is no campaign's; None: nothing shows what it is.
 
     Args:
         path: of a folder, or of a file that is not TOML.

@@ -83,8 +83,8 @@ class Parameter(ParameterTable[float]):
     ``prior`` is the standard deviation of a Gaussian prior about ``reference``; without it
     only box and Tikhonov term hold the value. ``role`` "coefficient" is no variable of the FMU but
     one of the laws that variables follow, "scale" the logarithm of a factor on the scale. ``least``
-    and ``most`` are what the model itself allows, as it declares it: the box says where to look,
-    these say what there is.
+    and ``most`` are what the model itself allows, as it declares it: the box states where to look,
+    these what there is.
 
     Raises:
         BadInput: bounds reversed, start outside, a number not finite, scale, period or prior
@@ -147,7 +147,7 @@ class Parameter(ParameterTable[float]):
 
     @property
     def is_angle(self) -> bool:
-        """Whether it is an angle, with a period told or not."""
+        """Whether it is an angle, with a period stated or not."""
         return self.unit == "rad"
 
     @property
@@ -181,7 +181,7 @@ class Parameter(ParameterTable[float]):
 
         A prior of a value that the model depends on may be far wider than the data leave it: two
         of its values may fit alike. Offsets of single experiments and factors on a scale are
-        made with a prior as narrow as what they stand for.
+        made with a prior as narrow as what they represent.
         """
         return self.prior is None or (self.moves_model and not self.experiments)
 

@@ -1,4 +1,4 @@
-"""What a file is, said to people: its layout in words, its columns, and what they seem to be."""
+"""What a file is, for people: its layout in words, its columns, and what they seem to be."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Recognised:
 
     @property
     def without_unit(self) -> tuple[str, ...]:
-        """Roles whose column tells no unit: the campaign has to, as "column 1 (Hz)"."""
+        """Roles whose column states no unit: the campaign has to, as "column 1 (Hz)"."""
         return tuple(c.role for c in self.columns if c.role and c.unit is None)
 
     @property
@@ -102,7 +102,7 @@ def recognised(path: Path, selection: Selection | None = None) -> Recognised:
 
     Raises:
         BadInput: no such file, not readable, a kind without columns of numbers, or a table with a
-            row that is none; says which kind it is, and what to do.
+            row that is none; states which kind it is, and what to do.
     """
     selection = selection or Selection()
     layout = layout_in(path, selection)
@@ -191,7 +191,7 @@ class _Roles:
         return True
 
     def parts(self) -> None:
-        """Real and imaginary part: by usual names, as one quantity, or as their names say."""
+        """Real and imaginary part: by usual names, as one quantity, or as their names state."""
         x, y = usual(self.recording, X), usual(self.recording, Y)
         if x is not None and y is not None and usual(self.recording, AMPLITUDE) is None:
             self._give(x, "re")
@@ -287,7 +287,7 @@ _PAIRS = {"real": ("imag", "imaginary", "im"), "re": ("im", "imag"), "x": ("y",)
 
 
 def _other_part(channel: Channel, free: Sequence[Channel]) -> Channel | None:
-    """The imaginary part to a real one whose name says so: "S21 (REAL)", "re_s21", "X1"."""
+    """The imaginary part to a real one by its name: "S21 (REAL)", "re_s21", "X1"."""
     key = _letters(channel)
     for match in re.finditer(rf"(?<![a-z])({_REAL_WORDS})(?![a-z])", key):
         for partner in _PAIRS[match[1]]:

@@ -27,7 +27,7 @@ class Drive:
         input: The input that is driven instead.
         amplitude: Of every tone that drives, in the unit of ``amplitude_names`` or ``input``.
         samples_per_period: How often ``input`` is set anew in a period.
-        frequency_unit: Of ``frequency_names``, where the FMU declares none; empty: as the FMU says.
+        frequency_unit: Of ``frequency_names``, where the FMU declares none; empty: the FMU's.
         highest_order: Combinations of tones up to this order may be in the response.
 
     Raises:
@@ -60,19 +60,19 @@ class Drive:
 
     @property
     def tone_unit(self) -> str:
-        """Unit of ``frequency_names``; Hz where nobody says another."""
+        """Unit of ``frequency_names``; Hz where none is stated."""
         return self.frequency_unit or "Hz"
 
     @property
     def kind(self) -> str:
-        """Who makes the tones: "tones", the FMU; "input", its input is driven; "none": nobody."""
+        """What makes the tones: "tones", the FMU; "input", its input is driven; "none": nothing."""
         if self.input is not None:
             return "input"
         return "tones" if self.frequency_names else "none"
 
 
 class UsualAccuracy(float):
-    """An accuracy that nobody has requested: a plan takes that for the noise of the data."""
+    """An accuracy that was not requested: a plan takes that for the noise of the data."""
 
 
 #: Wanted relative accuracy of simulated amplitudes where none is requested and no noise is known.
@@ -89,7 +89,7 @@ class Setup:
         output: The variable that is observed.
         start_values: Start values of every run by variable, none of them a fitted one.
         steady_start: Whether the FMU begins on its periodic orbit: then nothing has to settle.
-        line_width_hz: Width of the narrowest line, Hz, which tells how long settling takes.
+        line_width_hz: Width of the narrowest line, Hz, which determines how long settling takes.
         accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1; none: a
             tenth of the noise of the data, or what the FMU can give, where that is less.
         annotation: What is known of the FMU's accuracy, and of what it may leave out.
@@ -110,5 +110,5 @@ class Setup:
 
     @property
     def usual_accuracy(self) -> bool:
-        """Whether nobody has requested the accuracy."""
+        """Whether the accuracy was not requested."""
         return isinstance(self.accuracy, UsualAccuracy)

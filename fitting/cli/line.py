@@ -90,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @writes(NAME, *FILES)
 def run(args: argparse.Namespace) -> int:
-    """Find the line and tell it; returns 0.
+    """Find the line and print it; returns 0.
 
     Raises:
         BadInput: a file that is not read, or without one resonance that it holds whole.

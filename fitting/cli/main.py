@@ -166,7 +166,7 @@ def _surroundings(error: Exception) -> str:
 
 
 def _kept(error: Exception, given: Sequence[str]) -> str:
-    """What went wrong in a line, and the file that tells all of it."""
+    """What went wrong in a line, and the file with all of it."""
     what = " ".join(traceback.format_exception_only(error)[-1].split())
     text = "".join(traceback.format_exception(error))
     head = (

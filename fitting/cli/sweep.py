@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _frequencies_hz(args: argparse.Namespace) -> list[float]:
-    """Evenly spaced, in decimals: what is said in MHz is not to be off by a rounding."""
+    """Evenly spaced, in decimals: what is given in MHz is not to be off by a rounding."""
     low, high = (
         positive_quantity(text, "Hz", where=option)
         for text, option in ((args.low, "--from"), (args.high, "--to"))

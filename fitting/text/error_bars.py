@@ -1,8 +1,8 @@
-"""What is written beside a value: ± where that is true, else the error on either side.
+"""What is written next to a value: ± where that is true, else the error on either side.
 
-± stands for the 68 % interval of a profile likelihood, and is read as if the 95 % interval were
+± is the 68 % interval of a profile likelihood, and is read as if the 95 % interval were
 twice as long. A profile need be no parabola: its sides may differ, and beyond 68 % it may flatten
-towards another valley. Then both are said.
+towards another valley. Then both are printed.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ MISLEADING = 1.5
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorBars:
-    """How far the 68 % interval goes `below` and `above` the most likely value, and what ± tells.
+    """How far the 68 % interval goes `below` and `above` the most likely value, and what ± means.
 
-    `is_even`: half of the interval stands for both sides; `covers95`: 1.96 times the sides is the
+    `is_even`: half of the interval is taken for both sides; `covers95`: 1.96 times the sides is the
     95 % interval, near enough. Without a profile the sides are NaN, and both hold.
     """
 
@@ -44,7 +44,7 @@ class ErrorBars:
             value: the most likely one.
             std: half of the 68 % interval, in the same unit.
             unit: of the values.
-            interval95: the 95 % interval, which stands there where the error does not tell it.
+            interval95: the 95 % interval, which is printed where it does not follow from the error.
         """
         sides = (self.below, self.above)
         shown = quantity(value, std, unit) if self.is_even else uneven_quantity(value, sides, unit)
@@ -60,7 +60,7 @@ EVEN = ErrorBars()
 
 
 def error_bars(value: float, ci68: Interval, ci95: Interval, simulation: float) -> ErrorBars:
-    """The sides of a 68 % interval, and whether ± says them and the 95 % interval.
+    """The sides of a 68 % interval, and whether ± holds for them and the 95 % interval.
 
     How far the simulation's own error lengthens both intervals by as much is taken off before
     they are compared.

@@ -113,15 +113,15 @@ def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
 
 
 class NoScale(BadInput):
-    """Simulated and measured amplitudes that have no finite ratio; says which."""
+    """Simulated and measured amplitudes that have no finite ratio; states which."""
 
 
 class OutOfBudget(BadInput):
-    """A budget that was spent before there was anything to say."""
+    """A budget that was spent before there was any result."""
 
 
 class FmuFailure(Exception):
-    """An FMU failed; says so in the FMU's own words.
+    """An FMU failed; in the FMU's own words.
 
     ``message`` what happened, with the sentences that the FMU logged; ``parameters`` the start
     values of the run that did it; ``fmu`` the file. Of a batch of runs ``at`` is the number of that

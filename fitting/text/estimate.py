@@ -224,7 +224,7 @@ class FittedEstimate(Estimate):
 
     @property
     def bars(self) -> ErrorBars:
-        """What is printed beside the value: ± or both sides."""
+        """What is printed next to the value: ± or both sides."""
         if not self.status.has_value:
             return EVEN
         return error_bars(self.likely, self.ci68, self.ci95, self.simulation)

@@ -83,7 +83,7 @@ def _kind(mode: int) -> str:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file under a temporary name beside it, then rename: never half a file.
+    """Write a file under a temporary name next to it, then rename: never half a file.
 
     Text is written as UTF-8 with line feeds on every system. Folders are made as needed. Below a
     folder that `results_folder` has opened, a file that others wrote is not replaced.

@@ -1,6 +1,6 @@
 """A folder of results: one command at a time writes there, and replaces only what it wrote.
 
-A small file beside the results, `RECORD_NAME`, holds for every file the command that wrote it and
+A small file next to the results, `RECORD_NAME`, holds for every file the command that wrote it and
 the digest of what it wrote. A file that is not in it, was changed since, or is another command's is
 kept, and the command that would replace it ends with a sentence. `LOCK_NAME` is there while a
 command writes; the system frees it when the process ends, however it ends.
@@ -182,7 +182,7 @@ class ResultsFolder:
         """Take files out of the record that are gone, as a checkpoint when the job is done.
 
         Where the disk takes no record any more, it names a file too many, which does no harm: that
-        must not hide what the command has to say of the disk.
+        must not hide the command's error about the disk.
         """
         missing = [name for name in self._own if not os.path.lexists(self.path / name)]
         for name in missing:
@@ -352,7 +352,7 @@ def open_folder_of(path: Path) -> ResultsFolder | None:
 def remove_earlier(folder: Path, names: Iterable[str]) -> None:
     """Remove from an open folder what its command wrote there earlier, and not this time.
 
-    To be called when all that a command writes is written: results of an earlier job beside those
+    To be called when all that a command writes is written: results of an earlier job next to those
     of this one would be taken for its own. Files that the command did not write are never touched.
 
     Args:

@@ -124,7 +124,7 @@ def read_text(path: Path) -> str:
 
 @contextmanager
 def naming_neighbours(path: Path) -> Iterator[None]:
-    """Where there is no file of that name, the complaint tells the one beside it that is alike.
+    """Where there is no file of that name, the error names the one next to it that is alike.
 
     Args:
         path: of the file that is read within.
@@ -140,7 +140,7 @@ def naming_neighbours(path: Path) -> Iterator[None]:
 
 
 def decoded(data: bytes) -> str:
-    """Text of bytes: UTF-16 where a mark or every second byte tells so, UTF-8, else Latin-1.
+    """Text of bytes: UTF-16 by a mark or every second byte, UTF-8, else Latin-1.
 
     Latin-1 is how older instruments write the micro sign, and takes any bytes.
 

@@ -100,7 +100,7 @@ def rewritten(text: str, edit: Callable[[Tables], None], head: Sequence[str] = (
     """The TOML ``text`` after ``edit`` of its tables, comments and layout kept.
 
     ``edit`` changes the tables in place; it is called twice, on the document and on its plain
-    values: where the document does not say the same afterwards, as some spellings defeat the
+    values: where the document does not hold the same afterwards, as some spellings defeat the
     library, the plain values are written, at the cost of layout and remarks. ``head`` are lines of
     remarks that take the place of those at the top of the text.
 

@@ -8,12 +8,12 @@ To add an instrument, add an entry to `vendors.LAYOUTS`, or a file here, of any 
 
     LAYOUT = Layout(name="mine", read=_read, recognises=lambda head: head.text.startswith("MINE"))
 
-It is found by being here: a campaign may say ``layout = "mine"`` at once, and `layout_of` tells it
-by the first bytes of a file (``head.data``; ``head.text`` where they are text). Which column is the
-frequency and which the amplitude is decided for all layouts in `roles`. A library that a layout
+It is found by being here: a campaign may state ``layout = "mine"`` at once, and `layout_of` knows
+it by the first bytes of a file (``head.data``; ``head.text`` where they are text). Which column is
+the frequency and which the amplitude is decided for all layouts in `roles`. A library that a layout
 needs is imported within its reader, under `fitting.campaign.instruments.libraries.understood`.
 
-`fitting.campaign.recognised` tells people what a file is, and guesses what its columns are.
+`fitting.campaign.recognised` describes to people what a file is, and guesses what its columns are.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def layout_of(path: Path) -> str:
 
 
 def layout_in(path: Path, selection: Selection) -> str:
-    """The name of the layout that a file is read in: columns of text, if their head is told.
+    """The name of the layout that a file is read in: columns of text, if their head is stated.
 
     Args:
         path: of the file.
@@ -118,7 +118,7 @@ def read_recording(
 
     Args:
         path: of the file.
-        layout: that it is written in; None: told by its content.
+        layout: that it is written in; None: recognised by its content.
         selection: of one of its traces, where it holds several; None: the first.
 
     Raises:
@@ -141,7 +141,7 @@ def read_trace(path: Path, layout: str | None, selection: Selection | None = Non
 
     Args:
         path: of the file.
-        layout: that it is written in; None: told by its content.
+        layout: that it is written in; None: recognised by its content.
         selection: what to take from the file.
 
     Raises:

@@ -32,7 +32,7 @@ SHOWN = 8
 
 @dataclass(frozen=True, eq=False)
 class NamedArray:
-    """An array by its name in the file, "group/name", with its unit where the file tells it.
+    """An array by its name in the file, "group/name", with its unit where the file states it.
 
     ``matrix`` is the name of the matrix whose column it is; empty for an array by itself.
     """
@@ -86,7 +86,7 @@ def columns_of(name: str, values: np.ndarray, unit: str | None = None) -> list[N
     Args:
         name: of the array.
         values: of any shape and type.
-        unit: as the file tells it.
+        unit: as the file states it.
     """
     array = np.asarray(values)
     if array.dtype.names is not None and array.ndim == 1:
@@ -111,11 +111,11 @@ def recording_of(
     Args:
         path: of the file.
         arrays: that it holds.
-        words: that say what the file is.
+        words: that state what the file is.
         selection: names of columns, where they are not the usual ones.
 
     Raises:
-        BadInput: no array of numbers, or several sweeps of which none is named; says what there is.
+        BadInput: no array of numbers, or several sweeps of which none is named; lists them.
     """
     if not arrays:
         raise BadInput(f"{path}: is {words}; it holds no arrays of numbers that could be a sweep")
@@ -194,7 +194,7 @@ def _named(
         path: of the file.
         arrays: that it holds.
         name: as it was asked for.
-        axis: beside which it is looked for first; None: anywhere.
+        axis: next to which it is looked for first; None: anywhere.
 
     Raises:
         BadInput: there is none, or several.

@@ -1,4 +1,4 @@
-"""Files that hold no columns of numbers: said by their kind, with what to do."""
+"""Files that hold no columns of numbers: named by their kind, with what to do."""
 
 from __future__ import annotations
 

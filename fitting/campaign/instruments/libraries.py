@@ -1,6 +1,6 @@
 """Formats that libraries read: HDF5, MATLAB, TDMS, Touchstone, Universal Files.
 
-A library is imported within its reader, under `understood`: without it the error says which extra
+A library is imported within its reader, under `understood`: without it the error states which extra
 of this package brings it.
 """
 
@@ -245,7 +245,7 @@ def _read_touchstone(path: Path, _: Selection) -> Recording:
 
 
 def _touchstone_name(path: Path, text: str) -> str:
-    """A file name whose ending tells the ports, as the library wants it."""
+    """A file name whose ending states the ports, as the library wants it."""
     lines = [line.partition("!")[0].split() for line in text.splitlines()]
     if "[version]" in {line[0].lower() for line in lines if line}:
         return "network.ts"

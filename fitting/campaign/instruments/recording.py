@@ -1,4 +1,4 @@
-"""What a file holds, whatever wrote it: named columns of numbers, each with the unit it tells."""
+"""What a file holds, whatever wrote it: named columns of numbers, each with the unit it states."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ MOST_COLUMNS = 10_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Channel:
-    """A column of a recording: its name, its unit as the file tells it (None: it does not).
+    """A column of a recording: its name, its unit as the file states it (None: it does not).
 
-    ``read`` gives its values (n,), checked then and not before: nobody may want this column.
+    ``read`` gives its values (n,), checked then and not before: it may never be needed.
     ``whole`` is its name with the groups of the file that it is in, as "warm/X"; empty: in none.
-    ``role`` and ``guessed`` say what it seems to be (`fitting.campaign.recognised`). ``lenient``
+    ``role`` and ``guessed`` state what it seems to be (`fitting.campaign.recognised`). ``lenient``
     gives its values with NaN where a cell is no number, if it is a column of text.
     """
 
@@ -54,7 +54,7 @@ class Channel:
 class Recording:
     """Columns of one file, all of one length.
 
-    ``places`` says for every point where it stands in the file; ``words`` say what the file is;
+    ``places`` states for every point where it is in the file; ``words`` state what the file is;
     ``notes`` hold header entries worth repeating; ``headed`` whether the file names its columns.
     """
 
@@ -66,13 +66,13 @@ class Recording:
     headed: bool = True
 
     def find(self, name: str) -> Channel | None:
-        """The column of that name, capitals apart, or None; a unit in brackets says its unit.
+        """The column of that name, capitals apart, or None; a unit in brackets states its unit.
 
         Args:
             name: of the column, as "R", or as "R (uV)" for a file without units, or as "group/R".
 
         Raises:
-            BadInput: the file tells another unit.
+            BadInput: the file states another unit.
         """
         exact = next((c for c in self.channels if c.name.lower() == name.lower()), None)
         if exact is not None:
@@ -186,7 +186,7 @@ def channel_of(name: str, unit: str | None, values: Numbers) -> Channel:
 
     Args:
         name: of the column.
-        unit: as the file tells it; None: it does not.
+        unit: as the file states it; None: it does not.
         values: (n,).
     """
     return Channel(
@@ -208,7 +208,7 @@ def of_table(table: Table, words: str = "", notes: Mapping[str, str] | None = No
 
     Args:
         table: as it was read.
-        words: that say what the file is.
+        words: that state what the file is.
         notes: of the file's header.
 
     Raises:
@@ -243,9 +243,9 @@ def of_rows(
 
     Args:
         path: of the file.
-        columns: name, unit (None: the file does not tell it) and place, from 0, of each.
+        columns: name, unit (None: the file does not state it) and place, from 0, of each.
         rows: number in the file and cells of each.
-        words: that say what the file is.
+        words: that state what the file is.
         notes: of the file's header.
         decimal_comma: whether numbers are written with a decimal comma.
     """

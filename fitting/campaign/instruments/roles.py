@@ -1,7 +1,7 @@
 """Which column of a recording is the frequency, the amplitude, X, Y: by usual names, or guessed.
 
 What a campaign reads goes by the names that it gives, or else by usual ones: never by a guess. The
-guesses are for people to look at: `fitting.campaign.recognised` tells them with words.
+guesses are for people to look at: `fitting.campaign.recognised` describes them in words.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def usual_frequency(recording: Recording) -> Channel | None:
 def parts_by_name(recording: Recording) -> tuple[Channel, Channel] | None:
     """Columns that are the two parts of one quantity, as conductance and susceptance; else None.
 
-    They are in units of one kind, and no phase stands beside them: R beside one is an amplitude.
+    They are in units of one kind, and no phase is next to them: R next to one is an amplitude.
 
     Args:
         recording: what was read.
@@ -103,7 +103,7 @@ def frequency_of(recording: Recording, wanted: str) -> Channel:
         wanted: name of the campaign; empty: none.
 
     Raises:
-        BadInput: there is none; says so of a recording over time.
+        BadInput: there is none; states so of a recording over time.
     """
     result = requested_column(recording, wanted, FREQUENCY)
     if result is not None:

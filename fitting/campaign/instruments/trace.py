@@ -1,4 +1,4 @@
-"""One trace of a file, what to take from a file, and what a layout has to say of itself."""
+"""One trace of a file, what to take from a file, and what a layout has to state of itself."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class RawTrace:
     """A trace in the units of its file.
 
     ``frequency``, ``amplitude`` and ``phase`` (n,) (phase may be None), each with its unit as
-    written; ``places`` says for every point where it stands in the file; ``notes`` holds header
-    entries worth repeating, ``left_out`` says which rows are not here, and why.
+    written; ``places`` states for every point where it is in the file; ``notes`` holds header
+    entries worth repeating, ``left_out`` states which rows are not here, and why.
     """
 
     path: Path
@@ -79,7 +79,7 @@ class ComplexColumns(Columns):
 class Selection(ComplexColumns):
     """What to take from a file that holds more: column names, trace number, chunk.
 
-    Empty names mean the usual ones, and a name may say the unit that the file does not, as
+    Empty names mean the usual ones, and a name may state the unit that the file does not, as
     "column 2 (mV)"; ``time`` is of a recording over time, ``further`` of other columns that are
     wanted; ``trace`` counts from 1 (rohde-schwarz, keysight); ``chunk`` is the sweep's number as
     LabOne writes it (None: the file must hold one only); ``header_row`` is the row of the names of
@@ -94,7 +94,7 @@ class Selection(ComplexColumns):
 
     @property
     def parts(self) -> dict[str, int]:
-        """What is told of where in the file it is, by the keys of a campaign."""
+        """Where in the file it is, by the keys of a campaign."""
         given = {"trace": self.trace if self.trace != 1 else None, "chunk": self.chunk}
         given["header_row"] = self.header_row
         return {key: value for key, value in given.items() if value is not None}
@@ -106,7 +106,7 @@ class Selection(ComplexColumns):
 
     @property
     def values(self) -> tuple[str, ...]:
-        """Names of all other columns that are told."""
+        """Names of all other columns that are stated."""
         nearby = self.frequency if self.time else ""
         given = (self.amplitude, self.phase, self.x, self.y, nearby, self.drive, *self.further)
         return tuple(name for name in given if name)
@@ -154,7 +154,7 @@ def head_of(path: Path) -> Head:
 class Layout:
     """How an instrument writes files: the name of the layout in a campaign, and its reader.
 
-    ``recognises`` says of a file's beginning whether it is written so; ``read`` gives the columns
+    ``recognises`` tests by a file's beginning whether it is written so; ``read`` gives the columns
     that the file holds (or those of the one trace that is selected) and raises BadInput naming
     file and row; ``keys`` are those of ``trace``, ``chunk`` and ``header_row`` that have a
     meaning with it.
@@ -167,7 +167,7 @@ class Layout:
 
 
 def own_estimates(notes: Mapping[str, str]) -> dict[str, float]:
-    """What the instrument itself made of its sweep: "frequency_hz" and "q", as far as it says.
+    """What the instrument itself made of its sweep: "frequency_hz" and "q", as far as it states.
 
     Args:
         notes: the file's own remarks, by name.

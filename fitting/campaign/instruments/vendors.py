@@ -46,7 +46,7 @@ def _numbered(path: Path) -> list[tuple[int, str]]:
 
 
 def _unit(text: str) -> str | None:
-    """A unit in its usual spelling; None: none is told."""
+    """A unit in its usual spelling; None: none is stated."""
     return UNITS.get(text.lower(), text) or None
 
 
@@ -189,7 +189,7 @@ def _read_keysight(path: Path, selection: Selection) -> Recording:
 
 
 def _joined(recording: Recording) -> list[Channel]:
-    """Columns with the unit that their name tells; real and imaginary part as one complex one.
+    """Columns with the unit that their name states; real and imaginary part as one complex one.
 
     Names are "S11(REAL)", "S21 Log Mag(dB)", "Freq(Hz)".
     """
@@ -319,7 +319,7 @@ _LECROY, _LINES_ABOVE = "LECROY", 4
 def _read_lecroy(path: Path, selection: Selection) -> Recording:
     """LeCroy: ``Segments,1,SegmentSize,1002``, a line ``#k`` each, then ``Time,Ampl`` and rows.
 
-    The segments' rows follow each other. Times are in seconds from the trigger. The file tells no
+    The segments' rows follow each other. Times are in seconds from the trigger. The file states no
     unit of its amplitudes: they are volts, unless a probe or a function of the oscilloscope made
     something else of them.
     """
@@ -388,7 +388,7 @@ def _siglent_head(lines: Sequence[str]) -> int:
 
 
 def _read_oscilloscope(path: Path, _: Selection) -> Recording:
-    """Oscilloscopes whose settings stand beside the numbers: Tektronix and Rigol.
+    """Oscilloscopes whose settings are next to the numbers: Tektronix and Rigol.
 
     Tektronix writes ``name,value,,x,y`` on every line; Rigol ``X,CH1,CH2,Start,Increment`` over
     ``Sequence,Volt,Volt,-6e-5,2e-8``, then numbered rows. Those that write them above (Keysight,

@@ -37,7 +37,7 @@ HEAD_LINES = 100
 
 _NAME, _REAL = r"[^\W\d][\w ]*?", r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?"
 _VALUE = re.compile(
-    rf"(?:(?P<name>{_NAME})\s*(?:[(\[](?P<told>[^()\[\]]*)[)\]]\s*)?[=:]\s*)?"
+    rf"(?:(?P<name>{_NAME})\s*(?:[(\[](?P<stated>[^()\[\]]*)[)\]]\s*)?[=:]\s*)?"
     rf"(?P<value>{_REAL})\s*[(\[]?(?P<unit>[^\s()\[\]\d=:,;]*)[)\]]?"
 )
 _CORNER = re.compile(r"\s*[\\|]\s*")
@@ -60,7 +60,7 @@ def read_spectra_table(path: Path) -> Table:
         path: of the file.
 
     Raises:
-        BadInput: no such file, no table; a wide one that does not tell where its frequencies stand.
+        BadInput: no such file, no table; a wide one that does not state where its frequencies are.
     """
     text = read_text(path)
     wide = wide_table(path, text)
@@ -174,7 +174,7 @@ def _head(cells: Sequence[str]) -> _Axis | None:
     result = [match for match in map(_VALUE.fullmatch, cells[1:]) if match is not None]
     if len(result) < max(LEAST_VALUES, len(cells) - 1):
         return None
-    units = (m["unit"] or m["told"] or "" for m in result)
+    units = (m["unit"] or m["stated"] or "" for m in result)
     names = ((m["name"] or "").strip() for m in result)
     kinds = {(name, UNITS.get(u.lower(), u) or None) for name, u in zip(names, units, strict=True)}
     values = tuple(m["value"] for m in result)

@@ -1,4 +1,4 @@
-"""What a command tells, and where: its summary, its log, the one document for other programs."""
+"""What a command prints, and where: its summary, its log, the one document for other programs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HEAD = "fmu-fit log: time, module, what was done"
 
 @contextmanager
 def directed(args: argparse.Namespace) -> Iterator[None]:
-    """While a command runs, its words go where the options of every command say.
+    """While a command runs, its words go where the options of every command send them.
 
     Args:
         args: of the command: ``quiet``, ``verbose``, ``log``, and ``json`` where it has one.

@@ -92,7 +92,7 @@ def listed_words(*texts: str) -> str:
     """Words side by side, those that there are.
 
     Args:
-        *texts: empty where there is nothing to say.
+        *texts: empty where there is nothing to print.
     """
     return ", ".join(text for text in texts if text)
 

@@ -241,7 +241,7 @@ def _way_on(job: _Job) -> str:
 
 
 def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
-    """As the campaign says, but for what the options change."""
+    """As the campaign states, but for what the options change."""
     changes = {name: getattr(args, name) for name in ("misfit", "estimator") if getattr(args, name)}
     method = replace(ff.Tikhonov.of(problem.options), **changes)
     if args.no_path and (args.global_path or method.estimator != LIKELIHOOD):

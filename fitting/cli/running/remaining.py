@@ -77,7 +77,7 @@ class Remaining:
         return f"profiles of {self._expected.profiled} values: {spent.stage}, {count}"
 
     def report(self) -> str:
-        """What is said before the first figure, whose number is not known yet."""
+        """What is printed before the first figure, whose number is not known yet."""
         self._printed_s = None
         self._expect((0.0, 0.0))
         return "figures and report"
@@ -115,7 +115,7 @@ class Remaining:
         return f"up to {high} {unit} left" if low == "0" else f"{low} to {high} {unit} left"
 
     def _expect(self, evaluations: Range) -> None:
-        """So many evaluations are left before the figures; what was said stays while it is calm."""
+        """So many evaluations are left before the figures; what is printed stays if it is close."""
         if max(evaluations) > 0.0 and not self._seconds_each > 0.0:
             return
         now_s = self._clock()

@@ -1,4 +1,4 @@
-"""Where a command writes: it says which files, and they are its own while it runs."""
+"""Where a command writes: it states which files, and they are its own while it runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def writes(
 ) -> Callable[[Run], Run]:
     """Open the folder of results while a command runs, see `results_folder`.
 
-    A report of an earlier run that goes, as none was written this time, is told.
+    A report of an earlier run that goes, as none was written this time, is named.
 
     Args:
         command: its name.

@@ -1,4 +1,4 @@
-"""What a file of measurements does not tell, as options: its columns, their units, which part."""
+"""What a file of measurements does not state, as options: its columns, their units, which part."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def add_columns(parser: argparse.ArgumentParser, *, over_time: bool = False) -> 
 
 
 def columns_of(args: argparse.Namespace) -> ff.Columns:
-    """What the options tell of a file's columns.
+    """What the options state of a file's columns.
 
     Args:
         args: of the command, see `add_columns`.
